@@ -1,0 +1,182 @@
+"""The Greek-cross peg with a tapered tip, and the chamfered Greek-cross hole.
+
+Both are sized after the peg that the paper's own Table 6 betrays: the taper shrinks linearly to an apex 89.7 mm ahead
+of the F/T origin with 0.25 of half-width lost a length, half-length three times the half-width.
+
+Frames
+------
+peg frame {J}: origin at the F/T sensor's measuring origin {K}, z along the peg axis towards the tip, x and y along the
+arms of the cross. hole frame {D}: origin at the centre of the rim in the plane of the outer face, z into the hole, so
+that an inserted peg has its axes parallel to the hole's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes.convex import ConvexPiece
+
+
+def cross_outline(half_width_m: float, half_length_m: float) -> Array:
+    """The 12 corners (12, 2) of a Greek cross, m, counter-clockwise from the +x arm's lower outer corner."""
+    w, el = half_width_m, half_length_m
+    return np.array(
+        [
+            [el, -w], [el, w], [w, w], [w, el], [-w, el], [-w, w],
+            [-el, w], [-el, -w], [-w, -w], [-w, -el], [w, -el], [w, -w],
+        ]
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class CrossPeg:
+    """The peg, in the peg frame {J}; all lengths in metres from the F/T origin along z.
+
+    The body's section is constant from `body_start_m` to `taper_start_m`; from there the section shrinks linearly
+    towards an apex, and is cut off at the tip.
+    """
+
+    half_width_m: float = 0.009
+    half_length_m: float = 0.027
+    body_start_m: float = 0.012
+    taper_slope: float = 0.25
+    apex_m: float = 0.0897
+    tip_half_width_m: float = 0.0025
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tip_half_width_m < self.half_width_m < self.half_length_m:
+            raise ValueError("a cross peg wants 0 < tip_half_width_m < half_width_m < half_length_m")
+        if self.taper_slope <= 0.0 or self.taper_start_m <= self.body_start_m:
+            raise ValueError("a cross peg wants taper_slope > 0 and its taper to start ahead of body_start_m")
+
+    @property
+    def length_ratio(self) -> float:
+        """Half-length over half-width, constant along the taper."""
+        return self.half_length_m / self.half_width_m
+
+    @property
+    def taper_start_m(self) -> float:
+        """Where the taper begins, ahead of the F/T origin."""
+        return self.apex_m - self.half_width_m / self.taper_slope
+
+    @property
+    def tip_m(self) -> float:
+        """Where the tip's face lies, ahead of the F/T origin: the TCP of the tool."""
+        return self.apex_m - self.tip_half_width_m / self.taper_slope
+
+    @property
+    def taper_length_m(self) -> float:
+        """The length of the tapered part."""
+        return self.tip_m - self.taper_start_m
+
+    def half_width_at_m(self, z_m: Array | float) -> Array:
+        """The half-width of an arm at height z (any shape), m."""
+        return np.minimum(self.half_width_m, self.taper_slope * (self.apex_m - np.asarray(z_m, float)))
+
+    def outline_m(self, z_m: float) -> Array:
+        """The section's 12 corners (12, 3) at height z, m, in `cross_outline` order."""
+        width = float(self.half_width_at_m(z_m))
+        return np.column_stack([cross_outline(width, width * self.length_ratio), np.full(12, z_m)])
+
+    def taper_edges_m(self) -> tuple[Array, Array]:
+        """The 12 edges of the taper: (tip ends N (12, 3), body ends M (12, 3)), m: the paper's lines M1N1.
+
+        In `cross_outline` order; corners 2, 5, 8, 11 are the re-entrant ones, the other eight can touch a rim.
+        """
+        return self.outline_m(self.tip_m), self.outline_m(self.taper_start_m)
+
+    def pieces(self) -> list[ConvexPiece]:
+        """The two crossing bars whose union is the peg, exactly: [along x, along y]."""
+        a, ratio, apex = self.taper_slope, self.length_ratio, self.apex_m
+
+        def bar(half_x: float, half_y: float, slope_x: float, slope_y: float) -> ConvexPiece:
+            return ConvexPiece.from_planes(
+                [
+                    ((1, 0, 0), half_x), ((-1, 0, 0), half_x),
+                    ((0, 1, 0), half_y), ((0, -1, 0), half_y),
+                    ((1, 0, slope_x), slope_x * apex), ((-1, 0, slope_x), slope_x * apex),
+                    ((0, 1, slope_y), slope_y * apex), ((0, -1, slope_y), slope_y * apex),
+                    ((0, 0, 1), self.tip_m), ((0, 0, -1), -self.body_start_m),
+                ]
+            )  # fmt: skip
+
+        return [
+            bar(self.half_length_m, self.half_width_m, a * ratio, a),
+            bar(self.half_width_m, self.half_length_m, a, a * ratio),
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class CrossHole:
+    """The hole, in the hole frame {D}: z = 0 at the outer face, z = `chamfer_m` at the inner rim, metres.
+
+    The chamfer is at 45 degrees: on the outer face the opening is wider by `chamfer_m` on every side.
+    """
+
+    half_width_m: float = 0.0091
+    half_length_m: float = 0.0271
+    chamfer_m: float = 0.001
+    depth_m: float = 0.05
+    plate_half_size_m: float = 0.06
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.half_width_m < self.half_length_m < self.plate_half_size_m - self.chamfer_m:
+            raise ValueError("a cross hole wants 0 < half_width_m < half_length_m < plate_half_size_m - chamfer_m")
+        if not 0.0 <= self.chamfer_m < self.depth_m:
+            raise ValueError("a cross hole wants 0 <= chamfer_m < depth_m")
+
+    @classmethod
+    def around(cls, peg: CrossPeg, clearance_m: float, chamfer_m: float = 0.001) -> CrossHole:
+        """The hole that leaves a peg's body a clearance (m) on every side."""
+        return cls(peg.half_width_m + clearance_m, peg.half_length_m + clearance_m, chamfer_m)
+
+    def inner_rim_m(self) -> Array:
+        """The 12 corners (12, 3) of the inner rim (chamfer meets bore), m: the paper's lines D1D2 join neighbours.
+
+        The segment from corner i to corner i + 1; walls 0, 3, 6, 9 are the arm ends.
+        """
+        outline = cross_outline(self.half_width_m, self.half_length_m)
+        return np.column_stack([outline, np.full(12, self.chamfer_m)])
+
+    def outer_rim_m(self) -> Array:
+        """The 12 corners (12, 3) of the outer rim (face meets chamfer), m."""
+        outline = cross_outline(self.half_width_m + self.chamfer_m, self.half_length_m + self.chamfer_m)
+        return np.column_stack([outline, np.zeros(12)])
+
+    def pieces(self) -> list[ConvexPiece]:
+        """The eight convex blocks around the opening, chamfer included, exactly: four corner, then four end blocks."""
+        w, el, c, size, depth = (
+            self.half_width_m, self.half_length_m, self.chamfer_m, self.plate_half_size_m, self.depth_m,
+        )  # fmt: skip
+        slab = [((0, 0, -1), 0.0), ((0, 0, 1), depth)]
+        blocks: list[ConvexPiece] = []
+        for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+            blocks.append(
+                ConvexPiece.from_planes(
+                    [
+                        ((-sx, 0, 0), -w), ((-sx, 0, -1), -w - c), ((sx, 0, 0), size),
+                        ((0, -sy, 0), -w), ((0, -sy, -1), -w - c), ((0, sy, 0), size),
+                        *slab,
+                    ]
+                )  # fmt: skip
+            )
+        for axis, sign in ((0, 1), (1, 1), (0, -1), (1, -1)):
+            along = [0.0, 0.0, 0.0]
+            along[axis] = float(sign)
+            across = [0.0, 0.0, 0.0]
+            across[1 - axis] = 1.0
+            ax, ay, _ = along
+            bx, by, _ = across
+            blocks.append(
+                ConvexPiece.from_planes(
+                    [
+                        ((-ax, -ay, 0), -el), ((-ax, -ay, -1), -el - c), ((ax, ay, 0), size),
+                        ((bx, by, 0), w + c), ((-bx, -by, 0), w + c),
+                        *slab,
+                    ]
+                )  # fmt: skip
+            )
+        return blocks
