@@ -52,16 +52,12 @@ class Pose:
     @classmethod
     def from_rotvec(cls, rotvec_rad: ArrayLike, translation_m: ArrayLike) -> Pose:
         """From a rotation vector (3,), rad, and a translation (3,), m."""
-        return cls(
-            Rotation.from_rotvec(np.asarray(rotvec_rad, float)).as_matrix(), np.asarray(translation_m, float)
-        )
+        return cls(Rotation.from_rotvec(np.asarray(rotvec_rad, float)).as_matrix(), np.asarray(translation_m, float))
 
     @classmethod
     def from_quaternion(cls, quaternion_xyzw: ArrayLike, translation_m: ArrayLike) -> Pose:
         """From a quaternion (x, y, z, w) and a translation (3,), m."""
-        return cls(
-            Rotation.from_quat(np.asarray(quaternion_xyzw, float)).as_matrix(), np.asarray(translation_m, float)
-        )
+        return cls(Rotation.from_quat(np.asarray(quaternion_xyzw, float)).as_matrix(), np.asarray(translation_m, float))
 
     @classmethod
     def from_translation(cls, translation_m: Sequence[float] | Array) -> Pose:

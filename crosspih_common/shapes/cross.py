@@ -157,8 +157,12 @@ class CrossHole:
             blocks.append(
                 ConvexPiece.from_planes(
                     [
-                        ((-sx, 0, 0), -w), ((-sx, 0, -1), -w - c), ((sx, 0, 0), size),
-                        ((0, -sy, 0), -w), ((0, -sy, -1), -w - c), ((0, sy, 0), size),
+                        ((-sx, 0, 0), -w),
+                        ((-sx, 0, -1), -w - c),
+                        ((sx, 0, 0), size),
+                        ((0, -sy, 0), -w),
+                        ((0, -sy, -1), -w - c),
+                        ((0, sy, 0), size),
                         *slab,
                     ]
                 )  # fmt: skip
@@ -173,8 +177,11 @@ class CrossHole:
             blocks.append(
                 ConvexPiece.from_planes(
                     [
-                        ((-ax, -ay, 0), -el), ((-ax, -ay, -1), -el - c), ((ax, ay, 0), size),
-                        ((bx, by, 0), w + c), ((-bx, -by, 0), w + c),
+                        ((-ax, -ay, 0), -el),
+                        ((-ax, -ay, -1), -el - c),
+                        ((ax, ay, 0), size),
+                        ((bx, by, 0), w + c),
+                        ((-bx, -by, 0), w + c),
                         *slab,
                     ]
                 )  # fmt: skip

@@ -1,0 +1,196 @@
+"""Quintic joint motion: coefficients, evaluation, exact peaks, and a trajectory of knots joined by quintics.
+
+Position, velocity and acceleration are continuous throughout: each piece meets the six boundary values of its two
+knots (the paper's Eqs. 10-11, with the last line of Eq. 10 read as 12 a4 T^2 + 20 a5 T^3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crosspih_common.arm.kinematics import JointLimits
+from crosspih_common.geometry.pose import Array
+
+REST_PEAK_SPEED = 15.0 / 8.0
+"""Peak speed of a rest-to-rest quintic, in units of distance / duration."""
+REST_PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)
+"""Peak acceleration of a rest-to-rest quintic, in units of distance / duration^2."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointSample:
+    """One instant of a motion: position (6,) rad, velocity (6,) rad/s, acceleration (6,) rad/s^2."""
+
+    position_rad: Array
+    velocity_rad_s: Array
+    acceleration_rad_s2: Array
+
+    def __post_init__(self) -> None:
+        for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != (6,) or not np.all(np.isfinite(value)):
+                raise ValueError(f"{name} wants six finite numbers, got {value!r}")
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def at_rest(cls, joints_rad: ArrayLike) -> JointSample:
+        """Standing still at joint angles (6,), rad."""
+        return cls(np.array(joints_rad, dtype=float), np.zeros(6), np.zeros(6))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quintic:
+    """Six joints' polynomials q(t) = sum of coefficients[k] t^k, 0 <= t <= duration_s; coefficients (6 powers, 6)."""
+
+    coefficients: Array
+    duration_s: float
+
+    @classmethod
+    def between(cls, start: JointSample, goal: JointSample, duration_s: float) -> Quintic:
+        """The quintic with both samples as its boundary values (Eq. 11); ValueError unless 0 < duration_s < inf."""
+        t = float(duration_s)
+        if not 0.0 < t < np.inf:
+            raise ValueError(f"duration_s wants a positive finite number, got {duration_s}")
+        dq = goal.position_rad - start.position_rad
+        v0, v1 = start.velocity_rad_s, goal.velocity_rad_s
+        acc0, acc1 = start.acceleration_rad_s2, goal.acceleration_rad_s2
+        a3 = (20.0 * dq - (8.0 * v1 + 12.0 * v0) * t + (acc1 - 3.0 * acc0) * t**2) / (2.0 * t**3)
+        a4 = (-30.0 * dq + (14.0 * v1 + 16.0 * v0) * t - (2.0 * acc1 - 3.0 * acc0) * t**2) / (2.0 * t**4)
+        a5 = (12.0 * dq - 6.0 * (v1 + v0) * t + (acc1 - acc0) * t**2) / (2.0 * t**5)
+        return cls(np.array([start.position_rad, v0, acc0 / 2.0, a3, a4, a5]), t)
+
+    def derivative(self, order: int) -> Array:
+        """The coefficients (6 - order, 6) of a time derivative."""
+        rows = self.coefficients
+        for _ in range(order):
+            rows = rows[1:] * np.arange(1, len(rows))[:, None]
+        return rows
+
+    def sample(self, time_s: float) -> JointSample:
+        """The motion at a time, clamped to 0 .. duration_s."""
+        t = min(max(float(time_s), 0.0), self.duration_s)
+        return JointSample(*(t ** np.arange(6 - order) @ self.derivative(order) for order in range(3)))
+
+    def extremes(self, order: int) -> tuple[Array, Array]:
+        """The exact least and greatest value, each (6,), of position (0), velocity (1) or acceleration (2)."""
+        values, slopes = self.derivative(order), self.derivative(order + 1)
+        low, high = np.empty(6), np.empty(6)
+        for joint in range(6):
+            # In units of the duration, so that the root finder sees well-scaled numbers.
+            scaled = slopes[:, joint] * self.duration_s ** np.arange(len(slopes))
+            size = np.abs(scaled).max()
+            roots = np.roots(scaled[::-1] / size) if size > 0.0 else np.empty(0)
+            # A double root splits into a complex pair by rounding: evaluating at its real part costs nothing.
+            inside = np.clip(np.real(roots), 0.0, 1.0) * self.duration_s
+            times = np.concatenate([[0.0, self.duration_s], inside])
+            reached = times[:, None] ** np.arange(len(values)) @ values[:, joint]
+            low[joint], high[joint] = reached.min(), reached.max()
+        return low, high
+
+    def peak(self, order: int) -> Array:
+        """The exact greatest magnitude (6,) of velocity (order 1) or acceleration (order 2)."""
+        low, high = self.extremes(order)
+        return np.maximum(np.abs(low), np.abs(high))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointTrajectory:
+    """Knots joined by quintics: times (n,) s from 0, rising; positions, velocities, accelerations (n, 6)."""
+
+    times_s: Array
+    positions_rad: Array
+    velocities_rad_s: Array
+    accelerations_rad_s2: Array
+
+    def __post_init__(self) -> None:
+        times = np.asarray(self.times_s, dtype=float)
+        if times.ndim != 1 or len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) > 0.0):
+            raise ValueError("times_s wants at least two times, the first 0, each later than the one before")
+        object.__setattr__(self, "times_s", times)
+        for name in ("positions_rad", "velocities_rad_s", "accelerations_rad_s2"):
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != (len(times), 6) or not np.all(np.isfinite(value)):
+                raise ValueError(f"{name} wants shape ({len(times)}, 6) and finite numbers, got {value.shape}")
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_samples(cls, times_s: ArrayLike, samples: list[JointSample]) -> JointTrajectory:
+        """From the instants the motion passes through."""
+        return cls(
+            np.asarray(times_s, dtype=float),
+            np.array([sample.position_rad for sample in samples]),
+            np.array([sample.velocity_rad_s for sample in samples]),
+            np.array([sample.acceleration_rad_s2 for sample in samples]),
+        )
+
+    @property
+    def duration_s(self) -> float:
+        """From the first knot to the last."""
+        return float(self.times_s[-1])
+
+    def knot(self, index: int) -> JointSample:
+        """One knot."""
+        return JointSample(self.positions_rad[index], self.velocities_rad_s[index], self.accelerations_rad_s2[index])
+
+    def piece(self, index: int) -> Quintic:
+        """The quintic from knot `index` to the next."""
+        return Quintic.between(
+            self.knot(index), self.knot(index + 1), float(self.times_s[index + 1] - self.times_s[index])
+        )
+
+    def sample(self, time_s: float) -> JointSample:
+        """The motion at a time, clamped to the trajectory's own span."""
+        t = min(max(float(time_s), 0.0), self.duration_s)
+        index = min(int(np.searchsorted(self.times_s, t, side="right")) - 1, len(self.times_s) - 2)
+        return self.piece(index).sample(t - float(self.times_s[index]))
+
+    def sampled(self, period_s: float) -> JointTrajectory:
+        """The same motion with knots every `period_s` (s), the last one at the very end."""
+        if not period_s > 0.0:
+            raise ValueError(f"period_s wants a positive number, got {period_s}")
+        count = max(1, int(np.ceil(self.duration_s / period_s - 1e-9)))
+        times = np.append(np.arange(count) * period_s, self.duration_s)
+        return JointTrajectory.from_samples(times, [self.sample(t) for t in times])
+
+    def stretched(self, factor: float) -> JointTrajectory:
+        """The same path at 1 / factor of the speed; factor > 0."""
+        if not factor > 0.0:
+            raise ValueError(f"factor wants a positive number, got {factor}")
+        return JointTrajectory(
+            self.times_s * factor,
+            self.positions_rad,
+            self.velocities_rad_s / factor,
+            self.accelerations_rad_s2 / factor**2,
+        )
+
+    def peaks(self) -> tuple[Array, Array]:
+        """The exact greatest speed (6,), rad/s, and acceleration (6,), rad/s^2, of each joint."""
+        pieces = [self.piece(index) for index in range(len(self.times_s) - 1)]
+        return (
+            np.max([piece.peak(1) for piece in pieces], axis=0),
+            np.max([piece.peak(2) for piece in pieces], axis=0),
+        )
+
+    def violations(self, limits: JointLimits) -> list[str]:
+        """One clear line a limit that the motion crosses anywhere, also between knots; empty when all hold."""
+        pieces = [self.piece(index) for index in range(len(self.times_s) - 1)]
+        spans = [piece.extremes(0) for piece in pieces]
+        lines = [
+            *limits.violations(np.min([low for low, _ in spans], axis=0)),
+            *limits.violations(np.max([high for _, high in spans], axis=0)),
+        ]
+        speed, acceleration = self.peaks()
+        for joint in range(6):
+            if speed[joint] > limits.speed_rad_s[joint] * (1.0 + 1e-9):
+                lines.append(
+                    f"joint {joint + 1} reaches {speed[joint]:.4f} rad/s, its limit is {limits.speed_rad_s[joint]:.4f}"
+                )
+            if acceleration[joint] > limits.acceleration_rad_s2[joint] * (1.0 + 1e-9):
+                lines.append(
+                    f"joint {joint + 1} reaches {acceleration[joint]:.4f} rad/s^2, "
+                    f"its limit is {limits.acceleration_rad_s2[joint]:.4f}"
+                )
+        return list(dict.fromkeys(lines))

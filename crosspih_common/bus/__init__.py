@@ -1,0 +1,7 @@
+"""The typed bus: publish, subscribe, command and liveliness over Zenoh, or in memory for unit tests."""
+
+from crosspih_common.bus.bus import Bus, Latest, Publisher
+from crosspih_common.bus.memory import MemoryHub
+from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, open_zenoh
+
+__all__ = ["DEFAULT_ENDPOINT", "Bus", "Latest", "MemoryHub", "Publisher", "open_zenoh"]

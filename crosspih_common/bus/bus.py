@@ -1,0 +1,285 @@
+"""The typed bus that every service holds: publish, subscribe, ask, serve, be alive."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from crosspih_common.bus.clock import BusClock
+from crosspih_common.bus.codec import (
+    decode,
+    decode_refusal,
+    encode,
+    encode_refusal,
+    label_of,
+    label_with_seq,
+)
+from crosspih_common.bus.traffic import Traffic
+from crosspih_common.bus.transport import Answer, Closeable, Query, Sender, Transport
+from crosspih_common.bus.workers import Lane, Pump
+from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError
+from crosspih_common.keys import CLOCK, Command, Kind, Payload, Qos, Topic, alive_key
+from crosspih_common.messages import CellClock, Image, Message
+
+PayloadT = TypeVar("PayloadT", bound=Payload)
+RequestT = TypeVar("RequestT", bound=Message)
+ReplyT = TypeVar("ReplyT", bound=Message)
+
+# how many samples a publisher keeps for late and unlucky readers
+HISTORY = {Kind.STATE: 1, Kind.EVENT: 64, Kind.STREAM: 0}
+NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
+
+
+class Publisher(Generic[PayloadT]):
+    """Sends on one key: numbers each sample and stamps it with the cell's clock where it has no stamp yet."""
+
+    def __init__(self, bus: Bus, topic: Topic[PayloadT], sender: Sender, key: str) -> None:
+        self._bus, self._topic, self._sender, self.key = bus, topic, sender, key
+        self._lock = threading.Lock()
+        self._seq = 0
+
+    def publish(self, value: PayloadT) -> PayloadT:
+        """Send; returns the value as it went out, with its stamp and number."""
+        with self._lock:
+            seq = self._seq
+            stamp_ns = value.stamp_ns if value.stamp_ns >= 0 else self._bus.clock.now_ns()
+            sent: Any
+            if isinstance(value, Image):
+                sent = Image(value.frame, value.pixels, stamp_ns, seq)
+            else:
+                sent = value.model_copy(update={"stamp_ns": stamp_ns, "seq": seq})
+            self._sender.put(encode(sent), label_with_seq(self._topic.type, seq))
+            self._seq += 1
+        self._bus.traffic.count(self.key, "out")
+        return sent  # type: ignore[no-any-return]
+
+
+class Latest(Generic[PayloadT]):
+    """The newest samples of a topic, at most `depth`; older ones fall out and are counted as dropped only when unread."""
+
+    def __init__(self, depth: int) -> None:
+        self._ring: deque[PayloadT] = deque(maxlen=depth)
+        self._changed = threading.Condition()
+
+    def _push(self, value: PayloadT) -> None:
+        with self._changed:
+            self._ring.append(value)
+            self._changed.notify_all()
+
+    def value(self) -> PayloadT | None:
+        """The newest, or None before the first."""
+        with self._changed:
+            return self._ring[-1] if self._ring else None
+
+    def values(self) -> list[PayloadT]:
+        """All that are kept, oldest first."""
+        with self._changed:
+            return list(self._ring)
+
+    def wait_for(self, accept: Callable[[PayloadT], bool], deadline_s: float) -> PayloadT | None:
+        """The newest sample that is accepted, waiting for it up to the deadline; None when it does not come."""
+        until = time.monotonic() + deadline_s
+        with self._changed:
+            while True:
+                for value in reversed(self._ring):
+                    if accept(value):
+                        return value
+                left = until - time.monotonic()
+                if left <= 0.0:
+                    return None
+                self._changed.wait(left)
+
+
+class Bus:
+    """One service's place on the bus. Closing it takes back all that was declared and ends all threads."""
+
+    def __init__(self, transport: Transport, cell: str, service: str) -> None:
+        self.cell, self.service = cell, service
+        self.clock = BusClock()
+        self.traffic = Traffic()
+        self.on_reject: Callable[[str], None] | None = None
+        self._transport = transport
+        self._declared: list[Closeable] = []
+        self._lanes: dict[str, Lane] = {}
+        self._publishers: dict[str, Publisher[Any]] = {}
+        self._lock = threading.Lock()
+        self._closed = False
+        if service != CLOCK.publisher:
+            self._listen(CLOCK, lambda tick: None)
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------------------------------------ publish, read
+
+    def publisher(self, topic: Topic[PayloadT]) -> Publisher[PayloadT]:
+        """The publisher of a topic; the same one each time, so that its numbers never fork."""
+        key = topic.key(self.cell, self.service)
+        with self._lock:
+            if key not in self._publishers:
+                sender = self._transport.sender(key, recover=topic.qos is Qos.RECOVER, history=HISTORY[topic.kind])
+                self._publishers[key] = Publisher(self, topic, sender, key)
+                self._declared.append(sender)
+            return self._publishers[key]
+
+    def latest(self, topic: Topic[PayloadT], depth: int = 1) -> Latest[PayloadT]:
+        """Keep the newest samples of a topic."""
+        latest: Latest[PayloadT] = Latest(depth)
+        self._listen(topic, latest._push)
+        return latest
+
+    def subscribe(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None], capacity: int = 4096) -> None:
+        """Call the handler with every sample, in order, on a thread of its own; what overflows is counted."""
+        pump: Pump[PayloadT] = Pump(
+            handler, capacity, name=f"{self.service}:{topic.path}", on_error=self._handler_failed
+        )
+        self._declared.append(pump)
+        key = topic.key(self.cell)
+
+        def enqueue(value: PayloadT) -> None:
+            if not pump.offer(value):
+                self.traffic.count(key, "dropped")
+
+        self._listen(topic, enqueue)
+
+    def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> None:
+        def receive(key: str, payload: bytes, label: str) -> None:
+            try:
+                value = decode(topic.type, payload, label, key)
+            except ContractError as error:
+                self._reject(key, str(error))
+                return
+            self.traffic.count(key, "received")
+            if value.stamp_ns >= 0:
+                self.clock.observe(value.stamp_ns, value.boot_id if isinstance(value, CellClock) else None)
+            push(value)
+
+        self._declared.append(
+            self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
+        )
+
+    def _reject(self, key: str, why: str) -> None:
+        self.traffic.reject(key, why)
+        if self.on_reject is not None:
+            self.on_reject(why)
+
+    def _handler_failed(self, error: Exception) -> None:
+        if self.on_reject is not None:
+            self.on_reject(f"a handler failed: {type(error).__name__}: {error}")
+
+    # ------------------------------------------------------------------------------------------------- ask and serve
+
+    def call(self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float) -> ReplyT:
+        """Ask and wait for the one answer.
+
+        Raises CommandRefused (the server said no), CommandTimeout, NoService, ContractError, BusClosed.
+        """
+        if self._closed:
+            raise BusClosed(f"{command.path}: the bus is closed")
+        key = command.key(self.cell)
+        stamped = request.model_copy(update={"stamp_ns": self.clock.now_ns()})
+        answer = self._transport.query(key, encode(stamped), label_of(command.request), deadline_s)
+        if answer.is_error:
+            raise decode_refusal(answer.payload)
+        reply = decode(command.reply, answer.payload, answer.label, key)
+        self.clock.observe(reply.stamp_ns)
+        return reply
+
+    def serve(
+        self,
+        command: Command[RequestT, ReplyT],
+        handler: Callable[[RequestT], ReplyT],
+        *,
+        lane: str = "work",
+        refuse_when_busy: bool = False,
+    ) -> None:
+        """Answer a command. Commands of one lane are answered one after the other, on the lane's own thread.
+
+        With `refuse_when_busy` a command that finds its lane at work is refused instead of queued: right for motions,
+        where a command that waits would later move an arm that its sender has given up on.
+        """
+        key = command.key(self.cell)
+        requests, replies = self.publisher(command.request_echo), self.publisher(command.reply_echo)
+
+        def handle(query: Query) -> Answer:
+            try:
+                request = decode(command.request, query.payload, query.label, key)
+                self.traffic.count(key, "received")
+                self.clock.observe(request.stamp_ns)
+                requests.publish(request)
+                reply = replies.publish(handler(request))
+                return Answer(encode(reply), label_of(command.reply), is_error=False)
+            except ContractError as error:
+                self._reject(key, str(error))
+                refusal = CommandRefused("contract", str(error))
+            except CommandRefused as error:
+                refusal = error
+            except CrosspihError as error:
+                refusal = CommandRefused(type(error).__name__, str(error))
+            except Exception as error:
+                # a defect in a handler must reach the asker and the log, and must not end the service
+                refusal = CommandRefused("internal", f"{type(error).__name__}: {error}")
+                self._handler_failed(error)
+            return Answer(encode_refusal(refusal), "", is_error=True)
+
+        def job(query: Query) -> Callable[[], None]:
+            answer = handle(query)
+            return lambda: query.answer(answer)
+
+        worker = self._lane(lane)
+
+        def accept(query: Query) -> None:
+            if not worker.offer(lambda: job(query), only_when_idle=refuse_when_busy):
+                refusal = CommandRefused("busy", f"{command.path}: another command is still being carried out")
+                query.answer(Answer(encode_refusal(refusal), "", is_error=True))
+
+        self._declared.append(self._transport.serve(key, accept))
+
+    def _lane(self, name: str) -> Lane:
+        with self._lock:
+            if name not in self._lanes:
+                self._lanes[name] = Lane(f"{self.service}:{name}")
+            return self._lanes[name]
+
+    @property
+    def busy(self) -> bool:
+        """Whether any command but those on the `now` lane is being carried out."""
+        with self._lock:
+            return any(lane.busy for name, lane in self._lanes.items() if name != NOW_LANE)
+
+    # ---------------------------------------------------------------------------------------------------- be alive
+
+    def declare_alive(self) -> None:
+        """Show that this service lives."""
+        self._declared.append(self._transport.declare_alive(alive_key(self.cell, self.service)))
+
+    def watch_alive(self, handler: Callable[[str, bool], None]) -> None:
+        """Call with (service, True) for each that lives or comes, (service, False) for each that goes."""
+        self._declared.append(
+            self._transport.watch_alive(alive_key(self.cell), lambda key, alive: handler(key.split("/")[-2], alive))
+        )
+
+    def close(self) -> None:
+        """Take back all that was declared, end all threads, close the transport. Safe to call twice."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            declared, self._declared = self._declared, []
+            lanes = list(self._lanes.values())
+        for entry in reversed(declared):
+            with contextlib.suppress(CrosspihError):
+                entry.close()
+        for lane in lanes:
+            lane.close()
+        self._transport.close()
+
+
+__all__ = ["NOW_LANE", "Bus", "Latest", "Publisher"]

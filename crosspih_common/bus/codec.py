@@ -1,0 +1,110 @@
+"""Bytes and back: pydantic JSON for messages, Foxglove protobuf for images, and a label that names type and version."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from crosspih_common.errors import CommandRefused, ContractError
+from crosspih_common.messages.base import Message
+from crosspih_common.messages.images import IMAGE_TYPE, Image
+
+if TYPE_CHECKING:
+    from crosspih_common.keys import Payload
+
+PayloadT = TypeVar("PayloadT", bound="Payload")
+ERROR_LABEL = "crosspih.Refusal/1"
+
+
+@lru_cache(maxsize=256)
+def label_of(kind: type[Any]) -> str:
+    """What travels beside the payload: type name, slash, version."""
+    if issubclass(kind, Image):
+        return f"{IMAGE_TYPE}/1"
+    if issubclass(kind, Message):
+        return f"{kind.type_name()}/{kind.VERSION}"
+    raise TypeError(f"{kind.__name__} does not travel on the bus")
+
+
+def encode(value: Payload) -> bytes:
+    """The payload's bytes."""
+    if isinstance(value, Image):
+        return _encode_image(value)
+    return value.model_dump_json().encode()
+
+
+def label_with_seq(kind: type[Any], seq: int) -> str:
+    """The label of one sample: type, version and the publisher's count."""
+    return f"{label_of(kind)} {seq}"
+
+
+def split_label(label: str) -> tuple[str, int]:
+    """(type/version, seq) of a label; seq is -1 where none travels."""
+    name, _, seq = label.partition(" ")
+    return name, int(seq) if seq.isdigit() else -1
+
+
+def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> PayloadT:
+    """The message of a payload. Raises ContractError with both names on any mismatch."""
+    expected = label_of(kind)
+    name, seq = split_label(label)
+    if name != expected:
+        raise ContractError(
+            f"{key}: got {name[:80] or 'no type name'}, want {expected}; run the same crosspih on both ends"
+        )
+    try:
+        if issubclass(kind, Image):
+            return _decode_image(payload, seq)  # type: ignore[return-value]
+        return kind.model_validate_json(payload)  # type: ignore[attr-defined,no-any-return]
+    except ValidationError as error:
+        problems = "; ".join(
+            f"{'.'.join(str(part) for part in problem['loc']) or 'payload'}: {problem['msg']}"
+            for problem in error.errors()[:4]
+        )
+        raise ContractError(f"{key}: {label} does not validate as {expected}: {problems}") from None
+
+
+def encode_refusal(refusal: CommandRefused) -> bytes:
+    """A refusal's bytes: code, newline, text."""
+    return f"{refusal.code}\n{refusal.text}".encode()
+
+
+def decode_refusal(payload: bytes) -> CommandRefused:
+    """The refusal of an error reply."""
+    code, _, text = payload.decode(errors="replace").partition("\n")
+    return CommandRefused(code or "unknown", text)
+
+
+def _raw_image() -> Any:
+    # imported where an image is: most services never see one and need no protobuf
+    from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+
+    return RawImage
+
+
+def _encode_image(image: Image) -> bytes:
+    message = _raw_image()()
+    message.timestamp.FromNanoseconds(max(image.stamp_ns, 0))
+    message.frame_id = image.frame
+    message.height, message.width = image.pixels.shape[:2]
+    message.encoding = image.encoding
+    message.step = image.pixels.shape[1] * (1 if image.pixels.ndim == 2 else 3)
+    message.data = np.ascontiguousarray(image.pixels).tobytes()
+    return bytes(message.SerializeToString())
+
+
+def _decode_image(payload: bytes, seq: int) -> Image:
+    from google.protobuf.message import DecodeError
+
+    message = _raw_image()()
+    try:
+        message.ParseFromString(payload)
+        channels = {"mono8": 1, "rgb8": 3}[message.encoding]
+        shape = (message.height, message.width) if channels == 1 else (message.height, message.width, 3)
+        pixels = np.frombuffer(message.data, dtype=np.uint8).reshape(shape)
+    except (DecodeError, KeyError, ValueError) as error:
+        raise ContractError(f"{IMAGE_TYPE}: is not an image that crosspih reads (mono8 or rgb8): {error}") from None
+    return Image(message.frame_id, pixels, stamp_ns=message.timestamp.ToNanoseconds(), seq=seq)

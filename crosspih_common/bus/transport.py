@@ -1,0 +1,67 @@
+"""The seam between the typed bus and what carries its bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+Handler = Callable[[str, bytes, str], None]  # key, payload, label
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came back for a query: a reply, or a typed error."""
+
+    payload: bytes
+    label: str
+    is_error: bool
+
+
+class Query(Protocol):
+    """A query on its way in; answered exactly once, from any thread."""
+
+    payload: bytes
+    label: str
+
+    def answer(self, answer: Answer) -> None:
+        """Send the one answer."""
+
+
+class Closeable(Protocol):
+    """Something declared on the transport."""
+
+    def close(self) -> None:
+        """Take it back."""
+
+
+class Sender(Closeable, Protocol):
+    """A declared publisher of one key."""
+
+    def put(self, payload: bytes, label: str) -> None:
+        """Send one sample; `label` names its type and version."""
+
+
+class Transport(Protocol):
+    """Carries bytes. Handlers are called on the transport's threads and must only enqueue."""
+
+    def sender(self, key: str, *, recover: bool, history: int) -> Sender:
+        """Declare a publisher; with `recover` misses are fetched again and `history` samples kept for late readers."""
+
+    def subscribe(self, key_expression: str, handler: Handler, *, recover: bool) -> Closeable:
+        """Call the handler with every sample."""
+
+    def query(self, key: str, payload: bytes, label: str, deadline_s: float) -> Answer:
+        """Ask and wait. Raises NoService when nobody answers, CommandTimeout at the deadline."""
+
+    def serve(self, key: str, handler: Callable[[Query], None]) -> Closeable:
+        """Call the handler with every query."""
+
+    def declare_alive(self, key: str) -> Closeable:
+        """Show that this process lives, until it is closed or dies."""
+
+    def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
+        """Call with (key, True) for each that lives or comes, (key, False) for each that goes."""
+
+    def close(self) -> None:
+        """Take everything back; safe to call twice."""

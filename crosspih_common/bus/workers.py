@@ -1,0 +1,104 @@
+"""The threads behind the bus: a pump for each every-sample subscription, a lane for each row of commands."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+ValueT = TypeVar("ValueT")
+_END = object()
+
+
+class Pump(Generic[ValueT]):
+    """Hands values to a handler one by one on its own thread; refuses what does not fit."""
+
+    def __init__(
+        self, handler: Callable[[ValueT], None], capacity: int, name: str, on_error: Callable[[Exception], None]
+    ) -> None:
+        self._queue: queue.Queue[object] = queue.Queue(capacity)
+        self._handler, self._on_error = handler, on_error
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def offer(self, value: ValueT) -> bool:
+        """Enqueue; False when full."""
+        try:
+            self._queue.put_nowait(value)
+        except queue.Full:
+            return False
+        return True
+
+    def _run(self) -> None:
+        while not self._closed.is_set():
+            value = self._queue.get()
+            if value is _END:
+                return
+            try:
+                self._handler(value)  # type: ignore[arg-type]
+            except Exception as error:
+                self._on_error(error)
+
+    def close(self) -> None:
+        """End the thread; what still waits is left."""
+        self._closed.set()
+        try:
+            self._queue.put_nowait(_END)
+        except queue.Full:
+            self._queue.get_nowait()
+            self._queue.put_nowait(_END)
+        if threading.current_thread() is not self._thread:
+            self._thread.join(2.0)
+
+
+Job = Callable[[], Callable[[], None]]
+
+
+class Lane:
+    """Carries out jobs one after the other on its own thread.
+
+    A job returns what is still to be said; that is called once the lane counts as idle again, so that whoever hears it
+    may send the next job at once.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._queue: queue.Queue[Job | None] = queue.Queue()
+        self._lock = threading.Lock()
+        self._waiting = 0
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job is under way or waits."""
+        with self._lock:
+            return self._waiting > 0
+
+    def offer(self, job: Job, only_when_idle: bool = False) -> bool:
+        """Enqueue a job; False when `only_when_idle` and it is not."""
+        with self._lock:
+            if only_when_idle and self._waiting:
+                return False
+            self._waiting += 1
+        self._queue.put(job)
+        return True
+
+    def _run(self) -> None:
+        while True:
+            job = self._queue.get()
+            if job is None:
+                return
+            try:
+                say = job()
+            finally:
+                with self._lock:
+                    self._waiting -= 1
+            say()
+
+    def close(self) -> None:
+        """End the thread after the job under way; does not wait for a long one."""
+        self._queue.put(None)
+        if threading.current_thread() is not self._thread:
+            self._thread.join(0.5)

@@ -1,0 +1,72 @@
+"""Read a cell's file: the `cell` section for all, and one section a service that the service itself defines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import ValidationError
+
+from crosspih_common.config.section import Section
+from crosspih_common.config.workcell import Workcell
+from crosspih_common.errors import ConfigError
+
+SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
+
+SectionT = TypeVar("SectionT", bound=Section)
+
+
+def _explain(path: Path, where: str, error: ValidationError) -> ConfigError:
+    lines = []
+    for problem in error.errors():
+        field = ".".join([where, *(str(part) for part in problem["loc"])])
+        if problem["type"] == "extra_forbidden":
+            lines.append(f"{field}: no such setting; remove it or mend its spelling")
+        else:
+            lines.append(f"{field}: {problem['msg']} (got {problem['input']!r})")
+    return ConfigError(f"{path}: " + "; ".join(lines))
+
+
+@dataclass(frozen=True, slots=True)
+class CellFile:
+    """A cell's file: what all share, and the raw sections that services validate for themselves."""
+
+    path: Path
+    text: str
+    workcell: Workcell
+    sections: dict[str, dict[str, Any]]
+
+    def section(self, service: str, model: type[SectionT]) -> SectionT:
+        """A service's own section as its own model; the defaults where the file has none. Raises ConfigError."""
+        try:
+            return model.model_validate(self.sections.get(service, {}))
+        except ValidationError as error:
+            raise _explain(self.path, service, error) from None
+
+
+def load_cell(path: str | Path) -> CellFile:
+    """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from None
+    try:
+        content = yaml.safe_load(text) or {}
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: is not YAML: {error}") from None
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: wants a mapping of sections, got {type(content).__name__}")
+    known = ("cell", *SERVICES)
+    for name, section in content.items():
+        if name not in known:
+            raise ConfigError(f"{path}: {name}: no such section; want one of {', '.join(known)}")
+        if section is not None and not isinstance(section, dict):
+            raise ConfigError(f"{path}: {name}: wants a mapping, got {type(section).__name__}")
+    try:
+        workcell = Workcell.model_validate(content.get("cell") or {})
+    except ValidationError as error:
+        raise _explain(path, "cell", error) from None
+    return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

@@ -1,0 +1,55 @@
+"""Every error that crosspih raises on purpose.
+
+CrosspihError
+├── ConfigError            a configuration file says something that cannot be
+├── BusError
+│   ├── BusUnreachable     no router answers at the endpoint
+│   ├── ContractError      a sample is not what its key promises (type, version, fields)
+│   ├── NoService          nobody serves the command, or whoever did vanished without a word
+│   ├── CommandTimeout     the service did not answer within the deadline
+│   └── BusClosed          the bus was closed while it was in use
+└── CommandRefused         the service answered: no, and why (`code` for programs, text for people)
+"""
+
+from __future__ import annotations
+
+
+class CrosspihError(Exception):
+    """Something crosspih expected might go wrong, did."""
+
+
+class ConfigError(CrosspihError):
+    """A configuration file says something that cannot be; names the field and the mend."""
+
+
+class BusError(CrosspihError):
+    """Something between two services went wrong."""
+
+
+class BusUnreachable(BusError):
+    """No router answers at the endpoint."""
+
+
+class ContractError(BusError):
+    """A sample is not what its key promises: wrong type, wrong version, or fields that do not validate."""
+
+
+class NoService(BusError):
+    """Nobody serves the command, or whoever did vanished without a word."""
+
+
+class CommandTimeout(BusError):
+    """The service did not answer within the deadline."""
+
+
+class BusClosed(BusError):
+    """The bus was closed while it was in use."""
+
+
+class CommandRefused(CrosspihError):
+    """The service answered no. `code` is stable and for programs; the text says why and what would mend it."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(f"{code}: {text}")
+        self.code = code
+        self.text = text

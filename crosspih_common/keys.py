@@ -1,0 +1,248 @@
+"""The key space: one table of every key below `crosspih/<cell>/`, from which recorder, CLI, docs and rules derive.
+
+No other module spells a key. Each row says what travels, who sends it, who may read it, how often, and how hard the bus
+tries. A command `c` is a query on key `c`; its server repeats what it was asked on `c/request` and what it answered on
+`c/reply`, so that a recording holds both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar, Union
+
+from crosspih_common.messages import (
+    AbortAccepted,
+    AbortAssembly,
+    AdmittanceMove,
+    Assemble,
+    AssemblyPhase,
+    AssemblyResult,
+    CalibrateFt,
+    CameraCalibration,
+    CaptureStereo,
+    CellClock,
+    CompensateWrench,
+    ContactReading,
+    ContactState,
+    ContactWrench,
+    Dwell,
+    EstimateByNetwork,
+    EstimatePose,
+    Event,
+    FollowTrajectory,
+    FtCalibration,
+    GuardedMove,
+    GuardedMoveOutcome,
+    HoleEstimate,
+    IdentifyPayload,
+    Image,
+    JointState,
+    LocateHole,
+    Message,
+    MotionOutcome,
+    MoveLinear,
+    NextTouch,
+    PayloadAccepted,
+    PoseErrorEstimate,
+    RawWrenchBatch,
+    RecordingStatus,
+    ResetCell,
+    ServiceStatus,
+    SetPayload,
+    SimulationTruth,
+    StartRecording,
+    StereoPair,
+    StopAccepted,
+    StopMotion,
+    StopRecording,
+    Touch,
+    TouchPlan,
+)
+
+ROOT = "crosspih"
+
+Payload = Union[Message, Image]
+PayloadT = TypeVar("PayloadT", bound=Payload)
+RequestT = TypeVar("RequestT", bound=Message)
+ReplyT = TypeVar("ReplyT", bound=Message)
+
+
+class Kind(str, Enum):
+    """What a topic's samples mean to a reader."""
+
+    STREAM = "stream"  # a value that ages: the newest matters, a lost one is dropped
+    STATE = "state"  # the last value stays true until the next: late readers get it
+    EVENT = "event"  # each one matters: recovered when lost
+
+
+class Qos(str, Enum):
+    """How hard the bus tries."""
+
+    DROP = "drop"  # best for streams: a slow reader never holds up the publisher
+    RECOVER = "recover"  # cached by the publisher, misses found by heartbeat and fetched again
+
+
+@dataclass(frozen=True, slots=True)
+class Topic(Generic[PayloadT]):
+    """A key with samples. `path` stands below `crosspih/<cell>/`; `{service}` is filled in by the sender's name."""
+
+    path: str
+    type: type[PayloadT]
+    kind: Kind
+    publisher: str
+    readers: tuple[str, ...]
+    doc: str
+    rate_hz: float | None = None
+
+    @property
+    def qos(self) -> Qos:
+        """Streams drop, states and events recover."""
+        return Qos.DROP if self.kind is Kind.STREAM else Qos.RECOVER
+
+    def key(self, cell: str, service: str = "*") -> str:
+        """The full key, or with `service` left out the expression for all services."""
+        return f"{ROOT}/{cell}/{self.path.format(service=service)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Command(Generic[RequestT, ReplyT]):
+    """A key with a server that answers each query once, or refuses with a reason."""
+
+    path: str
+    request: type[RequestT]
+    reply: type[ReplyT]
+    server: str
+    callers: tuple[str, ...]
+    doc: str
+
+    def key(self, cell: str) -> str:
+        """The full key."""
+        return f"{ROOT}/{cell}/{self.path}"
+
+    @property
+    def request_echo(self) -> Topic[RequestT]:
+        """Where the server repeats what it was asked."""
+        return Topic(f"{self.path}/request", self.request, Kind.EVENT, self.server, RECORDED, f"asked: {self.doc}")
+
+    @property
+    def reply_echo(self) -> Topic[ReplyT]:
+        """Where the server repeats what it answered."""
+        return Topic(f"{self.path}/reply", self.reply, Kind.EVENT, self.server, RECORDED, f"answered: {self.doc}")
+
+
+RECORDED = ("recorder", "operator")
+ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
+SCORING = ("recorder", "operator")
+
+# hardware -------------------------------------------------------------------------------------------------------------
+CLOCK = Topic("clock", CellClock, Kind.STREAM, "hardware", ALL, "the cell's clock", 50.0)
+JOINT_STATE = Topic("arm/joint_state", JointState, Kind.STREAM, "hardware", ALL, "the encoders", 250.0)
+WRENCH_RAW = Topic(
+    "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the sensor, in batches", 100.0
+)
+CAMERA_CALIBRATION = Topic(
+    "camera/calibration", CameraCalibration, Kind.STATE, "hardware", ("vision", *RECORDED), "what the cameras are"
+)
+IMAGE_LEFT = Topic("camera/left/image", Image, Kind.EVENT, "hardware", ("vision", *RECORDED), "left picture")
+IMAGE_RIGHT = Topic("camera/right/image", Image, Kind.EVENT, "hardware", ("vision", *RECORDED), "right picture")
+TRUTH = Topic(
+    "simulation/truth", SimulationTruth, Kind.STATE, "hardware", SCORING, "what only the simulator knows: for scoring"
+)
+FOLLOW = Command(
+    "arm/follow", FollowTrajectory, MotionOutcome, "hardware", ("planning", "operator"), "follow a joint trajectory"
+)
+MOVE_LINEAR = Command(
+    "arm/move_linear", MoveLinear, MotionOutcome, "hardware", ("planning", "operator"), "move the peg on a line"
+)
+GUARDED_MOVE = Command(
+    "arm/guarded_move", GuardedMove, GuardedMoveOutcome, "hardware", ("planning", "operator"), "move until it touches"
+)
+ADMITTANCE_MOVE = Command(
+    "arm/admittance_move", AdmittanceMove, MotionOutcome, "hardware", ("planning", "operator"), "push in, yielding"
+)
+DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning", "operator"), "hold still and average")
+STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning", "operator"), "end whatever moves")
+SET_PAYLOAD = Command(
+    "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
+)
+CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
+RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
+
+# vision ---------------------------------------------------------------------------------------------------------------
+LOCATE = Command("vision/locate", LocateHole, HoleEstimate, "vision", ("planning", "operator"), "where is the hole")
+ANNOTATED_LEFT = Topic(
+    "vision/annotated/left", Image, Kind.EVENT, "vision", RECORDED, "left picture with what vision saw"
+)
+ANNOTATED_RIGHT = Topic(
+    "vision/annotated/right", Image, Kind.EVENT, "vision", RECORDED, "right picture with what vision saw"
+)
+
+# force_torque ---------------------------------------------------------------------------------------------------------
+CONTACT_WRENCH = Topic(
+    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", ("planning", *RECORDED), "contact alone", 100.0
+)
+CONTACT_STATE = Topic(
+    "force_torque/state", ContactState, Kind.STREAM, "force_torque", ("planning", *RECORDED), "one of the 26", 10.0
+)
+FT_CALIBRATION = Topic(
+    "force_torque/calibration", FtCalibration, Kind.STATE, "force_torque", ("planning", *RECORDED), "bias and payload"
+)
+IDENTIFY_PAYLOAD = Command(
+    "force_torque/identify", IdentifyPayload, FtCalibration, "force_torque", ("planning", "operator"), "Eqs. 14-16"
+)
+COMPENSATE = Command(
+    "force_torque/compensate", CompensateWrench, ContactReading, "force_torque", ("planning",), "raw to contact wrench"
+)
+
+# inference ------------------------------------------------------------------------------------------------------------
+ESTIMATE = Command(
+    "inference/estimate", EstimatePose, PoseErrorEstimate, "inference", ("planning", "operator"), "touches to pose"
+)
+NEXT_TOUCH = Command(
+    "inference/next_touch", NextTouch, TouchPlan, "inference", ("planning", "operator"), "where to push next"
+)
+NETWORK = Command(
+    "inference/network", EstimateByNetwork, PoseErrorEstimate, "inference", ("planning", "operator"), "the paper's way"
+)
+
+# planning -------------------------------------------------------------------------------------------------------------
+ASSEMBLE = Command("planning/assemble", Assemble, AssemblyResult, "planning", ("operator",), "one assembly")
+ABORT = Command("planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator",), "end it, peg backed off")
+CALIBRATE_FT = Command(
+    "planning/calibrate_ft", CalibrateFt, FtCalibration, "planning", ("operator",), "drive the poses and identify"
+)
+PHASE = Topic("planning/phase", AssemblyPhase, Kind.EVENT, "planning", RECORDED, "each step as it happens")
+TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", RECORDED, "each touch")
+
+# recorder -------------------------------------------------------------------------------------------------------------
+RECORD_START = Command(
+    "recorder/start", StartRecording, RecordingStatus, "recorder", ("operator", "planning"), "begin a file"
+)
+RECORD_STOP = Command(
+    "recorder/stop", StopRecording, RecordingStatus, "recorder", ("operator", "planning"), "finish the file"
+)
+
+# every service --------------------------------------------------------------------------------------------------------
+STATUS = Topic("service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", RECORDED, "how it is", 1.0)
+EVENTS = Topic("service/{service}/event", Event, Kind.EVENT, "{service}", RECORDED, "what people should know")
+ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples
+
+
+def commands() -> Iterator[Command[Any, Any]]:
+    """Every command of the table."""
+    return (value for value in globals().values() if isinstance(value, Command))
+
+
+def topics() -> Iterator[Topic[Any]]:
+    """Every topic of the table, the commands' echoes included."""
+    yield from (value for value in globals().values() if isinstance(value, Topic))
+    for command in commands():
+        yield command.request_echo
+        yield command.reply_echo
+
+
+def alive_key(cell: str, service: str = "*") -> str:
+    """The liveliness key of a service, or the expression for all."""
+    return f"{ROOT}/{cell}/{ALIVE_PATH.format(service=service)}"

@@ -1,0 +1,101 @@
+"""An assembly from start to end."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from pydantic import Field
+
+from crosspih_common.messages.base import Frame, Message, PoseData
+
+
+class Strategy(str, Enum):
+    """How to get the peg in."""
+
+    FUSED = "fused"  # 6-DoF vision, compliant push, touches fused by the estimator
+    PAPER = "paper"  # the paper's loop: position-only vision, one wrench -> network -> correct
+
+
+class Phase(str, Enum):
+    """The state machine of an assembly, in order; CORRECTING and PUSHING may repeat."""
+
+    IDLE = "idle"
+    CALIBRATING = "calibrating"  # the F/T sensor, if it never was
+    LOCATING = "locating"  # vision looks
+    APPROACHING = "approaching"  # quintic trajectory to before the hole
+    PUSHING = "pushing"  # compliant push along the hole's axis
+    TOUCHING = "touching"  # guarded move until something is felt
+    ESTIMATING = "estimating"  # touches to pose
+    CORRECTING = "correcting"  # move to where the estimate says
+    SEATED = "seated"  # inserted: the pose T2 is known
+    BACKING_OFF = "backing_off"  # something failed: out of the hole, away from the face
+    DONE = "done"
+
+
+class Failure(str, Enum):
+    """Every way in which an assembly ends without the peg in; each ends with the peg backed off."""
+
+    NOT_SEEN = "not_seen"  # vision refused
+    UNREACHABLE = "unreachable"  # no joint angles inside the limits
+    NO_CONTACT = "no_contact"  # a guarded move felt nothing where the hole should be
+    NOT_CONVERGED = "not_converged"  # the attempts are used up
+    OVERLOAD = "overload"  # the cell's force or moment cap stopped the arm once too often
+    NOT_CALIBRATED = "not_calibrated"  # the F/T calibration was refused
+    SERVICE_LOST = "service_lost"  # a service did not answer in time, also when asked again
+    ABORTED = "aborted"  # somebody stopped it
+
+
+class Assemble(Message):
+    """Do one assembly from where the arm stands."""
+
+    strategy: Strategy = Strategy.FUSED
+    assembly_id: str = ""
+
+
+class AbortAssembly(Message):
+    """End the running assembly; the peg is backed off."""
+
+
+class AbortAccepted(Message):
+    """Whether an assembly was running."""
+
+    was_running: bool
+
+
+class AssemblyPhase(Message):
+    """A step of the running assembly, in words for people and with its numbers for programs."""
+
+    assembly_id: str
+    phase: Phase
+    attempt: int = 0
+    text: str
+    figures: dict[str, float] = Field(default_factory=dict)
+
+
+class AssemblyResult(Message):
+    """How an assembly ended. `pose_base_hole` is T2: where the peg sits now, or the best estimate when it does not."""
+
+    frame: Frame = Frame.BASE
+    assembly_id: str
+    strategy: Strategy
+    inserted: bool
+    failure: Failure | None
+    failure_detail: str = ""
+    backed_off: bool
+    pose_base_hole: PoseData | None
+    pose_base_peg: PoseData | None
+    vision_pose_base_hole: PoseData | None
+    motion_s: float = Field(description="cell clock")
+    thinking_s: float = Field(description="wall time of the services between motions")
+    touches: int
+    corrections: int
+    pushes: int
+    peak_force_n: float
+    peak_moment_nm: float
+    insertion_depth_m: float = Field(description="body past the inner rim, by the final estimate")
+
+
+class CalibrateFt(Message):
+    """Drive the calibration poses, dwell in each and identify bias, weight and centroid."""
+
+    samples_s: float = Field(default=0.25, gt=0.0, le=5.0)

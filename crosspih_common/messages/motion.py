@@ -1,0 +1,158 @@
+"""Commands that move the arm, and what was really done."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from pydantic import Field
+
+from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
+
+
+class StopReason(str, Enum):
+    """Why a motion ended."""
+
+    COMPLETED = "completed"  # all of it was done
+    CONTACT = "contact"  # the force threshold of a guarded move was reached
+    TRAVEL_LIMIT = "travel_limit"  # a guarded move went all its way and felt nothing
+    SEATED = "seated"  # an admittance move reached its travel
+    STALLED = "stalled"  # an admittance move no longer advanced
+    TIMED_OUT = "timed_out"  # an admittance move ran out of time
+    FORCE_CAP = "force_cap"  # |F| passed the cell's cap: stopped and backed off by itself
+    MOMENT_CAP = "moment_cap"  # |M| passed the cell's cap: stopped and backed off by itself
+    STOPPED = "stopped"  # a stop command came
+
+
+class JointKnot(Part):
+    """One knot of a joint trajectory; between knots the arm interpolates with a quintic."""
+
+    time_s: float = Field(ge=0.0)
+    joints_rad: Vector6
+    speeds_rad_s: Vector6 = (0.0,) * 6
+    accelerations_rad_s2: Vector6 = (0.0,) * 6
+
+
+class FollowTrajectory(Message):
+    """Follow quintic segments through the knots; the first knot is where the arm must now be (0.01 rad)."""
+
+    knots: tuple[JointKnot, ...] = Field(min_length=2)
+
+
+class GuardedMove(Message):
+    """Move in a straight line, orientation kept, until the force rises.
+
+    At the threshold the arm goes on at `creep_speed_m_s` for `observe_s`; the wrench and the pose are averaged over
+    the last `observe_samples` sensor samples of that creep, so that sliding friction keeps its direction. Then it
+    retreats by `retreat_m` along the way it came.
+    """
+
+    direction_base: Vector3
+    speed_m_s: float = Field(gt=0.0, le=0.25)
+    creep_speed_m_s: float = Field(default=0.001, gt=0.0, le=0.05)
+    force_threshold_n: float = Field(default=5.0, gt=0.0)
+    moment_threshold_nm: float = Field(default=1.0, gt=0.0)
+    travel_limit_m: float = Field(gt=0.0, le=0.3)
+    observe_s: float = Field(default=0.06, gt=0.0, le=2.0)
+    observe_samples: int = Field(default=25, ge=1, le=2000)
+    retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
+
+
+class AdmittanceMove(Message):
+    """Push along a direction while yielding to lateral force and to moment, under a force cap.
+
+    The peg yields with `lateral_damping_n_s_m` across the direction and `rotational_damping_nm_s_rad` about
+    `centre_peg_m` (a point in the peg frame). Along the direction it advances at `speed_m_s`, slower as the axial force
+    nears `axial_force_n`. It ends when it has travelled `travel_m` (seated), when it no longer advances, or at
+    `timeout_s`.
+    """
+
+    direction_base: Vector3
+    speed_m_s: float = Field(gt=0.0, le=0.1)
+    travel_m: float = Field(gt=0.0, le=0.2)
+    axial_force_n: float = Field(default=20.0, gt=0.0)
+    lateral_damping_n_s_m: float = Field(default=2000.0, gt=0.0)
+    rotational_damping_nm_s_rad: float = Field(default=20.0, gt=0.0)
+    centre_peg_m: Vector3 = (0.0, 0.0, 0.057)
+    lateral_speed_limit_m_s: float = Field(default=0.003, gt=0.0)
+    rotational_speed_limit_rad_s: float = Field(default=0.05, gt=0.0)
+    stall_s: float = Field(default=0.6, gt=0.0)
+    timeout_s: float = Field(default=8.0, gt=0.0, le=60.0)
+
+
+class MoveLinear(Message):
+    """Move the peg frame in a straight line, orientation turned along, to a pose in the base frame."""
+
+    pose_base_peg: PoseData
+    speed_m_s: float = Field(default=0.05, gt=0.0, le=0.5)
+    rotational_speed_rad_s: float = Field(default=0.5, gt=0.0, le=3.0)
+
+
+class Dwell(Message):
+    """Hold still and average the sensor."""
+
+    duration_s: float = Field(gt=0.0, le=10.0)
+
+
+class StopMotion(Message):
+    """End whatever moves, now."""
+
+
+class SetPayload(Message):
+    """What hangs behind the sensor and the sensor's bias, so that caps, thresholds and admittance see contact only."""
+
+    bias: Vector6
+    weight_n: float = Field(ge=0.0)
+    centroid_ft_m: Vector3
+    gravity_base: Vector3 = Field(description="unit vector, the way things fall")
+
+
+class MotionOutcome(Message):
+    """What was really done. Poses are motor-side: the deflection of joints and wrist is not in them.
+
+    `wrench_raw` is the sensor's own mean over the last samples, bias and gravity included, about {K}; `wrench_sd` the
+    standard deviation of that mean. `peak_force_n` and `peak_moment_nm` are of the contact wrench as the arm saw it.
+    """
+
+    stop_reason: StopReason
+    detail: str = ""
+    start_stamp_ns: int
+    duration_s: float
+    travel_m: float
+    joints_rad: Vector6
+    pose_base_peg: PoseData
+    frame: Frame = Frame.FT
+    wrench_raw: Vector6
+    wrench_sd: Vector6
+    peak_force_n: float
+    peak_moment_nm: float
+
+
+class GuardedMoveOutcome(MotionOutcome):
+    """Adds the moment of touching. All None when nothing was touched.
+
+    `pose_base_peg_observed` is the mean motor-side pose over exactly the samples of `wrench_observed_raw`;
+    `travel_first_contact_m` is the travel at which the force first left the noise (onset, not threshold).
+    """
+
+    direction_base: Vector3
+    travel_first_contact_m: float | None = None
+    pose_base_peg_first_contact: PoseData | None = None
+    pose_base_peg_observed: PoseData | None = None
+    joints_observed_rad: Vector6 | None = None
+    wrench_observed_raw: Vector6 | None = None
+    wrench_observed_sd: Vector6 | None = None
+    wrench_free_raw: Vector6 | None = Field(
+        default=None, description="the sensor's mean at the start of the move, before any contact"
+    )
+
+
+class PayloadAccepted(Message):
+    """The payload that the arm now uses."""
+
+    weight_n: float
+
+
+class StopAccepted(Message):
+    """Whether anything was moving when the stop came."""
+
+    was_moving: bool

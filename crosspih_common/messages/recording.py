@@ -1,0 +1,26 @@
+"""Commands to the recorder."""
+
+from __future__ import annotations
+
+from crosspih_common.messages.base import Message
+
+
+class StartRecording(Message):
+    """Begin a new file; a running one is finished first."""
+
+    name: str = ""
+
+
+class StopRecording(Message):
+    """Finish the file."""
+
+
+class RecordingStatus(Message):
+    """The recorder's file. `dropped` counts what it could not take, key by key."""
+
+    recording: bool
+    path: str = ""
+    messages: int = 0
+    channels: int = 0
+    bytes_written: int = 0
+    dropped: dict[str, int] = {}

@@ -1,0 +1,37 @@
+"""Only a simulated cell has these. Truth is for scoring, training labels and tests: no service reads it."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
+
+
+class ResetCell(Message):
+    """Start a new trial: hole, light and noise drawn from the seed, the arm at home.
+
+    `offset_hole` overrides the draw (m and rad about the nominal hole: x, y, z, rx, ry, rz); `place_peg` puts the peg
+    in front of the hole at that pose in the hole frame, so that training contacts need no drive.
+    """
+
+    seed: int = Field(ge=0)
+    offset_hole: Vector6 | None = None
+    place_peg: PoseData | None = None
+
+
+class TrueContact(Part):
+    """One contact point of the simulator."""
+
+    point_base_m: Vector3
+    force_base_n: Vector3
+
+
+class SimulationTruth(Message):
+    """What the simulator knows: the hole's and the peg's real poses, and the real contacts."""
+
+    frame: Frame = Frame.BASE
+    seed: int
+    pose_base_hole: PoseData
+    pose_base_peg: PoseData
+    wrench_contact: Vector6 = Field(description="on the peg, in the peg frame, from the contact points alone")
+    contacts: tuple[TrueContact, ...] = ()

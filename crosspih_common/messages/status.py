@@ -1,0 +1,62 @@
+"""How services are: state, counters, events."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from pydantic import Field
+
+from crosspih_common.messages.base import Message, Part
+
+
+class ServiceState(str, Enum):
+    """The life of a service."""
+
+    STARTING = "starting"  # reading its configuration, opening its devices
+    READY = "ready"  # answers commands, nothing under way
+    ACTIVE = "active"  # a command is being carried out
+    STOPPING = "stopping"  # closing what it opened
+    FAILED = "failed"  # cannot go on; `last_error` says why
+
+
+class KeyTraffic(Part):
+    """Counts of one key since the service started, and its rate over the last second of wall time."""
+
+    key: str
+    out: int = 0
+    received: int = 0
+    dropped: int = 0
+    rejected: int = 0
+    out_hz: float = 0.0
+    in_hz: float = 0.0
+
+
+class ServiceStatus(Message):
+    """Sent once a second of wall time by every service."""
+
+    service: str
+    state: ServiceState
+    reason: str = ""
+    pid: int
+    uptime_s: float
+    traffic: tuple[KeyTraffic, ...] = ()
+    rejected: int = 0
+    dropped: int = 0
+    last_error: str = ""
+
+
+class Severity(str, Enum):
+    """How loud an event is."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+class Event(Message):
+    """Something that people should know of: a named code and one line."""
+
+    service: str
+    severity: Severity
+    code: str
+    text: str = Field(max_length=2000)

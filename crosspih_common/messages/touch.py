@@ -1,0 +1,23 @@
+"""One touch: everything that an estimate may rest on."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from crosspih_common.messages.base import Frame, Message, PoseData, Vector3, Vector6
+from crosspih_common.messages.contact import ContactState
+
+
+class Touch(Message):
+    """A contact as felt. Poses are motor-side; the wrench is on the peg, in the peg frame."""
+
+    frame: Frame = Frame.PEG
+    index: int = Field(ge=0)
+    pose_base_peg: PoseData = Field(description="mean pose over the samples of the wrench")
+    pose_base_peg_first_contact: PoseData | None = None
+    travel_first_contact_m: float | None = None
+    direction_base: Vector3
+    joints_rad: Vector6
+    wrench: Vector6
+    wrench_sd: Vector6
+    state: ContactState

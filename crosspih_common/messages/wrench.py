@@ -1,0 +1,81 @@
+"""Wrenches: as the sensor gives them, and as contact alone would give them."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from crosspih_common.messages.base import Frame, Message, PoseData, Vector3, Vector6
+from crosspih_common.messages.contact import ContactState
+
+
+class RawWrenchBatch(Message):
+    """Ten milliseconds of the sensor at 1 kHz; `stamp_ns` is the first sample's time."""
+
+    frame: Frame = Frame.FT
+    period_ns: int = Field(gt=0)
+    samples: tuple[Vector6, ...] = Field(min_length=1)
+
+
+class ContactWrench(Message):
+    """Force on the peg by contact: bias and gravity removed, in the peg frame about its origin."""
+
+    frame: Frame = Frame.PEG
+    wrench: Vector6
+    in_contact: bool
+    free_residual_n: float = Field(description="running mean of |F| while in free air: what calibration leaves")
+    drift_suspected: bool
+
+
+class CompensateWrench(Message):
+    """Ask for the contact wrench of one averaged raw reading at a known orientation.
+
+    `wrench_free_raw`, a reading in free air shortly before at about the same orientation, takes a slow drift out.
+    """
+
+    pose_base_peg: PoseData
+    wrench_raw: Vector6
+    wrench_sd: Vector6
+    wrench_free_raw: Vector6 | None = None
+    pose_base_peg_free: PoseData | None = None
+
+
+class ContactReading(Message):
+    """A compensated reading and the contact state that it looks like."""
+
+    frame: Frame = Frame.PEG
+    wrench: Vector6
+    wrench_sd: Vector6
+    free_residual: Vector6 | None = None
+    state: ContactState
+
+
+class RawReading(Message):
+    """One dwell of a calibration: the sensor's mean and the orientation it was taken in."""
+
+    frame: Frame = Frame.FT
+    pose_base_peg: PoseData
+    wrench_raw: Vector6
+    wrench_sd: Vector6
+
+
+class IdentifyPayload(Message):
+    """Six or more dwells, to find bias, weight and centroid from (the paper's Eqs. 14-16)."""
+
+    readings: tuple[RawReading, ...]
+    save: bool = True
+
+
+class FtCalibration(Message):
+    """Bias, weight and centroid of what hangs behind the sensor, and how well they fit."""
+
+    calibrated: bool = True
+    date: str = ""
+    frame: Frame = Frame.FT
+    bias: Vector6
+    weight_n: float
+    centroid_m: Vector3
+    gravity_base: Vector3
+    residual_force_n: float
+    residual_moment_nm: float
+    poses: int
+    file: str = ""

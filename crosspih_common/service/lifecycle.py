@@ -1,0 +1,155 @@
+"""Start a service, keep it visible, end it cleanly.
+
+`python -m services.<name>` calls `run_service(name, build)`. `build` gets a context with the configuration and the bus,
+binds the service's core to its keys, and returns what must be closed at the end (or None).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from types import FrameType
+from typing import Protocol
+
+from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
+from crosspih_common.config import CellFile, load_cell
+from crosspih_common.errors import BusError, CrosspihError
+from crosspih_common.keys import EVENTS, STATUS
+from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
+from crosspih_common.service import notify
+
+STATUS_PERIOD_S = 1.0
+DEFAULT_CELL = "deploy/cells/default.yaml"
+
+
+class Closeable(Protocol):
+    """What a service opened."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+@dataclass(eq=False)
+class ServiceContext:
+    """What a service is given."""
+
+    name: str
+    cell: CellFile
+    bus: Bus
+    stop: threading.Event = field(default_factory=threading.Event)
+    state: ServiceState = ServiceState.STARTING
+    reason: str = ""
+    last_error: str = ""
+    _started_at: float = field(default_factory=time.monotonic)
+    _rejection_said_at: float = 0.0
+
+    def event(self, severity: Severity, code: str, text: str) -> None:
+        """Tell people: on the bus, and on standard error for the log."""
+        if severity is not Severity.INFO:
+            self.last_error = f"{code}: {text}"
+        print(f"{severity.value}: {code}: {text}", file=sys.stderr, flush=True)
+        with contextlib.suppress(BusError):
+            self.bus.publisher(EVENTS).publish(
+                Event(service=self.name, severity=severity, code=code, text=text[:2000])
+            )
+
+    def fail(self, reason: str) -> None:
+        """The service cannot go on: it says so and ends with status 1."""
+        self.state, self.reason = ServiceState.FAILED, reason
+        self.event(Severity.ERROR, "failed", reason)
+        self.stop.set()
+
+    def status(self) -> ServiceStatus:
+        """How the service is now."""
+        state = self.state
+        if state is ServiceState.READY and self.bus.busy:
+            state = ServiceState.ACTIVE
+        traffic = self.bus.traffic
+        return ServiceStatus(
+            service=self.name,
+            state=state,
+            reason=self.reason,
+            pid=os.getpid(),
+            uptime_s=round(time.monotonic() - self._started_at, 3),
+            traffic=traffic.snapshot(),
+            rejected=traffic.total("rejected"),
+            dropped=traffic.total("dropped"),
+            last_error=self.last_error,
+        )
+
+
+def _arguments(name: str, argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog=f"python -m services.{name}", description=f"The {name} service.")
+    parser.add_argument("--cell", default=os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL, help="the cell's YAML file")
+    parser.add_argument(
+        "--endpoint", default=os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT, help="the router"
+    )
+    return parser.parse_args(argv)
+
+
+def run_service(
+    name: str, build: Callable[[ServiceContext], Closeable | None], argv: Sequence[str] | None = None
+) -> int:
+    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status."""
+    arguments = _arguments(name, argv)
+    stop = threading.Event()
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+    try:
+        cell = load_cell(arguments.cell)
+        transport = open_zenoh(arguments.endpoint)
+    except CrosspihError as error:
+        print(f"{name}: {error}", file=sys.stderr, flush=True)
+        return 1
+    with Bus(transport, cell.workcell.name, name) as bus:
+        context = ServiceContext(name, cell, bus, stop)
+        bus.on_reject = lambda why: _report_rejection(context, why)
+        status = bus.publisher(STATUS)
+        status.publish(context.status())
+        opened: Closeable | None = None
+        try:
+            opened = build(context)
+            if not stop.is_set():
+                context.state = ServiceState.READY
+                bus.declare_alive()
+                status.publish(context.status())
+                notify.ready()
+            while not stop.wait(STATUS_PERIOD_S):
+                notify.watchdog()
+                status.publish(context.status())
+        except CrosspihError as error:
+            context.fail(str(error))
+        except Exception as error:
+            traceback.print_exc()
+            context.fail(f"{type(error).__name__}: {error}")
+        failed = context.state is ServiceState.FAILED
+        if not failed:
+            context.state = ServiceState.STOPPING
+        with contextlib.suppress(BusError):
+            status.publish(context.status())
+        if opened is not None:
+            opened.close()
+    return 1 if failed else 0
+
+
+def _report_rejection(context: ServiceContext, why: str) -> None:
+    """Say at most one rejection a second aloud, on a thread of its own (this is a bus callback); all are counted."""
+    now = time.monotonic()
+    context.last_error = why
+    if now - context._rejection_said_at >= 1.0:
+        context._rejection_said_at = now
+        threading.Thread(
+            target=context.event, args=(Severity.WARNING, "rejected", why), name="rejection", daemon=True
+        ).start()

@@ -1,0 +1,129 @@
+"""The calibration's file: YAML, checked by pydantic, with date, residuals and the poses it rests on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import yaml
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+
+from services.force_torque.calibration import Calibration, CalibrationError, StaticReading, ToolParameters
+
+Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
+Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+Vector9 = Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
+
+
+class CalibrationFileError(CalibrationError):
+    """A calibration file is missing, malformed or of another kind."""
+
+
+class CalibrationPose(BaseModel):
+    """One pose used: the orientation (rows of `rotation_base_sensor`), the mean reading and its residual."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    rotation_base_sensor: Vector9
+    wrench: Vector6
+    residual: Vector6
+    joints_rad: Vector6 | None = None
+
+
+class CalibrationFile(BaseModel):
+    """A six-pose calibration on disk. Wrenches are (Fx, Fy, Fz, Mx, My, Mz), N and Nm, in the sensor frame."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    kind: Literal["crosspih/ft-calibration"] = "crosspih/ft-calibration"
+    version: Literal[1] = 1
+    calibrated_at: AwareDatetime
+    cell: str
+    bias: Vector6
+    bias_sd: Vector6
+    weight_base_n: Vector3
+    weight_n: float = Field(gt=0.0)
+    weight_sd_n: float = Field(ge=0.0)
+    base_tilt_rad: float
+    centroid_sensor_m: Vector3
+    force_rms_n: float = Field(ge=0.0)
+    moment_rms_nm: float = Field(ge=0.0)
+    condition_force: float
+    condition_moment: float
+    poses: tuple[CalibrationPose, ...]
+
+    def tool(self) -> ToolParameters:
+        """The parameters that compensation needs."""
+        return ToolParameters(np.array(self.bias), np.array(self.weight_base_n), np.array(self.centroid_sensor_m))
+
+
+def calibration_file(
+    calibration: Calibration,
+    readings: list[StaticReading],
+    *,
+    calibrated_at: str,
+    cell: str,
+    joints_rad: list[list[float]] | None = None,
+) -> CalibrationFile:
+    """The file's content; `calibrated_at` is ISO 8601 with a time zone, passed in because the core reads no clock.
+
+    Raises `CalibrationFileError` naming the field that does not fit.
+    """
+    tool = calibration.tool
+    joints: list[list[float]] | list[None] = [None] * len(readings) if joints_rad is None else joints_rad
+    if len(joints) != len(readings):
+        raise CalibrationFileError(f"joints_rad has {len(joints)} poses, readings have {len(readings)}")
+    content = {
+        "calibrated_at": calibrated_at,
+        "cell": cell,
+        "bias": tool.bias.tolist(),
+        "bias_sd": calibration.bias_sd.tolist(),
+        "weight_base_n": tool.weight_base_n.tolist(),
+        "weight_n": tool.weight_n,
+        "weight_sd_n": calibration.weight_sd_n,
+        "base_tilt_rad": tool.base_tilt_rad,
+        "centroid_sensor_m": tool.centroid_sensor_m.tolist(),
+        "force_rms_n": calibration.force_rms_n,
+        "moment_rms_nm": calibration.moment_rms_nm,
+        "condition_force": calibration.condition_force,
+        "condition_moment": calibration.condition_moment,
+        "poses": [
+            {
+                "rotation_base_sensor": reading.rotation_base_sensor.ravel().tolist(),
+                "wrench": reading.wrench.tolist(),
+                "residual": residual.tolist(),
+                "joints_rad": None if joint is None else [float(value) for value in joint],
+            }
+            for reading, residual, joint in zip(readings, calibration.residuals, joints, strict=True)
+        ],
+    }
+    return _validated(content, "the calibration")
+
+
+def save_calibration(content: CalibrationFile, path: Path) -> None:
+    """Write the file whole or not at all; its folder is made when missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = yaml.safe_dump(content.model_dump(mode="json"), sort_keys=False, default_flow_style=None, width=120)
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+
+
+def load_calibration(path: Path) -> CalibrationFile:
+    """Read and check a file. Raises `CalibrationFileError` naming the path and the field."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CalibrationFileError(f"{path}: cannot be read ({error.strerror}); calibrate the sensor first") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise CalibrationFileError(f"{path}: is not YAML ({error})") from error
+    return _validated(content, str(path))
+
+
+def _validated(content: object, where: str) -> CalibrationFile:
+    try:
+        return CalibrationFile.model_validate(content)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, fault['loc'])) or 'file'}: {fault['msg']}" for fault in error.errors())
+        raise CalibrationFileError(f"{where}: {faults}") from error

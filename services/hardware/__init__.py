@@ -1,0 +1,1 @@
+"""The cell's devices on the bus: arm, force/torque sensor and stereo camera, simulated or real."""

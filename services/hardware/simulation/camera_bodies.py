@@ -1,0 +1,87 @@
+"""The bodies a picture of the cell shows: the fixture with its hole, the arm with its peg, and things in the way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crosspih_common.arm import ArmModel
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import CrossHole, CrossPeg
+from services.hardware.simulation.camera_rig import StereoRig
+from services.hardware.simulation.scene_mesh import Mesh, box_mesh, capsule_mesh, convex_mesh
+
+FLANGE_TO_PEG_M = 0.0663
+"""From the flange to the F/T sensor's measuring origin, along the flange's z."""
+
+ARM_RADII_M = (0.06, 0.05, 0.048, 0.042, 0.034, 0.028)
+
+
+def fixture_meshes(hole: CrossHole) -> dict[str, Mesh]:
+    """The fixture in the hole frame: `face` (plate and chamfer), `bore` (walls), `blank` (a plate without a hole)."""
+
+    def is_bore(normal: Array, offset_m: float) -> bool:
+        return abs(float(normal[2])) < 1e-9 and offset_m < 0.0
+
+    half, depth = hole.plate_half_size_m, hole.depth_m
+    return {
+        "face": convex_mesh(hole.pieces(), lambda normal, offset: not is_bore(normal, offset)),
+        "bore": convex_mesh(hole.pieces(), is_bore),
+        "blank": box_mesh((half, half, depth / 2), (0.0, 0.0, depth / 2)),
+    }
+
+
+def arm_meshes(arm: ArmModel, peg: CrossPeg) -> list[Mesh]:
+    """One mesh a moving frame: six links in their DH frames, then sensor flange and peg, both in the peg frame.
+
+    The arm is drawn as capsules from frame to frame; it shows where the arm is, not the maker's casting.
+    """
+    meshes = []
+    for (_, d, a, alpha), radius in zip(arm.dh, ARM_RADII_M, strict=True):
+        elbow = np.array([-a, 0.0, 0.0])
+        previous = elbow - d * np.array([0.0, np.sin(alpha), np.cos(alpha)])
+        parts = [capsule_mesh(previous, elbow, radius), capsule_mesh(elbow, np.zeros(3), radius)]
+        meshes.append(Mesh.merged(parts))
+    sensor = capsule_mesh(np.array([0.0, 0.0, -FLANGE_TO_PEG_M + 0.02]), np.array([0.0, 0.0, peg.body_start_m - 0.02]), 0.03)
+    return [*meshes, sensor, convex_mesh(peg.pieces())]
+
+
+def arm_poses(arm: ArmModel, joints_rad: Array) -> list[Pose]:
+    """Where the meshes of `arm_meshes` are in the base frame at joint angles (6,), rad."""
+    links = arm.link_poses(joints_rad)[1:]
+    pose_base_peg = links[-1] @ Pose.from_translation([0.0, 0.0, FLANGE_TO_PEG_M])
+    return [*links, pose_base_peg, pose_base_peg]
+
+
+def obstacle_mesh() -> Mesh:
+    """A flat piece that hides one arm of the cross: in its own frame, centred."""
+    return box_mesh((0.016, 0.016, 0.001))
+
+
+def obstacle_pose(pose_base_hole: Pose, hole: CrossHole, arm_index: int) -> Pose:
+    """The obstacle 15 mm in front of the outer part of one arm of the cross."""
+    angle = arm_index * np.pi / 2
+    out = hole.half_length_m - 0.006
+    return pose_base_hole @ Pose.from_rotvec(
+        [0.0, 0.0, 0.3], [out * np.cos(angle), out * np.sin(angle), -0.015]
+    )
+
+
+def pocket_mesh() -> Mesh:
+    """A dark square drawn on the plate's face, beside the cross: in the hole frame."""
+    return box_mesh((0.009, 0.009, 0.0001), (0.043, 0.043, 0.0))
+
+
+def camera_mesh(rig: StereoRig) -> Mesh:
+    """The two camera bodies, for a picture of the cell from outside: in the left camera's frame."""
+    return Mesh.merged(
+        [
+            part
+            for x in (0.0, rig.baseline_m)
+            for part in (
+                box_mesh((0.0145, 0.0145, 0.025), (x, 0.0, -0.03)),
+                capsule_mesh(np.array([x, 0.0, -0.008]), np.array([x, 0.0, -0.006]), 0.01),
+            )
+        ]
+        + [box_mesh((0.045, 0.006, 0.03), (rig.baseline_m / 2, 0.0205, -0.03))]
+    )

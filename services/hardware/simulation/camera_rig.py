@@ -1,0 +1,114 @@
+"""The stereo pair of the cell: where it stands, and its pinhole numbers as a renderer wants them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+
+
+def paper_camera_pose() -> Pose:
+    """`pose_base_camera` of the left camera: the paper's Eq. 8 with its signs restored. z looks ahead, x right, y down."""
+    return Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.array([0.1310, -0.2406, 0.2225]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoRig:
+    """Two equal parallel pinhole cameras without distortion; the second stands `baseline_m` along the first's +x.
+
+    Pixel (u, v) = (fx x/z + cx, fy y/z + cy), with integers at pixel *centres*, u to the right and v down. The default
+    principal point is that of the paper's simulator (hfov 80 degrees): it reproduces the paper's printed x and z.
+    """
+
+    width: int = 640
+    height: int = 480
+    fx: float = 381.36
+    fy: float = 381.36
+    cx: float = 320.5
+    cy: float = 240.5
+    baseline_m: float = 0.05
+    pose_base_camera: Pose = field(default_factory=paper_camera_pose)
+
+    def pose_base_right(self) -> Pose:
+        """The right camera in the base frame."""
+        return self.pose_base_camera @ Pose.from_translation([self.baseline_m, 0.0, 0.0])
+
+    def project(self, points_camera_m: Array) -> Array:
+        """Pixels (..., 2) of points (..., 3) in a camera's frame, m."""
+        points = np.asarray(points_camera_m, float)
+        return np.stack(
+            [
+                self.fx * points[..., 0] / points[..., 2] + self.cx,
+                self.fy * points[..., 1] / points[..., 2] + self.cy,
+            ],
+            axis=-1,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A part of an image: columns left..right - 1, rows top..bottom - 1."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def empty(self) -> bool:
+        """Whether it holds no pixel."""
+        return self.right <= self.left or self.bottom <= self.top
+
+
+def window_around(rig: StereoRig, boxes_camera_m: list[Array], near_m: float, pad_px: int = 6) -> Window:
+    """The smallest window (padded) that holds the pictures of some boxes, each (8, 3) corners in the camera's frame, m.
+
+    A box that reaches through the near plane makes it the whole image; one behind it does not count.
+    """
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for corners in boxes_camera_m:
+        ahead = corners[:, 2] > near_m
+        if not ahead.any():
+            continue
+        if not ahead.all():
+            return Window(0, 0, rig.width, rig.height)
+        pixels = rig.project(corners)
+        low, high = np.minimum(low, pixels.min(axis=0)), np.maximum(high, pixels.max(axis=0))
+    if not np.isfinite(low).all():
+        return Window(0, 0, 0, 0)
+    left, top = np.floor(low).astype(int) - pad_px
+    right, bottom = np.ceil(high).astype(int) + pad_px + 1
+    return Window(max(0, int(left)), max(0, int(top)), min(rig.width, int(right)), min(rig.height, int(bottom)))
+
+
+def view_matrix(pose_base_camera: Pose) -> list[float]:
+    """The OpenGL view matrix, column-major, of a camera whose z looks ahead and y down."""
+    flip = np.diag([1.0, -1.0, -1.0, 1.0])
+    matrix = flip @ pose_base_camera.inverse().matrix()
+    return [float(value) for value in matrix.T.ravel()]
+
+
+def projection_matrix(rig: StereoRig, window: Window, samples: int, near_m: float, far_m: float) -> list[float]:
+    """The OpenGL projection, column-major, that draws one window of the image at `samples` sub-pixels a pixel.
+
+    TinyRenderer tests each sub-pixel (i, j) at its lower left corner (i, j + 1) instead of its centre (i + .5, j + .5),
+    y down. The whole frustum is moved by that half sub-pixel, so that pixels mean what `StereoRig.project` says.
+    """
+    columns, rows = (window.right - window.left) * samples, (window.bottom - window.top) * samples
+    centre_x = (rig.cx + 0.5 - window.left) * samples - 0.5
+    centre_y = (rig.cy + 0.5 - window.top) * samples + 0.5
+    across, down = near_m / (rig.fx * samples), near_m / (rig.fy * samples)
+    left, right = -centre_x * across, (columns - centre_x) * across
+    top, bottom = centre_y * down, (centre_y - rows) * down
+    matrix = np.array(
+        [
+            [2 * near_m / (right - left), 0.0, (right + left) / (right - left), 0.0],
+            [0.0, 2 * near_m / (top - bottom), (top + bottom) / (top - bottom), 0.0],
+            [0.0, 0.0, -(far_m + near_m) / (far_m - near_m), -2 * far_m * near_m / (far_m - near_m)],
+            [0.0, 0.0, -1.0, 0.0],
+        ]
+    )
+    return [float(value) for value in matrix.T.ravel()]

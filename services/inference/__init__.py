@@ -1,0 +1,1 @@
+"""Inference: from touches to the pose of the hole."""

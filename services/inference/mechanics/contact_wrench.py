@@ -1,0 +1,64 @@
+"""The wrench that contacts put on the peg (Eqs. 17 and 20-24), friction of a sliding contact included."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.wrench import wrench_of_force_at_point
+
+ISOTROPIC_COMPLIANCE = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+
+
+def axial_share(force_n: ArrayLike) -> Array:
+    """n_z0 of forces (..., 3): the axial share |Fz| / |F| (Eq. 17, printed without its sign)."""
+    force = np.asarray(force_n, float)
+    return np.asarray(np.abs(force[..., 2]) / np.linalg.norm(force, axis=-1))
+
+
+def sliding_direction(
+    normal_peg: Array, point_peg_m: Array, motion_peg: Array, compliance_peg: Array | None = None
+) -> Array:
+    """The unit direction (..., 3) in which the touching point of the peg slides, in the peg frame.
+
+    The wrist is driven along motion_peg (..., 3) and gives way by compliance_peg (..., 6, 6) (twist of the peg frame
+    per wrench), so that the point keeps to the contact plane: v = d - C n (n.d)/(n.C n), C the compliance at the point.
+    Without a compliance, or with the same one in all directions, v is the projection of the motion on the plane.
+    """
+    compliance = ISOTROPIC_COMPLIANCE if compliance_peg is None else compliance_peg
+    pushed = np.einsum("...ij,...j->...i", compliance, wrench_of_force_at_point(normal_peg, point_peg_m))
+    gives = pushed[..., :3] + np.cross(pushed[..., 3:], point_peg_m)
+    closing = np.einsum("...i,...i->...", normal_peg, motion_peg) / np.einsum("...i,...i->...", normal_peg, gives)
+    velocity = motion_peg - gives * closing[..., None]
+    velocity = velocity - normal_peg * np.einsum("...i,...i->...", normal_peg, velocity)[..., None]
+    return np.asarray(velocity / np.maximum(np.linalg.norm(velocity, axis=-1, keepdims=True), 1e-9))
+
+
+def contact_wrench_basis(
+    normal_peg: Array,
+    point_peg_m: Array,
+    motion_peg: Array,
+    friction_coefficient: ArrayLike,
+    compliance_peg: Array | None = None,
+) -> Array:
+    """The wrench (..., 6) in the peg frame of a contact pressed with a normal force of 1 N, sliding friction included.
+
+    One contact's wrench is a nonnegative multiple of it; several contacts' wrench a nonnegative sum (Eqs. 21-24).
+    """
+    mu = np.asarray(friction_coefficient, float)
+    slide = sliding_direction(normal_peg, point_peg_m, motion_peg, compliance_peg)
+    return wrench_of_force_at_point(normal_peg - mu[..., None] * slide, point_peg_m)
+
+
+def equal_arms_axial_share(taper_slope: float, arms: int) -> float:
+    """n_z0 when 1 to 4 neighbouring arms of an aligned, frictionless peg press equally with the same sense (Table 2-5).
+
+    Each arm's force stands on its taper edge and on the rim it slides along, so its axial part is `taper_slope` times
+    its lateral part plus nothing: (tangential 1, axial taper_slope); arms at 90 degrees add their lateral parts.
+    """
+    if not 1 <= arms <= 4:
+        raise ValueError("arms wants 1 to 4")
+    angles = np.arange(arms) * np.pi / 2
+    lateral = np.array([-np.sin(angles).sum(), np.cos(angles).sum()])
+    return float(axial_share([*lateral, -arms * taper_slope]))

@@ -1,0 +1,1 @@
+"""The Zenoh router that every other service is a client of."""

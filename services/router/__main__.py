@@ -1,0 +1,51 @@
+"""`python -m services.router`: an embedded Zenoh router on one endpoint."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+from types import FrameType
+
+import zenoh
+
+from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
+from crosspih_common.service import notify
+
+
+def main() -> int:
+    """Route until SIGINT or SIGTERM; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m services.router", description="The Zenoh router.")
+    parser.add_argument("--endpoint", default=os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT)
+    endpoint = parser.parse_args().endpoint
+    stop = threading.Event()
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+    try:
+        session = zenoh.open(router_config(endpoint))
+    except zenoh.ZError as error:
+        reason = str(error).splitlines()[0][:200]
+        print(
+            f"router: cannot listen on {endpoint}; is another stack up? (`crosspih ps`, or set CROSSPIH_ENDPOINT): {reason}",
+            file=sys.stderr,
+            flush=True,
+        )
+        return 1
+    try:
+        print(f"router: listening on {endpoint}", flush=True)
+        notify.ready()
+        while not stop.wait(1.0):
+            notify.watchdog()
+    finally:
+        session.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
