@@ -30,6 +30,7 @@ from crosspih_common.messages import (
     Dwell,
     EstimateByNetwork,
     EstimatePose,
+    EstimateSeated,
     Event,
     FollowTrajectory,
     FtCalibration,
@@ -137,7 +138,7 @@ ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder"
 SCORING = ("recorder", "operator")
 
 # hardware -------------------------------------------------------------------------------------------------------------
-CLOCK = Topic("clock", CellClock, Kind.STREAM, "hardware", ALL, "the cell's clock", 50.0)
+CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", ALL, "the cell's clock", 50.0)
 JOINT_STATE = Topic("arm/joint_state", JointState, Kind.STREAM, "hardware", ALL, "the encoders", 250.0)
 WRENCH_RAW = Topic(
     "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the sensor, in batches", 100.0
@@ -202,6 +203,9 @@ ESTIMATE = Command(
 )
 NEXT_TOUCH = Command(
     "inference/next_touch", NextTouch, TouchPlan, "inference", ("planning", "operator"), "where to push next"
+)
+SEATED = Command(
+    "inference/seated", EstimateSeated, PoseErrorEstimate, "inference", ("planning", "operator"), "seated peg to pose"
 )
 NETWORK = Command(
     "inference/network", EstimateByNetwork, PoseErrorEstimate, "inference", ("planning", "operator"), "the paper's way"

@@ -82,7 +82,9 @@ class Quintic:
             # In units of the duration, so that the root finder sees well-scaled numbers.
             scaled = slopes[:, joint] * self.duration_s ** np.arange(len(slopes))
             size = np.abs(scaled).max()
-            roots = np.roots(scaled[::-1] / size) if size > 0.0 else np.empty(0)
+            # A leading coefficient of rounding size would throw the finder's roots to infinity and spoil the others.
+            kept = np.where(np.abs(scaled) > 1e-14 * size, scaled, 0.0)
+            roots = np.roots(kept[::-1] / size) if size > 0.0 else np.empty(0)
             # A double root splits into a complex pair by rounding: evaluating at its real part costs nothing.
             inside = np.clip(np.real(roots), 0.0, 1.0) * self.duration_s
             times = np.concatenate([[0.0, self.duration_s], inside])

@@ -17,9 +17,10 @@ from crosspih_common.bus.codec import (
     encode_refusal,
     label_of,
     label_with_seq,
+    split_label,
 )
 from crosspih_common.bus.traffic import Traffic
-from crosspih_common.bus.transport import Answer, Closeable, Query, Sender, Transport
+from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender, Transport
 from crosspih_common.bus.workers import Lane, Pump
 from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError
 from crosspih_common.keys import CLOCK, Command, Kind, Payload, Qos, Topic, alive_key
@@ -148,6 +149,25 @@ class Bus:
                 self.traffic.count(key, "dropped")
 
         self._listen(topic, enqueue)
+
+    def tap(self, topic: Topic[Any], handler: Handler) -> None:
+        """Call with (key, payload, label) of every sample as it travels, undecoded, on the transport's thread.
+
+        The handler must only enqueue. A sample of another type or version is rejected, as everywhere.
+        """
+        expected = label_of(topic.type)
+
+        def receive(key: str, payload: bytes, label: str) -> None:
+            name = split_label(label)[0]
+            if name != expected:
+                self._reject(key, f"{key}: got {name[:80] or 'no type name'}, want {expected}")
+                return
+            self.traffic.count(key, "received")
+            handler(key, payload, label)
+
+        self._declared.append(
+            self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
+        )
 
     def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> None:
         def receive(key: str, payload: bytes, label: str) -> None:

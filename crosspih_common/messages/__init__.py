@@ -28,6 +28,7 @@ from crosspih_common.messages.contact import ContactState
 from crosspih_common.messages.estimate import (
     EstimateByNetwork,
     EstimatePose,
+    EstimateSeated,
     NextTouch,
     PoseErrorEstimate,
     PosePrior,
@@ -85,6 +86,7 @@ __all__ = [
     "Dwell",
     "EstimateByNetwork",
     "EstimatePose",
+    "EstimateSeated",
     "Event",
     "Failure",
     "FollowTrajectory",

@@ -41,6 +41,7 @@ class Failure(str, Enum):
     NOT_CONVERGED = "not_converged"  # the attempts are used up
     OVERLOAD = "overload"  # the cell's force or moment cap stopped the arm once too often
     NOT_CALIBRATED = "not_calibrated"  # the F/T calibration was refused
+    REFUSED = "refused"  # a service said no to a command
     SERVICE_LOST = "service_lost"  # a service did not answer in time, also when asked again
     ABORTED = "aborted"  # somebody stopped it
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Covariance6, Frame, Message, Part, PoseData, Vector3
+from crosspih_common.messages.base import Covariance6, Frame, Message, Part, PoseData, Vector3, Vector6
 from crosspih_common.messages.touch import Touch
 
 
@@ -73,3 +73,12 @@ class EstimateByNetwork(Message):
 
     touch: Touch
     pose_base_hole_believed: PoseData
+
+
+class EstimateSeated(Message):
+    """The peg sits in the hole: its own pose is now the best measurement of the hole's, within the clearance."""
+
+    prior: PosePrior
+    pose_base_peg: PoseData
+    joints_rad: Vector6
+    wrench: Vector6

@@ -57,9 +57,7 @@ class ServiceContext:
             self.last_error = f"{code}: {text}"
         print(f"{severity.value}: {code}: {text}", file=sys.stderr, flush=True)
         with contextlib.suppress(BusError):
-            self.bus.publisher(EVENTS).publish(
-                Event(service=self.name, severity=severity, code=code, text=text[:2000])
-            )
+            self.bus.publisher(EVENTS).publish(Event(service=self.name, severity=severity, code=code, text=text[:2000]))
 
     def fail(self, reason: str) -> None:
         """The service cannot go on: it says so and ends with status 1."""

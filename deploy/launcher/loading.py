@@ -14,40 +14,9 @@ from deploy.launcher.interpolation import interpolate
 from deploy.launcher.order import cycle_among
 
 _CONTAINER_KEYS = frozenset(
-    [
-        "build",
-        "cap_add",
-        "cap_drop",
-        "container_name",
-        "deploy",
-        "devices",
-        "dns",
-        "entrypoint",
-        "expose",
-        "extra_hosts",
-        "hostname",
-        "image",
-        "init",
-        "ipc",
-        "labels",
-        "links",
-        "networks",
-        "network_mode",
-        "pid",
-        "platform",
-        "ports",
-        "privileged",
-        "read_only",
-        "secrets",
-        "configs",
-        "shm_size",
-        "sysctls",
-        "tmpfs",
-        "tty",
-        "user",
-        "volumes",
-        "version",
-    ]
+    {"build", "cap_add", "cap_drop", "configs", "container_name", "deploy", "devices", "dns", "entrypoint", "expose"}
+    | {"extra_hosts", "hostname", "image", "init", "ipc", "labels", "links", "network_mode", "networks", "pid"}
+    | {"platform", "ports", "privileged", "read_only", "secrets", "shm_size", "tmpfs", "tty", "user", "volumes"}
 )
 
 

@@ -19,7 +19,7 @@ def cycle_among(services: Mapping[str, Service]) -> list[str]:
 
 
 def select(services: Mapping[str, Service], named: Collection[str], profiles: Collection[str]) -> dict[str, Service]:
-    """The services to run, in file order: those ``named``, or without a name all whose profile is on, and what they need.
+    """The services to run, in file order: those ``named`` (or all whose profile is on), and what they need.
 
     A service without ``profiles`` is always on; one with is on if one of them is in ``profiles`` or it is named.
     Raises ComposeError if a name is unknown, or if a required dependency is kept out by its profile.

@@ -1,8 +1,8 @@
 """Six-pose calibration of a force/torque sensor that carries a tool: bias, weight and centroid (Eqs. 14-16).
 
-At rest and in free air the sensor reads, in its own frame, F = R^T L + F0 and M = r x F + k, with R = `rotation_base_sensor`,
-L the tool's weight vector in the base frame (pointing down), r the tool's centroid in the sensor frame, F0 the force
-bias and k = M0 - r x F0 (Eq. 14). Both are linear: p = (r, k) follows from the moments (Eq. 15), then (L, F0) from the
+At rest and in free air the sensor reads, in its own frame, F = R^T L + F0 and M = r x F + k, with R the rotation
+`rotation_base_sensor`, L the tool's weight vector in the base frame (pointing down), r the tool's centroid in the
+sensor frame, F0 the force bias and k = M0 - r x F0 (Eq. 14). Both are linear: p = (r, k) follows from the moments (Eq. 15), then (L, F0) from the
 forces (Eq. 16), and M0 = k + r x F0. L may be left free, which also finds how far the base stands out of level.
 
 Errors: `CalibrationError` (ValueError)
@@ -78,7 +78,8 @@ class ToolParameters:
         """The reading (..., 6) expected without contact at orientations (..., 3, 3), sensor frame."""
         rotation = np.asarray(rotation_base_sensor, dtype=float)
         force = np.einsum("...ji,j->...i", rotation, self.weight_base_n)
-        return self.bias + np.concatenate([force, np.cross(self.centroid_sensor_m, force)], axis=-1)
+        moment = np.cross(self.centroid_sensor_m, force)
+        return np.asarray(self.bias + np.concatenate([force, moment], axis=-1), dtype=float)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,7 +215,7 @@ def missing_gravity_direction(readings: Sequence[StaticReading]) -> Array:
     """The sensor axis (3,), one of +-x, +-y, +-z, that lies farthest from gravity in all poses so far."""
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     if not readings:
-        return axes[5]
+        return np.array([0.0, 0.0, -1.0])
     directions = np.array([reading.rotation_base_sensor.T @ DOWN_BASE for reading in readings])
     return np.asarray(axes[int(np.argmin(np.max(axes @ directions.T, axis=1)))], dtype=float)
 

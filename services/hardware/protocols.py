@@ -36,7 +36,7 @@ class Clock(Protocol):
     def now_ns(self) -> int:
         """Cell time, ns."""
 
-    def on_tick(self, listener: Callable[[int], None]) -> None:
+    def on_tick(self, listener: Callable[[int], object]) -> None:
         """Call with the cell time about 50 times a second of cell time."""
 
 
@@ -46,7 +46,7 @@ class Arm(Protocol):
     def joint_state(self) -> JointState:
         """The encoders now."""
 
-    def on_joint_state(self, listener: Callable[[JointState], None]) -> None:
+    def on_joint_state(self, listener: Callable[[JointState], object]) -> None:
         """Call with every joint state (250 Hz of cell time)."""
 
     def follow(self, command: FollowTrajectory) -> MotionOutcome:
@@ -74,7 +74,7 @@ class Arm(Protocol):
 class ForceTorqueSensor(Protocol):
     """A wrist force/torque sensor."""
 
-    def on_batch(self, listener: Callable[[RawWrenchBatch], None]) -> None:
+    def on_batch(self, listener: Callable[[RawWrenchBatch], object]) -> None:
         """Call with every batch of raw samples (1 kHz in batches of 10 ms)."""
 
 

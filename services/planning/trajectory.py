@@ -75,11 +75,7 @@ def move_through(waypoints_rad: ArrayLike, limits: JointLimits) -> JointTrajecto
     points = np.asarray(waypoints_rad, dtype=float)
     if points.ndim != 2 or points.shape[1] != 6 or len(points) < 2:
         raise ValueError(f"waypoints_rad wants shape (n, 6) with n >= 2, got {points.shape}")
-    legs = [
-        move_joints(a, b, limits)
-        for a, b in pairwise(points)
-        if np.max(np.abs(b - a)) > 1e-12
-    ]
+    legs = [move_joints(a, b, limits) for a, b in pairwise(points) if np.max(np.abs(b - a)) > 1e-12]
     return joined(legs) if legs else move_joints(points[0], points[-1], limits)
 
 

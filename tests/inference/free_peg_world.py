@@ -115,16 +115,17 @@ class FreePegWorld:
     def step(self, command: Pose, command_twist_hole: Array | None = None) -> Array:
         """One millisecond towards a commanded pose that moves at (v, w) (6,); the wrist's wrench on the peg, peg frame."""
         position, quaternion = self.client.getBasePositionAndOrientation(self.body)
-        velocity, turning = (np.array(v) for v in self.client.getBaseVelocity(self.body))
+        velocity, turning = self.client.getBaseVelocity(self.body)
         twist = np.zeros(6) if command_twist_hole is None else command_twist_hole
-        pose = Pose.from_quaternion(quaternion, position)
-        lag = Pose(pose.rotation.T @ command.rotation, np.zeros(3)).rotvec_rad()
+        rotation = np.array(self.client.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+        skewed = rotation.T @ command.rotation
+        lag = 0.5 * np.array([skewed[2, 1] - skewed[1, 2], skewed[0, 2] - skewed[2, 0], skewed[1, 0] - skewed[0, 1]])
         force = self.stiffness_n_m * (command.translation_m - position) + self.damping_ns_m * (twist[:3] - velocity)
-        moment = pose.rotation @ (self.stiffness_nm_rad * lag) + self.damping_nms_rad * (twist[3:] - turning)
-        self.client.applyExternalForce(self.body, -1, force.tolist(), list(position), pybullet.WORLD_FRAME)
+        moment = rotation @ (self.stiffness_nm_rad * lag) + self.damping_nms_rad * (twist[3:] - turning)
+        self.client.applyExternalForce(self.body, -1, force.tolist(), position, pybullet.WORLD_FRAME)
         self.client.applyExternalTorque(self.body, -1, moment.tolist(), pybullet.WORLD_FRAME)
         self.client.stepSimulation()
-        return np.concatenate([pose.rotation.T @ force, pose.rotation.T @ moment])
+        return np.concatenate([force @ rotation, moment @ rotation])
 
     def contact_wrench_peg(self) -> Array:
         """The contact wrench (6,) on the peg in the peg frame, from the engine's contact points and frictions."""
@@ -133,7 +134,7 @@ class FreePegWorld:
         for contact in self.client.getContactPoints(bodyA=self.body):
             point = np.array(contact[5])
             force = contact[9] * np.array(contact[7])
-            force = force + contact[10] * np.array(contact[11]) + contact[12] * np.array(contact[13])
+            force = force - contact[10] * np.array(contact[11]) - contact[12] * np.array(contact[13])
             wrench[:3] += force
             wrench[3:] += np.cross(point - pose.translation_m, force)
         return np.concatenate([pose.rotation.T @ wrench[:3], pose.rotation.T @ wrench[3:]])
@@ -183,7 +184,7 @@ def guarded_push(
         wrist = world.step(command, np.concatenate([speed * direction_hole, np.zeros(3)]))
         magnitude = float(np.linalg.norm(wrist[:3]))
         moment = float(np.linalg.norm(wrist[3:]))
-        near = magnitude > 0.6 * force_limit_n or moment > 0.6 * moment_limit_nm
+        near = magnitude > 0.85 * force_limit_n or moment > 0.85 * moment_limit_nm
         if near:
             wrenches.append(world.contact_wrench_peg())
             poses.append(world.pose_hole_peg())

@@ -4,6 +4,8 @@ Two convex bodies first touch where the ray of motion enters their Minkowski dif
 faces of either and by the planes of edge pairs, so the travel to contact is the largest of (separation along an axis) /
 (closing speed along it) over these axes: no vertex-face or edge-edge case needs its own search (Ericson, "Real-Time
 Collision Detection", 5.2 and 5.5.8).
+
+Arrays inside keep the poses on their last axis, so that every reduction runs over contiguous memory.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
 from services.inference.mechanics.features import EDGE_ON_EDGE, PEG_CORNER_ON_FACE, PEG_FACE_ON_CORNER, ContactFeatures
@@ -41,84 +42,147 @@ def first_contacts(
     unit motion of the peg in the hole frame.
     """
     rotation = np.asarray(rotation_hole_peg, float)
-    shift = np.asarray(translation_hole_peg_m, float)
-    motion = np.asarray(direction_hole, float)
-    n = len(rotation)
-    n_peg, n_hole = len(tables.peg_corners_m), len(tables.hole_corners_m)
+    shift = np.ascontiguousarray(np.asarray(translation_hole_peg_m, float).T)
+    motion = np.ascontiguousarray(np.asarray(direction_hole, float).T)
+    to_hole = np.ascontiguousarray(rotation.transpose(1, 2, 0))
+    separation, closing = _separations(tables, to_hole, shift, motion)
 
-    def turned(vectors: Array) -> Array:
-        return np.einsum("nij,pkj->npki", rotation, vectors)
-
-    corners = turned(tables.peg_corners_m) + shift[:, None, None, :]
-    peg_edges = turned(tables.peg_edges)
-    n_hole_faces, n_peg_faces = tables.hole_normals.shape[1], tables.peg_normals.shape[1]
-    n_peg_edges, n_hole_edges = tables.peg_edges.shape[1], tables.hole_edges.shape[1]
-
-    # Axes in the hole frame, from hole to peg, (n, P, H, axes, 3): hole faces, peg faces, then edge pairs both ways.
-    hole_axes = np.broadcast_to(tables.hole_normals[None, None], (n, n_peg, n_hole, n_hole_faces, 3))
-    peg_axes = np.broadcast_to(-turned(tables.peg_normals)[:, :, None], (n, n_peg, n_hole, n_peg_faces, 3))
-    crossed = np.cross(peg_edges[:, :, None, :, None, :], tables.hole_edges[None, None, :, None, :, :])
-    length = np.linalg.norm(crossed, axis=-1)
-    usable = (length > 1e-7).reshape(n, n_peg, n_hole, -1)
-    crossed = (crossed / np.maximum(length, 1e-7)[..., None]).reshape(n, n_peg, n_hole, n_peg_edges * n_hole_edges, 3)
-    axes = np.concatenate([hole_axes, peg_axes, crossed], axis=3)
-
-    along_peg = axes @ np.swapaxes(corners, -1, -2)[:, :, None]
-    along_hole = axes @ np.swapaxes(tables.hole_corners_m, -1, -2)[None, None]
-    separation = along_peg.min(axis=-1) - along_hole.max(axis=-1)
-    n_faces = n_hole_faces + n_peg_faces
-    reverse = along_hole[..., n_faces:, :].min(axis=-1) - along_peg[..., n_faces:, :].max(axis=-1)
-    closing = -np.einsum("npqai,ni->npqa", axes, motion)
-    separation = np.concatenate(
-        [separation[..., :n_faces], np.where(usable, separation[..., n_faces:], -np.inf), np.where(usable, reverse, -np.inf)],
-        axis=-1,
-    )
-    closing = np.concatenate([closing, -closing[..., n_faces:]], axis=-1)
-
+    finite = separation > -1.0
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = separation / closing
-    entering = np.where((closing > 1e-9) & np.isfinite(separation), ratio, -np.inf)
-    leaving = np.where((closing < -1e-9) & np.isfinite(separation), ratio, np.inf)
-    best = entering.argmax(axis=-1)
-    travel = np.take_along_axis(entering, best[..., None], axis=-1)[..., 0]
-    last = leaving.min(axis=-1)
-    parallel_apart = np.any((np.abs(closing) <= 1e-9) & (separation > 0.0), axis=-1)
+    entering = np.where((closing > 1e-9) & finite, ratio, -np.inf)
+    best = entering.argmax(axis=0)
+    travel = np.take_along_axis(entering, best[None], axis=0)[0]
+    last = np.where((closing < -1e-9) & finite, ratio, np.inf).min(axis=0)
+    parallel_apart = ((np.abs(closing) <= 1e-9) & (separation > 0.0)).any(axis=0)
     meets = (travel <= last + 1e-9) & (last > 0.0) & ~parallel_apart & np.isfinite(travel)
+    return PairContacts(
+        np.where(meets, travel, np.inf).T, separation.max(axis=0).T, _name_features(tables, rotation, best.T)
+    )
 
-    # Name the winning features: one corner on either side carries the plane, the line or the point.
-    n_cross = n_peg_edges * n_hole_edges
+
+def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array) -> tuple[Array, Array]:
+    """Separation (m) and closing speed along every axis (A, P * H, N), for rotations (3, 3, N) and shifts (3, N)."""
+    n = shift.shape[1]
+    pegs, corners, _ = tables.peg_corners_m.shape
+    holes, hole_corners, _ = tables.hole_corners_m.shape
+    hole_faces, hole_edges = tables.hole_normals.shape[1], tables.hole_edges.shape[1]
+    peg_edges = tables.peg_edges.shape[1]
+
+    def spread(values: Array) -> Array:
+        return np.broadcast_to(values, (values.shape[0], pegs, holes, n)).reshape(values.shape[0], pegs * holes, n)
+
+    # Hole faces: the peg's support along the few distinct normals.
+    normals, which = _distinct(tables.hole_normals)
+    offsets = np.einsum("hfi,hwi->hfw", tables.hole_normals, tables.hole_corners_m).max(axis=-1)
+    normals_peg = np.einsum("ui,ijn->jun", normals, to_hole).reshape(3, -1)
+    support = (tables.peg_corners_m.transpose(1, 0, 2).reshape(-1, 3) @ normals_peg).reshape(corners, pegs, -1, n)
+    reach = support.min(axis=0) + normals @ shift
+    hole_separation = (reach[:, which] - offsets[None, :, :, None]).transpose(2, 0, 1, 3)
+    hole_closing = -(normals @ motion)[which].transpose(1, 0, 2)[:, None]
+
+    # Peg faces: the hole blocks' support along each turned normal.
+    peg_normals = np.einsum("pfj,ijn->ifpn", tables.peg_normals, to_hole)
+    peg_offsets = np.einsum("pfi,pvi->pfv", tables.peg_normals, tables.peg_corners_m).max(axis=-1)
+    support = (tables.hole_corners_m.transpose(1, 0, 2).reshape(-1, 3) @ peg_normals.reshape(3, -1)).reshape(
+        hole_corners, holes, -1, pegs, n
+    )
+    own = np.einsum("ifpn,in->fpn", peg_normals, shift) + peg_offsets.T[:, :, None]
+    peg_separation = support.min(axis=0).transpose(1, 2, 0, 3) - own[:, :, None]
+    peg_closing = np.einsum("ifpn,in->fpn", peg_normals, motion)[:, :, None]
+
+    # Edge pairs, (peg edge x hole edge) and its opposite: n . b = peg edge . (hole edge x b), and the like for the peg.
+    edges, which = _distinct(tables.hole_edges)
+    turned = np.einsum("pej,ijn->iepn", tables.peg_edges, to_hole)
+    arms = np.cross(tables.hole_edges[:, :, None], tables.hole_corners_m[:, None]).transpose(2, 1, 0, 3)
+    on_hole = (arms.reshape(-1, 3) @ turned.reshape(3, -1)).reshape(
+        hole_corners, hole_edges, holes, peg_edges, pegs, n
+    )
+    hole_low, hole_high = (x.transpose(2, 0, 3, 1, 4) for x in (on_hole.min(axis=0), on_hole.max(axis=0)))
+    edges_peg = np.einsum("ui,ijn->jun", edges, to_hole).reshape(3, -1)
+    arms = np.cross(tables.peg_corners_m[:, None], tables.peg_edges[:, :, None]).transpose(2, 1, 0, 3)
+    on_peg = (arms.reshape(-1, 3) @ edges_peg).reshape(corners, peg_edges, pegs, -1, n)
+    axes = np.stack(
+        [
+            turned[(i + 1) % 3][:, :, None] * edges[None, None, :, (i + 2) % 3, None]
+            - turned[(i + 2) % 3][:, :, None] * edges[None, None, :, (i + 1) % 3, None]
+            for i in range(3)
+        ]
+    )
+    length = np.sqrt((axes * axes).sum(axis=0))
+    usable = length > 1e-7
+    scale = 1.0 / np.maximum(length, 1e-7)
+    own = np.einsum("iepun,in->epun", axes, shift)
+
+    def per_block(values: Array) -> Array:
+        """(E, P, U, N) to (E, Eh, P, H, N)."""
+        return values[:, :, which].transpose(0, 3, 1, 2, 4)
+
+    factor = per_block(scale)
+    forth = (per_block(on_peg.min(axis=0) + own) - hole_high) * factor
+    back = (hole_low - per_block(on_peg.max(axis=0) + own)) * factor
+    dead = ~per_block(usable)
+    forth[dead], back[dead] = -np.inf, -np.inf
+    edge_closing = per_block(-np.einsum("iepun,in->epun", axes, motion) * scale)
+    crossed = (-1, pegs * holes, n)
+    separation = [
+        spread(hole_separation), spread(peg_separation), forth.reshape(crossed), back.reshape(crossed),
+    ]  # fmt: skip
+    closing = [
+        spread(hole_closing), spread(peg_closing), edge_closing.reshape(crossed), -edge_closing.reshape(crossed),
+    ]  # fmt: skip
+    assert hole_faces == hole_separation.shape[0]
+    return np.concatenate(separation), np.concatenate(closing)
+
+
+def _distinct(vectors: Array) -> tuple[Array, Array]:
+    """The distinct rows (U, 3) of vectors (H, F, 3), and which of them each is (H, F)."""
+    rows, which = np.unique(np.round(vectors.reshape(-1, 3), 12), axis=0, return_inverse=True)
+    return rows, np.asarray(which).reshape(vectors.shape[:-1])
+
+
+def _name_features(tables: PairTables, rotation: Array, best: Array) -> ContactFeatures:
+    """The features behind the winning axes best (N, P * H): on either side one corner and a direction."""
+    n = len(rotation)
+    pegs, holes = len(tables.peg_corners_m), len(tables.hole_corners_m)
+    hole_faces, peg_faces = tables.hole_normals.shape[1], tables.peg_normals.shape[1]
+    hole_edges = tables.hole_edges.shape[1]
+    n_cross = tables.peg_edges.shape[1] * hole_edges
+    n_faces = hole_faces + peg_faces
     flipped = best >= n_faces + n_cross
     column = np.where(flipped, best - n_cross, best)
-    pick = column[..., None, None]
-    peg_row = np.take_along_axis(along_peg, pick, axis=3)[..., 0, :]
-    hole_row = np.take_along_axis(along_hole, pick, axis=3)[..., 0, :]
-    peg_corner = np.where(flipped, peg_row.argmax(axis=-1), peg_row.argmin(axis=-1))
-    hole_corner = np.where(flipped, hole_row.argmin(axis=-1), hole_row.argmax(axis=-1))
-    kind: NDArray[np.int64] = np.where(
-        column < n_hole_faces, PEG_CORNER_ON_FACE, np.where(column < n_faces, PEG_FACE_ON_CORNER, EDGE_ON_EDGE)
+    kind = np.where(
+        column < hole_faces, PEG_CORNER_ON_FACE, np.where(column < n_faces, PEG_FACE_ON_CORNER, EDGE_ON_EDGE)
     )
-    p_index = np.arange(n_peg)[None, :, None]
-    h_index = np.arange(n_hole)[None, None, :]
+    p_index = np.repeat(np.arange(pegs), holes)[None]
+    h_index = np.tile(np.arange(holes), pegs)[None]
     cross_column = np.clip(column - n_faces, 0, n_cross - 1)
+    is_edge = (kind == EDGE_ON_EDGE)[..., None]
     peg_direction = np.where(
-        (kind == EDGE_ON_EDGE)[..., None],
-        tables.peg_edges[p_index, cross_column // n_hole_edges],
-        tables.peg_normals[p_index, np.clip(column - n_hole_faces, 0, n_peg_faces - 1)],
+        is_edge,
+        tables.peg_edges[p_index, cross_column // hole_edges],
+        tables.peg_normals[p_index, np.clip(column - hole_faces, 0, peg_faces - 1)],
     )
     hole_direction = np.where(
-        (kind == EDGE_ON_EDGE)[..., None],
-        tables.hole_edges[h_index, cross_column % n_hole_edges],
-        tables.hole_normals[h_index, np.clip(column, 0, n_hole_faces - 1)],
+        is_edge,
+        tables.hole_edges[h_index, cross_column % hole_edges],
+        tables.hole_normals[h_index, np.clip(column, 0, hole_faces - 1)],
     )
-    shape = (n, n_peg * n_hole)
-    features = ContactFeatures(
-        kind.reshape(shape),
-        tables.peg_corners_m[p_index, peg_corner].reshape(*shape, 3),
-        peg_direction.reshape(*shape, 3),
-        tables.hole_corners_m[h_index, hole_corner].reshape(*shape, 3),
-        hole_direction.reshape(*shape, 3),
-        np.where(flipped, -1.0, 1.0).reshape(shape),
+    sign = np.where(flipped, -1.0, 1.0)
+    hole_in_peg = np.einsum("nji,nqj->nqi", rotation, hole_direction)
+    normal_peg = np.where(
+        is_edge,
+        np.cross(peg_direction, hole_in_peg) * sign[..., None],
+        np.where((kind == PEG_CORNER_ON_FACE)[..., None], hole_in_peg, -peg_direction),
     )
-    return PairContacts(
-        np.where(meets, travel, np.inf).reshape(shape), separation.max(axis=-1).reshape(shape), features
+    normal_hole = np.einsum("nij,nqj->nqi", rotation, normal_peg)
+    along_peg = np.einsum("qvi,nqi->nqv", tables.peg_corners_m[p_index[0]], normal_peg)
+    along_hole = np.einsum("qvi,nqi->nqv", tables.hole_corners_m[h_index[0]], normal_hole)
+    return ContactFeatures(
+        np.broadcast_to(kind, (n, pegs * holes)),
+        tables.peg_corners_m[p_index, along_peg.argmin(axis=-1)],
+        peg_direction,
+        tables.hole_corners_m[h_index, along_hole.argmax(axis=-1)],
+        hole_direction,
+        sign,
     )

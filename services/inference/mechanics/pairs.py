@@ -37,7 +37,7 @@ class PairTables:
         return cls(
             _padded([piece.vertices_m() for piece in peg_pieces]),
             _padded([piece.normals[piece.normals[:, 2] > -0.5] for piece in peg_pieces]),
-            _padded([_edge_directions(piece) for piece in peg_pieces]),
+            _padded([_edge_directions(piece, np.inf) for piece in peg_pieces]),
             _padded([piece.vertices_m() for piece in hole_pieces]),
             _padded(
                 [
@@ -45,17 +45,23 @@ class PairTables:
                     for piece in hole_pieces
                 ]
             ),
-            _padded([_edge_directions(piece) for piece in hole_pieces]),
+            _padded([_edge_directions(piece, plate) for piece in hole_pieces]),
         )
 
 
-def _edge_directions(piece: ConvexPiece) -> Array:
-    """The distinct directions (k, 3) of a piece's edges: lines on which two faces meet in at least two corners."""
+def _edge_directions(piece: ConvexPiece, plate_half_size_m: float) -> Array:
+    """The distinct directions (k, 3) of a piece's edges: lines on which two faces meet in at least two corners.
+
+    Edges on the sides of the plate are left out.
+    """
     corners = piece.vertices_m()
     on_face = np.abs(corners @ piece.normals.T - piece.offsets_m) < 1e-9
     directions: list[Array] = []
     for i in range(len(corners)):
         for j in range(i + 1, len(corners)):
+            on_side = np.abs(np.abs([corners[i, :2], corners[j, :2]]) - plate_half_size_m) < 1e-9
+            if np.any(on_side.all(axis=0)):
+                continue
             if np.count_nonzero(on_face[i] & on_face[j]) >= 2:
                 direction = corners[j] - corners[i]
                 direction = direction / np.linalg.norm(direction)

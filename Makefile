@@ -1,0 +1,48 @@
+# make assemble    one assembly, from nothing        make test    the tests, from nothing
+#
+#   SEED=7               the trial to run                     ARGS='...'     further arguments of the command
+#   PYTHON=python3.12    the interpreter to use               VENV=folder    where the environment is made
+#   TORCH_INDEX_URL=...  an index with torch's CPU build, for machines whose package index has only the CUDA build
+#                        (on Linux several gigabytes larger; either works)
+
+PYTHON ?=
+VENV ?= .venv
+TORCH_INDEX_URL ?=
+SEED ?=
+ARGS ?=
+
+BIN := $(VENV)/bin
+
+.PHONY: help env assemble up test lint format typecheck clean distclean
+.DEFAULT_GOAL := help
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-18s %s\n' "$$target" "$$text"; done
+
+env: ## make or renew the environment
+	@PYTHON='$(PYTHON)' VENV='$(VENV)' TORCH_INDEX_URL='$(TORCH_INDEX_URL)' sh deploy/bootstrap.sh
+
+assemble: env ## start the system, do one assembly, stop everything
+	@$(BIN)/crosspih assemble $(if $(SEED),--seed $(SEED)) $(ARGS)
+
+up: env ## start the system and show what it writes; Ctrl-C stops it
+	@$(BIN)/crosspih up $(ARGS)
+
+test: env ## run the tests
+	@$(BIN)/python -m pytest $(ARGS)
+
+lint: env ## style and common errors
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check .
+
+format: env ## bring the source into the house's form
+	@$(BIN)/ruff check --fix . && $(BIN)/ruff format .
+
+typecheck: env ## mypy, strict
+	@$(BIN)/mypy
+
+clean: ## remove what tests and runs left, but not recordings
+	@rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
+	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+distclean: clean ## remove the environment too
+	@if [ -f '$(VENV)/pyvenv.cfg' ]; then rm -rf '$(VENV)'; fi

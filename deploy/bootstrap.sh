@@ -1,0 +1,106 @@
+#!/bin/sh
+# Makes the virtual environment and installs this project with pinned versions, or returns at once if that was done.
+#
+# PYTHON           the interpreter to use; default: the first of python3, python3.14 ... python3.10 that is new enough
+# VENV             where the environment is made; default: .venv
+# TORCH_INDEX_URL  an additional package index that has torch's CPU build
+set -eu
+
+root=$(cd "$(dirname "$0")/.." && pwd -P)
+cd "$root"
+VENV=${VENV:-.venv}
+PYTHON=${PYTHON:-}
+TORCH_INDEX_URL=${TORCH_INDEX_URL:-}
+stamp="$VENV/.crosspih-stamp"
+log="$VENV/install.log"
+
+fail() {
+    printf 'crosspih: %s\n' "$*" >&2
+    exit 1
+}
+
+say() {
+    printf 'crosspih: %s\n' "$*" >&2
+}
+
+new_enough() {
+    "$1" -c 'import sys; sys.exit(sys.version_info < (3, 10))' >/dev/null 2>&1
+}
+
+version_of() {
+    "$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null || echo unknown
+}
+
+# The environment belongs to this folder (it refers to it), these pins and this interpreter.
+fingerprint() {
+    { cat pyproject.toml deploy/constraints.txt deploy/bootstrap.sh && printf '%s\n' "$root" "$PYTHON"; } | cksum
+}
+
+if [ -x "$VENV/bin/python" ] && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ] &&
+    new_enough "$VENV/bin/python"; then
+    exit 0
+fi
+
+if [ -n "$PYTHON" ]; then
+    command -v "$PYTHON" >/dev/null 2>&1 || fail "no Python at PYTHON=$PYTHON; name one that is 3.10 or newer"
+    new_enough "$PYTHON" || fail "PYTHON=$PYTHON is Python $(version_of "$PYTHON"); 3.10 or newer is needed"
+    python=$PYTHON
+else
+    python='' found=''
+    for candidate in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do
+        command -v "$candidate" >/dev/null 2>&1 || continue
+        found=${found:-$candidate}
+        if new_enough "$candidate"; then
+            python=$candidate
+            break
+        fi
+    done
+    [ -n "$found" ] || fail "no Python found; install Python 3.10 or newer, or name it with PYTHON=/path/to/python3"
+    [ -n "$python" ] ||
+        fail "$found is Python $(version_of "$found"); install 3.10 or newer, or name one with PYTHON=/path/to/python3"
+fi
+"$python" -c 'import venv, ensurepip' >/dev/null 2>&1 ||
+    fail "$python has no venv module; install it (Debian and Ubuntu: apt install python3-venv)"
+
+# Never remove a folder that is not an environment.
+if [ -e "$VENV" ] && [ ! -f "$VENV/pyvenv.cfg" ] && [ -n "$(ls -A "$VENV" 2>/dev/null)" ]; then
+    fail "VENV=$VENV exists and is no virtual environment; name another folder"
+fi
+started=$(date +%s)
+say "making $VENV with Python $(version_of "$python"); the first time takes some minutes"
+rm -f "$stamp"
+"$python" -m venv --clear "$VENV" >/dev/null 2>&1 || fail "cannot make $VENV: $python -m venv --clear $VENV fails"
+: >"$log"
+
+# Installs "$@"; the whole of what pip says is in the log.
+install() {
+    "$VENV/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --retries 2 \
+        --constraint deploy/constraints.txt ${TORCH_INDEX_URL:+--extra-index-url "$TORCH_INDEX_URL"} "$@" \
+        >>"$log" 2>&1
+}
+
+install_or_fail() {
+    install "$@" && return
+    if grep -q -i -E 'NewConnectionError|NameResolutionError|name resolution|Name or service not known|nodename nor|Network is unreachable|Connection refused|ConnectTimeout|ReadTimeout|timed out|ProxyError|No route to host' "$log"; then
+        fail "no network: pip reached no package index; connect, or point PIP_INDEX_URL at a mirror (all it said: $log)"
+    fi
+    reason=$(grep -i '^error' "$log" | tail -n 1)
+    fail "pip could not install: ${reason:-see $log} (all it said: $log)"
+}
+
+install_or_fail setuptools
+
+# On Linux the index's plain torch carries several gigabytes of CUDA libraries, which nothing here uses. The CPU build
+# of the same release is taken wherever the configured indexes have it.
+if [ "$(uname -s)" = Linux ]; then
+    torch=$(sed -n 's/^torch==\([0-9.]*\).*/\1/p' deploy/constraints.txt)
+    if ! install --no-deps "torch==$torch+cpu"; then
+        [ -z "$TORCH_INDEX_URL" ] || fail "no CPU build of torch $torch at TORCH_INDEX_URL=$TORCH_INDEX_URL (see $log)"
+        say "no CPU build of torch at the configured package indexes: installing the default one, which is much larger;" \
+            "set TORCH_INDEX_URL to PyTorch's CPU index to avoid that"
+    fi
+fi
+
+install_or_fail --no-build-isolation --editable '.[all,dev]'
+fingerprint >"$stamp"
+say "$VENV is ready ($(($(date +%s) - started)) s)"

@@ -1,0 +1,33 @@
+"""Running a supervisor in this process, until it is told to stop or has nothing left to run."""
+
+import asyncio
+import signal
+from collections.abc import Callable
+
+from deploy.launcher.logfile import LogLine
+from deploy.launcher.stack import StackRequest
+from deploy.launcher.supervisor import Supervisor
+
+
+def supervise(request: StackRequest, show: Callable[[LogLine], None]) -> int:
+    """Run a stack here; ``show`` gets every line its services write. Returns the exit status to end with.
+
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP stop it in order, a second one kills what is left. Raises ComposeError and
+    AlreadyUpError.
+    """
+    services = request.chosen()
+    directory = request.directory()
+    directory.acquire()
+
+    async def run() -> int:
+        supervisor = Supervisor(services, request.compose_file, directory, show, request.stop_timeout_s)
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, supervisor.stop)
+        return await supervisor.run()
+
+    try:
+        return asyncio.run(run())
+    finally:
+        state = directory.read()
+        directory.release(keep_state=state is not None and state.finished)

@@ -1,0 +1,18 @@
+"""`python -m services.force_torque`."""
+
+from __future__ import annotations
+
+import sys
+
+from crosspih_common.service import ServiceContext, run_service
+from services.force_torque.config import ForceTorqueConfig
+from services.force_torque.shell import ForceTorqueShell
+
+
+def build(context: ServiceContext) -> ForceTorqueShell:
+    """Bind the core to its keys."""
+    return ForceTorqueShell(context, context.cell.section("force_torque", ForceTorqueConfig))
+
+
+if __name__ == "__main__":
+    sys.exit(run_service("force_torque", build))

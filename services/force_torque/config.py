@@ -1,0 +1,24 @@
+"""The force_torque service's own settings."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from crosspih_common.config.section import Section
+
+
+class ForceTorqueConfig(Section):
+    """The `force_torque` section of a cell's file."""
+
+    calibration_file: str = Field(
+        default="run/{cell}/ft-calibration.yaml", description="where the calibration is kept; {cell} is the cell's name"
+    )
+    filter_hz: float = Field(default=50.0, gt=0.0, le=500.0, description="low-pass of the published contact wrench")
+    onset_force_n: float = Field(default=1.0, gt=0.0)
+    onset_moment_nm: float = Field(default=0.06, gt=0.0)
+    drift_force_n: float = Field(default=0.3, gt=0.0, description="mean |F| in free air that means: calibrate again")
+    drift_moment_nm: float = Field(default=0.015, gt=0.0)
+    gravity_free: bool = Field(default=True, description="find the direction of gravity too: the base may be tilted")
+    residual_force_limit_n: float = Field(default=0.5, gt=0.0)
+    residual_moment_limit_nm: float = Field(default=0.05, gt=0.0)
+    state_every_batches: int = Field(default=10, ge=1, description="how often the contact state is judged")

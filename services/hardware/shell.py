@@ -1,0 +1,116 @@
+"""Binds a cell's devices to their keys; knows the Protocols only, never a driver."""
+
+from __future__ import annotations
+
+import uuid
+
+from crosspih_common.bus.bus import NOW_LANE
+from crosspih_common.keys import (
+    ADMITTANCE_MOVE,
+    CAMERA_CALIBRATION,
+    CAPTURE,
+    CLOCK,
+    DWELL,
+    FOLLOW,
+    GUARDED_MOVE,
+    IMAGE_LEFT,
+    IMAGE_RIGHT,
+    JOINT_STATE,
+    MOVE_LINEAR,
+    RESET,
+    SET_PAYLOAD,
+    STOP,
+    TRUTH,
+    WRENCH_RAW,
+)
+from crosspih_common.messages import (
+    CaptureStereo,
+    CellClock,
+    Frame,
+    Image,
+    PayloadAccepted,
+    ResetCell,
+    SetPayload,
+    SimulationTruth,
+    StereoPair,
+    StopAccepted,
+    StopMotion,
+)
+from crosspih_common.service import ServiceContext
+from services.hardware.protocols import Cell, Simulation
+
+ARM_LANE = "arm"  # one motion at a time: a second one is refused, never queued
+
+
+class HardwareShell:
+    """The cell on the bus: streams what the devices say, serves what they can do."""
+
+    def __init__(self, cell: Cell, context: ServiceContext, realtime: bool) -> None:
+        self._cell, self._bus = cell, context.bus
+        self._boot_id = uuid.uuid4().hex[:8]
+        self._realtime = realtime
+        self._captures = 0
+        bus, arm = self._bus, cell.arm
+        self._clock = bus.publisher(CLOCK)
+        self._images = bus.publisher(IMAGE_LEFT), bus.publisher(IMAGE_RIGHT)
+        self._calibration = bus.publisher(CAMERA_CALIBRATION)
+        self._truth = bus.publisher(TRUTH) if cell.simulation is not None else None
+        joints, wrench = bus.publisher(JOINT_STATE), bus.publisher(WRENCH_RAW)
+
+        arm.on_joint_state(joints.publish)
+        cell.force_torque.on_batch(wrench.publish)
+        cell.clock.on_tick(self._tick)
+        self._tick(cell.clock.now_ns())
+        self._calibration.publish(cell.camera.calibration())
+        bus.serve(FOLLOW, arm.follow, lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(MOVE_LINEAR, arm.move_linear, lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(GUARDED_MOVE, arm.guarded_move, lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(ADMITTANCE_MOVE, arm.admittance_move, lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(DWELL, arm.dwell, lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(CAPTURE, self._capture, lane=ARM_LANE)
+        bus.serve(SET_PAYLOAD, self._set_payload, lane=ARM_LANE)
+        bus.serve(STOP, self._stop, lane=NOW_LANE)
+        if cell.simulation is not None:
+            simulation = cell.simulation
+            bus.serve(RESET, lambda command: self._reset(simulation, command), lane=ARM_LANE)
+
+    def _tick(self, now_ns: int) -> None:
+        self._bus.clock.observe(now_ns)
+        self._clock.publish(CellClock(stamp_ns=now_ns, boot_id=self._boot_id, realtime=self._realtime))
+        if self._truth is not None and self._cell.simulation is not None:
+            self._truth.publish(self._cell.simulation.truth())
+
+    def _capture(self, command: CaptureStereo) -> StereoPair:
+        stamp_ns, exposure_s, left, right = self._cell.camera.capture()
+        self._bus.clock.observe(stamp_ns)
+        self._captures += 1
+        for publisher, frame, pixels in zip(
+            self._images, (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT), (left, right), strict=True
+        ):
+            publisher.publish(Image(frame.value, pixels, stamp_ns))
+        return StereoPair(
+            stamp_ns=stamp_ns,
+            capture_id=self._captures,
+            calibration=self._cell.camera.calibration(),
+            exposure_s=exposure_s,
+        )
+
+    def _set_payload(self, command: SetPayload) -> PayloadAccepted:
+        self._cell.arm.set_payload(command)
+        return PayloadAccepted(weight_n=command.weight_n)
+
+    def _stop(self, command: StopMotion) -> StopAccepted:
+        return StopAccepted(was_moving=self._cell.arm.stop())
+
+    def _reset(self, simulation: Simulation, command: ResetCell) -> SimulationTruth:
+        truth = simulation.reset(command)
+        if self._truth is not None:
+            self._truth.publish(truth)
+        self._tick(self._cell.clock.now_ns())
+        return truth
+
+    def close(self) -> None:
+        """Stop all motion and let go of the devices."""
+        self._cell.arm.stop()
+        self._cell.close()
+

@@ -1,0 +1,109 @@
+"""The admittance move: push along a direction, yield to lateral force and to moment (Seraji 1994; Villani and De
+Schutter, "Force Control", Springer Handbook of Robotics, section 9.2).
+
+The contact wrench, filtered at 100 Hz, is turned into velocity about a centre near the rim:
+
+    v_lateral = F_lateral / D,   w = M_centre / D_r,   v_axial = v (1 - load / F_max)
+
+each clipped. The load is the axial force, or a share of |F| when the peg leans on a wall: a wedged peg can carry far
+more than its axial force says. A load beyond F_max lets the peg come back.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from crosspih_common.arm import ArmModel
+from crosspih_common.arm.inverse import InverseError, nearest
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import AdmittanceMove, StopReason
+from services.hardware.simulation.motions import Ending, Steps
+from services.hardware.simulation.physics import STEP_S
+from services.hardware.simulation.servo import Reading, Reference, Servo, finite_difference_speed
+
+FILTER_HZ = 100.0
+STALL_SHARE = 0.05
+_RAMP_M_S2 = 0.5
+_MOMENT_LOAD_NM = 3.0
+
+
+class Admittance:
+    """One admittance move; how far it came stands in `travel_m`."""
+
+    def __init__(
+        self, arm: ArmModel, pose_flange_peg: Pose, start: Pose, direction_base: Array, command: AdmittanceMove
+    ) -> None:
+        self._arm = arm
+        self._peg_to_flange = pose_flange_peg.inverse()
+        self._start = start
+        self._direction = direction_base
+        self._command = command
+        self.travel_m = 0.0
+
+    def steps(self, servo: Servo) -> Steps:
+        """Until seated, stalled or out of time."""
+        command, direction = self._command, self._direction
+        smoothing = 1.0 - np.exp(-2.0 * np.pi * FILTER_HZ * STEP_S)
+        centre_peg = np.asarray(command.centre_peg_m, float)
+        pose = self._start
+        begin = centre = pose.apply(centre_peg)
+        joints = servo.joints_rad
+        wrench = np.zeros(6)
+        speed = 0.0
+        window = max(1, round(command.stall_s / STEP_S))
+        progress: deque[float] = deque([0.0], maxlen=window)
+        for _ in range(max(1, round(command.timeout_s / STEP_S))):
+            axial_speed, lateral, turn = self._velocities(wrench, pose, centre_peg)
+            # gather speed gently, give way at once
+            speed = min(axial_speed, speed + _RAMP_M_S2 * STEP_S)
+            centre = centre + (direction * speed + lateral) * STEP_S
+            rotation = Pose.from_rotvec(turn * STEP_S, np.zeros(3)).rotation @ pose.rotation
+            pose = Pose(rotation, centre - rotation @ centre_peg)
+            try:
+                following = nearest(self._arm, pose @ self._peg_to_flange, joints)
+            except InverseError as error:
+                return Ending(StopReason.STALLED, f"yielding led out of reach: {error}")
+            reading: Reading = yield Reference(following, finite_difference_speed(joints, following), np.zeros(6), pose)
+            joints = following
+            wrench = wrench + smoothing * (reading.contact - wrench)
+            self.travel_m = float((centre - begin) @ direction)
+            if self.travel_m >= command.travel_m:
+                return Ending(StopReason.SEATED)
+            if len(progress) == window and (
+                self.travel_m - progress[0] < STALL_SHARE * command.speed_m_s * command.stall_s
+            ):
+                return Ending(
+                    StopReason.STALLED,
+                    f"advanced {(self.travel_m - progress[0]) * 1e3:.2f} mm in the last {command.stall_s:g} s, "
+                    f"{self.travel_m * 1e3:.2f} of {command.travel_m * 1e3:.2f} mm in all",
+                )
+            progress.append(self.travel_m)
+        return Ending(StopReason.TIMED_OUT, f"{self.travel_m * 1e3:.2f} mm in {command.timeout_s:g} s")
+
+    def _velocities(self, wrench: Array, pose: Pose, centre_peg: Array) -> tuple[float, Array, Array]:
+        command, direction = self._command, self._direction
+        force = pose.rotation @ wrench[:3]
+        fx, fy, fz = wrench[:3]
+        x, y, z = centre_peg
+        # the moment about the centre: M - c x F
+        about = wrench[3:] - np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
+        axial = float(-force @ direction)
+        across = force + direction * axial
+        lateral = _clip(across / command.lateral_damping_n_s_m, command.lateral_speed_limit_m_s)
+        turn = _clip(
+            pose.rotation @ about / command.rotational_damping_nm_s_rad, command.rotational_speed_limit_rad_s
+        )
+        load = max(
+            axial / command.axial_force_n,
+            0.5 * float(np.linalg.norm(force)) / command.axial_force_n,
+            0.5 * float(np.linalg.norm(about)) / _MOMENT_LOAD_NM,
+        )
+        return command.speed_m_s * min(1.0, max(-1.0, 1.0 - load)), lateral, turn
+
+
+def _clip(vector: Array, length: float) -> Array:
+    size = float(np.sqrt(vector @ vector))
+    return vector if size <= length else np.asarray(vector * (length / size))

@@ -1,0 +1,147 @@
+"""The guarded move: straight on until something is felt, then observed while still creeping.
+
+Friction keeps the direction of sliding only while the peg slides, so wrench and pose are averaged over the last samples
+of the creep, not after it. The onset is looked for backwards from the threshold: where the force left the noise of free
+air, and from there, where it rises slowly, by a straight line through force against travel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import GuardedMove, StopReason
+from services.hardware.simulation.motions import Ending, Steps
+from services.hardware.simulation.paths import StraightPath
+from services.hardware.simulation.physics import STEP_S
+from services.hardware.simulation.servo import Reading, Reference, Servo
+
+FREE_SKIP = 10
+FREE_SAMPLES = 30
+BRAKE_M_S2 = 5.0
+OVERSHOOT_M = 0.002
+_RETREAT_M_S = 0.05
+_RETREAT_M_S2 = 0.5
+
+
+def ramp_m_s2(speed_m_s: float) -> float:
+    """How fast to gather speed: gently, for the payload's inertia is felt as force."""
+    return min(1.0, max(0.1, speed_m_s / 0.05))
+
+
+class Guarded:
+    """One guarded move; what it found stands in its attributes afterwards."""
+
+    def __init__(self, path: StraightPath, command: GuardedMove) -> None:
+        self._path = path
+        self._command = command
+        self.travel_m = 0.0
+        self.free_raw: Array | None = None
+        self.onset_m: float | None = None
+        self.observed_raw: Array | None = None  # (n, 6)
+        self.observed_joints_rad: Array | None = None
+        self.observed_travel_m: float | None = None
+        self._speed = 0.0
+
+    def steps(self, servo: Servo) -> Steps:
+        """Free air, approach, creep, retreat."""
+        free: list[Array] = []
+        felt: list[Array] = []
+        for index in range(FREE_SKIP + FREE_SAMPLES):
+            reading = yield servo.still()
+            if index >= FREE_SKIP:
+                free.append(reading.raw)
+                felt.append(reading.contact)
+        self.free_raw = np.mean(free, axis=0)
+        offset = np.mean(felt, axis=0)
+        if servo.payload is not None and self._over(offset):
+            # It touches already: the tare would hide that.
+            offset = np.zeros(6)
+        touched = yield from self._approach(servo, offset)
+        if not touched:
+            return Ending(StopReason.TRAVEL_LIMIT, f"nothing felt within {self._command.travel_limit_m * 1e3:.1f} mm")
+        yield from self._creep(servo)
+        yield from self._retreat(servo)
+        return Ending(StopReason.CONTACT)
+
+    def _over(self, contact: Array) -> bool:
+        force, moment = contact[:3], contact[3:]
+        return bool(
+            force @ force >= self._command.force_threshold_n**2 or moment @ moment >= self._command.moment_threshold_nm**2
+        )
+
+    def _go(self, speed: float) -> Reference:
+        self._speed = speed
+        self.travel_m += speed * STEP_S
+        joints, slope, _ = self._path.at(self.travel_m)
+        return Reference(joints, slope * speed, np.zeros(6), self._path.pose_at(self.travel_m))
+
+    def _approach(self, servo: Servo, offset: Array) -> Steps | bool:  # type: ignore[misc]
+        command = self._command
+        ramp = ramp_m_s2(command.speed_m_s)
+        travels, contacts = [], []
+        while True:
+            left = command.travel_limit_m - self.travel_m
+            if left < 1e-6:
+                return False
+            speed = min(command.speed_m_s, self._speed + ramp * STEP_S, max(2e-4, np.sqrt(2.0 * ramp * left)))
+            reading: Reading = yield self._go(float(min(speed, left / STEP_S)))
+            contact = reading.contact - offset
+            travels.append(self.travel_m)
+            contacts.append(contact)
+            if self._over(contact):
+                self.onset_m = onset(np.array(travels), np.array(contacts))
+                return True
+
+    def _creep(self, servo: Servo) -> Steps | None:  # type: ignore[misc]
+        command = self._command
+        count = max(command.observe_samples, round(command.observe_s / STEP_S))
+        raws, joints, travels = [], [], []
+        for _ in range(count):
+            speed = max(command.creep_speed_m_s, self._speed - BRAKE_M_S2 * STEP_S)
+            reference = self._go(speed)
+            reading = yield reference
+            raws.append(reading.raw)
+            joints.append(reference.joints_rad)
+            travels.append(self.travel_m)
+        last = slice(count - command.observe_samples, count)
+        self.observed_raw = np.array(raws[last])
+        self.observed_joints_rad = np.mean(joints[last], axis=0)
+        self.observed_travel_m = float(np.mean(travels[last]))
+        return None
+
+    def _retreat(self, servo: Servo) -> Steps | None:  # type: ignore[misc]
+        there = self.travel_m
+        left = min(self._command.retreat_m, there)
+        speed = 0.0
+        while left > 1e-9:
+            speed = min(_RETREAT_M_S, speed + _RETREAT_M_S2 * STEP_S, max(2e-4, np.sqrt(2.0 * _RETREAT_M_S2 * left)))
+            speed = min(speed, left / STEP_S)
+            left -= speed * STEP_S
+            s = there - min(self._command.retreat_m, there) + left
+            joints, slope, _ = self._path.at(s)
+            yield Reference(joints, -slope * speed, np.zeros(6), self._path.pose_at(s))
+        return None
+
+
+def onset(travels_m: Array, contacts: Array, free_window: int = 25) -> float:
+    """The travel of first contact, m, from travels (n,) and contact wrenches (n, 6) whose last one is at the threshold.
+
+    The force (mean of the time since onset taken as its direction) must have stayed above five times its own noise.
+    """
+    direction = contacts[-3:, :3].mean(axis=0)
+    direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
+    along = contacts[:, :3] @ direction
+    noise = float(np.std(along[:free_window])) if len(along) > 2 * free_window else 0.1
+    above = along > max(5.0 * noise, 0.3)
+    first = len(along) - 1
+    while first > 0 and above[first - 1]:
+        first -= 1
+    # the step before may have touched without leaving the noise
+    earliest, latest = float(travels_m[max(0, first - 2)]), float(travels_m[first])
+    if len(along) - first < 4:
+        return 0.5 * (float(travels_m[max(0, first - 1)]) + latest)
+    slope, level = np.polyfit(travels_m[first:], along[first:], 1)
+    if slope <= 0.0:
+        return latest
+    return float(np.clip(-level / slope, earliest, latest))

@@ -1,0 +1,24 @@
+"""The hole's pose from touches: robust maximum a posteriori over contact hypotheses."""
+
+from services.inference.estimator.estimate import estimate_pose
+from services.inference.estimator.observation import (
+    ContactHypothesis,
+    EstimatorSettings,
+    PoseErrorEstimate,
+    PosePrior,
+    TouchObservation,
+    TouchVerdict,
+)
+
+from services.inference.estimator.seated import final_estimate
+
+__all__ = [
+    "ContactHypothesis",
+    "EstimatorSettings",
+    "PoseErrorEstimate",
+    "PosePrior",
+    "TouchObservation",
+    "TouchVerdict",
+    "estimate_pose",
+    "final_estimate",
+]

@@ -1,0 +1,193 @@
+"""From touches and a prior to the pose of the hole: starts, fit, covariance and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.inference.estimator.fit import FitState, evaluate, step
+from services.inference.estimator.hypotheses import TouchBatch, TrialPoses, contact_basis, relative_poses
+from services.inference.estimator.observation import (
+    ContactHypothesis,
+    EstimatorSettings,
+    PoseErrorEstimate,
+    PosePrior,
+    TouchObservation,
+    TouchVerdict,
+)
+from services.inference.mechanics import PairTables, first_contacts
+
+KIND_NAMES = ("peg corner on face", "peg face on corner", "edge on edge")
+SOFTNESS = (1.0, 0.7, 0.5, 0.35, 0.22, 0.12, 0.06, 0.02)
+FINAL_STEPS = 6
+
+
+def estimate_pose(
+    tables: PairTables,
+    prior: PosePrior,
+    touches: Sequence[TouchObservation],
+    rng: np.random.Generator,
+    settings: EstimatorSettings | None = None,
+    previous: PoseErrorEstimate | None = None,
+) -> PoseErrorEstimate:
+    """The hole's pose (MAP) from all touches of one assembly. Starts: prior samples, the prior's mean, `previous`.
+
+    Every touch gets a verdict, in order. Without an informative touch the prior comes back.
+    """
+    settings = settings or EstimatorSettings()
+    informative = [touch for touch in touches if touch.informative]
+    if not informative:
+        verdicts = tuple(TouchVerdict(False, np.inf, (), "not informative") for _ in touches)
+        return PoseErrorEstimate(
+            prior.pose_base_hole, prior.covariance, 0, 0.0, settings.friction_mean, settings.friction_sd, verdicts
+        )
+    batch = TouchBatch.of(informative, settings)
+    trials = _starts(tables, prior, batch, rng, settings, previous)
+    for index, softness in enumerate(SOFTNESS):
+        state, trials = step(tables, trials, batch, prior, settings, softness)
+        if index == 3:
+            trials = _distinct(evaluate(tables, trials, batch, prior, settings, softness), settings.starts)
+    state = evaluate(tables, trials, batch, prior, settings, 0.0)
+    trials = _distinct(state, max(settings.starts // 2, 2))
+    for _ in range(FINAL_STEPS):
+        state, trials = step(tables, trials, batch, prior, settings, 0.0)
+    state, _ = step(tables, trials, batch, prior, settings, 0.0)
+    return _conclude(state, batch, prior, touches, settings)
+
+
+def _starts(
+    tables: PairTables,
+    prior: PosePrior,
+    batch: TouchBatch,
+    rng: np.random.Generator,
+    settings: EstimatorSettings,
+    previous: PoseErrorEstimate | None,
+) -> TrialPoses:
+    """The best of samples from the prior, each moved along the last push until it just touches; and `previous`."""
+    count = max(settings.samples // len(batch.wrench), 40)
+    spread = rng.multivariate_normal(np.zeros(6), prior.covariance, size=count)
+    spread[count // 2 :] *= 1.6
+    spread[0] = 0.0
+    base = prior.pose_base_hole
+    samples = TrialPoses(
+        np.repeat(base.rotation[None], count, axis=0),
+        np.repeat(base.translation_m[None], count, axis=0),
+        np.full(count, settings.friction_mean),
+    ).moved(np.column_stack([spread, np.zeros(count)]))
+    last = len(batch.wrench) - 1
+    rotation, translation, motion = relative_poses(samples, batch)
+    travel = first_contacts(tables, rotation[:, last], translation[:, last], motion[:, last]).travel_m.min(axis=1)
+    travel = np.where(np.isfinite(travel), np.clip(travel, -0.03, 0.03), 0.0)
+    # Depth must not leave the prior for a sample that would have to slide far along a bore.
+    moved = TrialPoses(
+        samples.rotation, samples.translation_m - travel[:, None] * batch.motion_base[last], samples.friction
+    )
+    pool = [moved]
+    if previous is not None:
+        kept = [previous.pose_base_hole, *previous.alternatives][:3]
+        pool.append(
+            TrialPoses(
+                np.array([pose.rotation for pose in kept]),
+                np.array([pose.translation_m for pose in kept]),
+                np.full(len(kept), previous.friction_coefficient),
+            )
+        )
+    everyone = TrialPoses(
+        np.concatenate([part.rotation for part in pool]),
+        np.concatenate([part.translation_m for part in pool]),
+        np.concatenate([part.friction for part in pool]),
+    )
+    state = evaluate(tables, everyone, batch, prior, settings, 1.0)
+    best = np.argsort(state.cost, kind="stable")[: 2 * settings.starts]
+    forced = np.arange(count, len(everyone.rotation))
+    return everyone[np.unique(np.concatenate([best, forced, [0]]))]
+
+
+def _distinct(state: FitState, count: int) -> TrialPoses:
+    """The best `count` trials that differ by more than 0.05 mm or 1 mrad from every better one."""
+    kept: list[int] = []
+    trials = state.trials
+    for index in np.argsort(state.cost, kind="stable"):
+        near = False
+        for other in kept:
+            distance = np.linalg.norm(trials.translation_m[index] - trials.translation_m[other])
+            angle = Rotation.from_matrix(trials.rotation[other].T @ trials.rotation[index]).magnitude()
+            near = near or bool(distance < 5e-5 and angle < 1e-3)
+        if not near:
+            kept.append(int(index))
+        if len(kept) == count:
+            break
+    return trials[np.array(kept)]
+
+
+def _conclude(
+    state: FitState,
+    batch: TouchBatch,
+    prior: PosePrior,
+    touches: Sequence[TouchObservation],
+    settings: EstimatorSettings,
+) -> PoseErrorEstimate:
+    """The best trial with the spread of the near-equal others in its covariance."""
+    order = np.argsort(state.cost, kind="stable")
+    best = int(order[0])
+    trials = state.trials
+    poses = [Pose(trials.rotation[i], trials.translation_m[i]) for i in range(len(order))]
+    covariance = np.linalg.inv(state.information[best])
+    weights = np.exp(-0.5 * np.minimum(state.cost[order] - state.cost[best], 700.0))
+    weights = weights / weights.sum()
+    mixed = np.zeros((7, 7))
+    for weight, index in zip(weights, order, strict=True):
+        between = poses[best].inverse() @ poses[index]
+        gap = np.concatenate(
+            [between.translation_m, between.rotvec_rad(), [trials.friction[index] - trials.friction[best]]]
+        )
+        own = np.linalg.inv(state.information[index])
+        mixed += weight * (own + np.outer(gap, gap))
+    covariance = mixed if len(order) > 1 else covariance
+    root = np.linalg.cholesky(prior.covariance)
+    white = np.linalg.solve(root, np.linalg.solve(root, covariance[:6, :6]).T)
+    rank = int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (white + white.T)) < 0.25))
+    _, basis, points = contact_basis(state.chosen.features, trials, batch)
+    verdicts: list[TouchVerdict] = []
+    row = 0
+    for touch in touches:
+        if not touch.informative:
+            verdicts.append(TouchVerdict(False, np.inf, (), "not informative"))
+            continue
+        cost = float(state.touch_cost[best, row])
+        used = cost < settings.gate
+        contacts = _contacts(state, best, row, basis, points, batch)
+        verdicts.append(TouchVerdict(used, cost, contacts, "" if used else "no contact hypothesis explains it"))
+        row += 1
+    used_costs = [verdict.cost for verdict in verdicts if verdict.used]
+    return PoseErrorEstimate(
+        poses[best],
+        covariance[:6, :6],
+        rank,
+        float(np.mean(used_costs)) if used_costs else float("inf"),
+        float(trials.friction[best]),
+        float(np.sqrt(covariance[6, 6])),
+        tuple(verdicts),
+        tuple(poses[i] for i in order[1:] if state.cost[i] - state.cost[best] < 20.0),
+    )
+
+
+def _contacts(
+    state: FitState, best: int, row: int, basis: Array, points: Array, batch: TouchBatch
+) -> tuple[ContactHypothesis, ...]:
+    """Name the contacts that explain one touch."""
+    count = int(state.chosen.pressing[best, row].sum())
+    columns = state.chosen.columns[best, row, :count]
+    matrix = (basis[best, row, columns] / batch.sd[row]).T
+    forces = np.linalg.lstsq(matrix, batch.wrench[row] / batch.sd[row], rcond=None)[0]
+    named = []
+    for column, force in zip(columns, forces, strict=True):
+        x, y, _ = points[best, row, column]
+        arm = int(np.round(np.arctan2(y, x) / (np.pi / 2))) % 4 + 1
+        kind = KIND_NAMES[int(state.chosen.features.kind[best, row, column])]
+        named.append(ContactHypothesis(kind, arm, int(column) % 8, float(force)))
+    return tuple(named)

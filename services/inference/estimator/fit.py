@@ -1,0 +1,170 @@
+"""The robust maximum-a-posteriori fit of the hole's pose and the friction to all touches so far.
+
+Gauss-Newton from many starts at once; the contact hypotheses are judged afresh in every step while the whitening tightens
+from tenths of a millimetre to the true noise, so that a start need not name the right features at first. A touch that no
+hypothesis explains loses its weight (Geman-McClure).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crosspih_common.geometry.pose import Array
+from services.inference.estimator.hypotheses import (
+    ChosenContacts,
+    TouchBatch,
+    TrialPoses,
+    choose_contacts,
+    contact_basis,
+)
+from services.inference.estimator.observation import EstimatorSettings, PosePrior
+from services.inference.mechanics import PairTables
+
+# Extra sd while annealing: gap, force, moment at softness 1.
+SOFT_GAP_M = 3e-4
+SOFT_FORCE_N = 0.5
+SOFT_MOMENT_NM = 0.02
+LARGEST_STEP = np.array([2e-3, 2e-3, 3e-3, 0.03, 0.03, 0.03, 0.1])
+STEP_DIFFERENCE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitState:
+    """K fitted trials: poses, costs (K,), costs a touch (K, T), weights (K, T), information (K, 7, 7), contacts."""
+
+    trials: TrialPoses
+    cost: Array
+    touch_cost: Array
+    information: Array
+    chosen: ChosenContacts
+
+    def best_first(self, count: int) -> TrialPoses:
+        """The trials of least cost."""
+        return self.trials[np.argsort(self.cost, kind="stable")[:count]]
+
+
+def whitening(touches: TouchBatch, settings: EstimatorSettings, softness: float) -> tuple[float, Array]:
+    """Gap sd (m) and wrench sds (T, 6) at a softness from 1 (coarse) to 0 (the true noise)."""
+    soft = np.repeat([SOFT_FORCE_N, SOFT_MOMENT_NM], 3) * softness
+    return float(np.hypot(settings.gap_sd_m, SOFT_GAP_M * softness)), np.sqrt(touches.sd**2 + soft**2)
+
+
+def robust_cost(cost: Array, gate: float) -> Array:
+    """Geman-McClure: cost near zero, at most `gate`."""
+    return np.asarray(cost * gate / (cost + gate))
+
+
+def prior_terms(trials: TrialPoses, prior: PosePrior, settings: EstimatorSettings) -> tuple[Array, Array, Array]:
+    """Cost (K,), gradient (K, 7) and information (K, 7, 7) of the prior with its Student-t tails."""
+    relative = prior.pose_base_hole.rotation.T @ trials.rotation
+    error = np.concatenate(
+        [
+            (trials.translation_m - prior.pose_base_hole.translation_m) @ prior.pose_base_hole.rotation,
+            Rotation.from_matrix(relative).as_rotvec(),
+        ],
+        axis=1,
+    )
+    precision = np.linalg.inv(prior.covariance)
+    jacobian = np.zeros((len(relative), 6, 6))
+    jacobian[:, :3, :3] = relative
+    jacobian[:, 3:, 3:] = np.eye(3)
+    distance = np.einsum("ki,ij,kj->k", error, precision, error)
+    nu = prior.tail_degrees
+    weight = (nu + 6.0) / (nu + distance)
+    gradient = np.zeros((len(relative), 7))
+    gradient[:, :6] = weight[:, None] * np.einsum("kji,jl,kl->ki", jacobian, precision, error)
+    information = np.zeros((len(relative), 7, 7))
+    information[:, :6, :6] = weight[:, None, None] * (np.swapaxes(jacobian, 1, 2) @ precision @ jacobian)
+    friction_error = (trials.friction - settings.friction_mean) / settings.friction_sd
+    gradient[:, 6] = friction_error / settings.friction_sd
+    information[:, 6, 6] = 1.0 / settings.friction_sd**2
+    cost = (nu + 6.0) * np.log1p(distance / nu) + friction_error**2
+    return cost, gradient, information
+
+
+def linearise(
+    chosen: ChosenContacts, trials: TrialPoses, touches: TouchBatch, gap_sd_m: float, wrench_sd: Array
+) -> tuple[Array, Array]:
+    """Residuals (K, T, 8 + Q) and Jacobian (K, T, 8 + Q, 7): wrench, two gaps, overlaps; forces projected out."""
+    k, t, q = chosen.features.kind.shape
+    steps = np.vstack([np.zeros(7), np.eye(7) * STEP_DIFFERENCE])
+    many = TrialPoses(
+        np.repeat(trials.rotation, 8, axis=0),
+        np.repeat(trials.translation_m, 8, axis=0),
+        np.repeat(trials.friction, 8, axis=0),
+    ).moved(np.tile(steps, (k, 1)))
+    # The clip of the friction must not hide its derivative.
+    many = TrialPoses(many.rotation, many.translation_m, np.repeat(trials.friction, 8) + np.tile(steps[:, 6], k))
+    gap, basis, _ = contact_basis(chosen.features[np.repeat(np.arange(k), 8)], many, touches)
+    gap = gap.reshape(k, 8, t, q)
+    basis = basis.reshape(k, 8, t, q, 6) / wrench_sd[None, None, :, None]
+    columns = np.broadcast_to(chosen.columns[:, None], (k, 8, t, 2))
+    pair = np.take_along_axis(basis, columns[..., None], axis=3) * chosen.pressing[:, None, ..., None]
+    pair_gap = np.take_along_axis(gap, columns, axis=3) * chosen.pressing[:, None]
+
+    target = (touches.wrench / wrench_sd)[None]
+    here = pair[:, 0]
+    gram = here @ np.swapaxes(here, -1, -2)
+    gram = gram + np.eye(2) * np.where(chosen.pressing, 0.0, 1.0)[..., None, :] * np.eye(2)
+    gram = gram + 1e-9 * np.einsum("ktii->kt", gram)[..., None, None] * np.eye(2)
+    force = np.linalg.solve(gram, np.einsum("ktci,kti->ktc", here, np.broadcast_to(target, (k, t, 6)))[..., None])[..., 0]
+    force = np.maximum(force, 0.0)
+    residual_wrench = target - np.einsum("ktci,ktc->kti", here, force)
+    change = (pair[:, 1:] - here[:, None]) / STEP_DIFFERENCE
+    slope = -np.einsum("kptci,ktc->ktip", change, force)
+    # Variable projection (Kaufman): what a change of the forces can follow is no residual.
+    inside = np.linalg.solve(gram, here @ slope)
+    slope = slope - np.swapaxes(here, -1, -2) @ inside
+    residual_gap = pair_gap[:, 0] / gap_sd_m
+    slope_gap = np.moveaxis(pair_gap[:, 1:] - pair_gap[:, :1], 1, -1) / (STEP_DIFFERENCE * gap_sd_m)
+    residual_overlap = np.where(chosen.overlapping, gap[:, 0], 0.0) / gap_sd_m
+    slope_overlap = np.moveaxis(gap[:, 1:] - gap[:, :1], 1, -1) / (STEP_DIFFERENCE * gap_sd_m)
+    slope_overlap = slope_overlap * chosen.overlapping[..., None]
+    return (
+        np.concatenate([residual_wrench, residual_gap, residual_overlap], axis=-1),
+        np.concatenate([slope, slope_gap, slope_overlap], axis=-2),
+    )
+
+
+def evaluate(
+    tables: PairTables,
+    trials: TrialPoses,
+    touches: TouchBatch,
+    prior: PosePrior,
+    settings: EstimatorSettings,
+    softness: float,
+) -> FitState:
+    """Cost of trials without their information (which is left empty)."""
+    gap_sd, wrench_sd = whitening(touches, settings, softness)
+    chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
+    cost, _, _ = prior_terms(trials, prior, settings)
+    cost = cost + robust_cost(chosen.cost, settings.gate).sum(axis=1)
+    return FitState(trials, cost, chosen.cost, np.zeros((len(cost), 7, 7)), chosen)
+
+
+def step(
+    tables: PairTables,
+    trials: TrialPoses,
+    touches: TouchBatch,
+    prior: PosePrior,
+    settings: EstimatorSettings,
+    softness: float,
+    damping: float = 1e-3,
+) -> tuple[FitState, TrialPoses]:
+    """Judge trials at a softness and make one damped Gauss-Newton step from each: (where they were, where they go)."""
+    gap_sd, wrench_sd = whitening(touches, settings, softness)
+    chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
+    residual, jacobian = linearise(chosen, trials, touches, gap_sd, wrench_sd)
+    weight = (settings.gate / (settings.gate + chosen.cost)) ** 2
+    cost, gradient, information = prior_terms(trials, prior, settings)
+    information = information + np.einsum("kt,ktri,ktrj->kij", weight, jacobian, jacobian)
+    gradient = gradient + np.einsum("kt,ktri,ktr->ki", weight, jacobian, residual)
+    cost = cost + robust_cost(chosen.cost, settings.gate).sum(axis=1)
+    diagonal = np.einsum("kii->ki", information)
+    damped = information + damping * diagonal[:, :, None] * np.eye(7)
+    move = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+    move = move / np.maximum(1.0, np.max(np.abs(move) / LARGEST_STEP, axis=1))[:, None]
+    return FitState(trials, cost, chosen.cost, information, chosen), trials.moved(move)

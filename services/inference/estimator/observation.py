@@ -1,0 +1,132 @@
+"""What a touch tells the estimator, and what the estimator says back. Pure data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TouchObservation:
+    """One guarded push, averaged while it still creeps.
+
+    pose_base_peg: motor-side pose of the peg, as the joints say, at the middle of the averaging. wrench_peg (6,): force
+    on the peg and moment about the F/T origin, N and Nm, peg frame, averaged. wrench_sd (6,): standard deviation of that
+    average. compliance_peg (6, 6): twist of the peg frame (x, y, z, rx, ry, rz), peg frame, per wrench on the peg.
+    motion_direction_base (3,): unit direction in which the peg was driven. informative: False where the push is known
+    to say nothing simple (jammed in the body, no contact); the estimator then leaves it out.
+    """
+
+    pose_base_peg: Pose
+    wrench_peg: Array
+    wrench_sd: Array
+    compliance_peg: Array
+    motion_direction_base: Array
+    informative: bool = True
+
+    def __post_init__(self) -> None:
+        for name, shape in (
+            ("wrench_peg", (6,)),
+            ("wrench_sd", (6,)),
+            ("compliance_peg", (6, 6)),
+            ("motion_direction_base", (3,)),
+        ):
+            value = np.asarray(getattr(self, name), float)
+            if value.shape != shape:
+                raise ValueError(f"TouchObservation.{name} wants shape {shape}, got {value.shape}")
+            object.__setattr__(self, name, value)
+        if abs(float(np.linalg.norm(self.motion_direction_base)) - 1.0) > 1e-3:
+            raise ValueError("TouchObservation.motion_direction_base wants a unit vector")
+
+    def deflected_pose_base_peg(self) -> Pose:
+        """Where the peg truly is: the wrist gives way to the wrench."""
+        twist = self.compliance_peg @ self.wrench_peg
+        return self.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePrior:
+    """What is known of the hole before touching: mean and covariance (6, 6), right perturbation, m and rad.
+
+    tail_degrees: degrees of freedom of its Student-t tails; the smaller, the easier touches overrule it.
+    """
+
+    pose_base_hole: Pose
+    covariance: Array
+    tail_degrees: float = 5.0
+
+    @classmethod
+    def from_sd(
+        cls, pose_base_hole: Pose, sd: tuple[float, float, float, float, float, float], tail_degrees: float = 5.0
+    ) -> PosePrior:
+        """From standard deviations along and about the hole's axes (x, y, z in m, rx, ry, rz in rad)."""
+        return cls(pose_base_hole, np.diag(np.square(sd)), tail_degrees)
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorSettings:
+    """How far the model is trusted: errors that come on top of the noise of a reading.
+
+    gap_sd_m: how far from exact contact a touching pair may be (calibration of arm and compliance). force_floor_n,
+    moment_floor_nm and relative_floor: added to the wrench's sd. gate: cost (a sum of squares over 6 + 1 residuals)
+    beyond which a touch is left out. friction_mean, friction_sd: prior of the friction coefficient.
+    """
+
+    gap_sd_m: float = 3e-5
+    force_floor_n: float = 0.03
+    moment_floor_nm: float = 0.0015
+    relative_floor: float = 0.002
+    gate: float = 60.0
+    friction_mean: float = 0.1
+    friction_sd: float = 0.1
+    starts: int = 6
+    samples: int = 240
+
+
+@dataclass(frozen=True, slots=True)
+class ContactHypothesis:
+    """What touched what: feature kind ("edge on edge", "peg corner on face", "peg face on corner"), arm 1..4 of the peg
+    (1 = +x, 2 = +y, 3 = -x, 4 = -y), the hole's convex block, and the normal force in N."""
+
+    kind: str
+    arm: int
+    hole_block: int
+    normal_force_n: float
+
+
+@dataclass(frozen=True, slots=True)
+class TouchVerdict:
+    """How the fit took one touch: used or gated, its cost (sum of squares), and the contacts that explain it."""
+
+    used: bool
+    cost: float
+    contacts: tuple[ContactHypothesis, ...]
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseErrorEstimate:
+    """The hole's pose after some touches.
+
+    covariance (6, 6): right perturbation of pose_base_hole. rank: directions in which the touches at least halved the
+    prior's sd. residual_cost: mean cost of the used touches (about 5 when model and noise are right). alternatives:
+    other poses that explain the touches about as well, best first.
+    """
+
+    pose_base_hole: Pose
+    covariance: Array
+    rank: int
+    residual_cost: float
+    friction_coefficient: float
+    friction_sd: float
+    touches: tuple[TouchVerdict, ...]
+    alternatives: tuple[Pose, ...] = ()
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (6,): x, y, z in m, rx, ry, rz in rad, hole frame."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))

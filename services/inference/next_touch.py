@@ -1,0 +1,72 @@
+"""Where to push next, so that the touch says what is not yet known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import CrossPeg
+
+WIDE_LATERAL_SD_M = 5e-4
+WIDE_ROTATION_SD_RAD = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TouchPlan:
+    """Start of a guarded push: the peg's pose with its tip short of the rim, the unit direction in the base frame, and
+    which idea it is: "estimate" (aim at the estimate) or "arm 1" to "arm 4" (make that arm's edge touch first)."""
+
+    pose_base_peg_start: Pose
+    direction_base: Array
+    idea: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArmPattern:
+    """How far off the estimate an arm touch starts: sideways (m), turned about the axis and tilted (rad).
+
+    The sideways shift puts two opposite arms on a wall, the turn leaves one of them; 1.5 mm over a 14 degree taper is
+    6 mm ahead of the body, so that the deflection at the force limit closes no second contact.
+    """
+
+    shift_m: float = 0.0015
+    turn_rad: float = 0.02
+    tilt_rad: float = 0.0
+
+
+def next_touch(
+    peg: CrossPeg,
+    pose_base_hole: Pose,
+    covariance: Array,
+    failed_pushes: int,
+    touches_made: int,
+    standoff_m: float = 0.004,
+    pattern: ArmPattern | None = None,
+) -> TouchPlan:
+    """The next touch, given the posterior (mean, covariance (6, 6)), how many pushes failed, and the touches so far.
+
+    While the posterior is wide and fewer than two pushes have failed: straight at the estimate, where the errors
+    themselves decide what touches. Otherwise arm by arm, each time the one after the last, so that two touches in a row
+    measure across one another; the turn changes its sense after every round.
+    """
+    sd = np.sqrt(np.diag(covariance))
+    wide = bool(sd[:2].max() > WIDE_LATERAL_SD_M or sd[3:].max() > WIDE_ROTATION_SD_RAD)
+    direction = pose_base_hole.rotation[:, 2].copy()
+    back = -standoff_m - peg.tip_m
+    if wide and failed_pushes < 2:
+        return TouchPlan(pose_base_hole @ Pose.from_translation([0.0, 0.0, back]), direction, "estimate")
+    pattern = pattern or ArmPattern()
+    arm = touches_made % 4
+    sense = 1.0 if (touches_made // 4) % 2 == 0 else -1.0
+    azimuth = arm * np.pi / 2
+    outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    sideways = sense * np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    # A tilt about the rim, so that the shift stays what it says.
+    turn = Pose.from_rotvec([0.0, 0.0, sense * pattern.turn_rad], np.zeros(3))
+    tilt = Pose.from_rotvec(pattern.tilt_rad * outward, np.zeros(3))
+    offset = Pose.from_translation([*(pattern.shift_m * sideways)[:2], -standoff_m]) @ turn @ tilt
+    start = pose_base_hole @ offset @ Pose.from_translation([0.0, 0.0, -peg.tip_m])
+    return TouchPlan(start, direction, f"arm {arm + 1}")

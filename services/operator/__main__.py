@@ -1,0 +1,36 @@
+"""The `crosspih` command."""
+
+from __future__ import annotations
+
+import typer
+
+from deploy.launcher.cli import register as register_launcher
+from services.operator.assemble import assemble, calibrate_app
+from services.operator.bench import app as bench_app
+from services.operator.keys_table import keys
+from services.operator.report.cli import report
+from services.operator.train import train
+
+app = typer.Typer(
+    name="crosspih",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_show_locals=False,
+    help="Autonomous peg-in-hole assembly: run it, measure it, look at what happened.",
+)
+app.command()(assemble)
+app.add_typer(bench_app, name="bench")
+app.add_typer(calibrate_app, name="calibrate")
+app.command()(report)
+app.command()(train)
+app.command()(keys)
+register_launcher(app)
+
+
+def main() -> None:
+    """The console script."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

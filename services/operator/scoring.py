@@ -1,0 +1,122 @@
+"""How well an assembly did, against the simulator's truth. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from scipy.spatial.transform import Rotation
+
+from crosspih_common.config import Workcell
+from crosspih_common.geometry import Pose
+from crosspih_common.messages import AssemblyResult, SimulationTruth
+
+
+@dataclass(frozen=True, slots=True)
+class PoseError:
+    """A pose of the hole against the true one: across the true axis, along it, whole rotation, and tilt of the axis."""
+
+    lateral_mm: float
+    depth_mm: float
+    rotation_deg: float
+    tilt_deg: float
+
+
+def pose_error(estimate_base_hole: Pose, true_base_hole: Pose) -> PoseError:
+    """The error in the true hole's frame; rotation is up to the cross's own symmetry of 90 degrees."""
+    error = true_base_hole.inverse() @ estimate_base_hole
+    quarter_turns = Rotation.from_euler("z", np.arange(4) * np.pi / 2)
+    angles = (Rotation.from_matrix(error.rotation) * quarter_turns).magnitude()
+    return PoseError(
+        lateral_mm=float(np.hypot(error.translation_m[0], error.translation_m[1])) * 1e3,
+        depth_mm=float(error.translation_m[2]) * 1e3,
+        rotation_deg=float(np.rad2deg(np.min(angles))),
+        tilt_deg=float(np.rad2deg(np.arccos(np.clip(error.rotation[2, 2], -1.0, 1.0)))),
+    )
+
+
+def insertion_depth_m(workcell: Workcell, pose_base_peg: Pose, pose_base_hole: Pose) -> float:
+    """How far the peg's body is past the inner rim; negative while it is still outside."""
+    peg = workcell.peg.shape()
+    hole = workcell.hole.shape(peg)
+    shoulder = pose_base_hole.inverse().apply(pose_base_peg.apply([0.0, 0.0, peg.taper_start_m]))
+    return float(shoulder[2]) - hole.chamfer_m
+
+
+class TrialFigures(BaseModel):
+    """What `crosspih assemble --json` prints. Errors are None where there is no truth or no pose to score."""
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int | None
+    strategy: str
+    inserted: bool
+    failure: str | None
+    failure_detail: str
+    backed_off: bool
+    motion_s: float
+    thinking_s: float
+    duration_s: float
+    wall_s: float
+    touches: int
+    corrections: int
+    pushes: int
+    peak_force_n: float
+    peak_moment_nm: float
+    vision_error_mm: float | None
+    vision_error_deg: float | None
+    vision_tilt_deg: float | None
+    vision_depth_mm: float | None
+    final_error_mm: float | None
+    final_error_deg: float | None
+    final_depth_mm: float | None
+    insertion_depth_mm: float | None
+    recording: str | None
+    report: str | None
+
+
+def score(
+    workcell: Workcell, result: AssemblyResult, truth: SimulationTruth | None, *, wall_s: float, recording: str | None
+) -> TrialFigures:
+    """The figures of a trial. With a truth the peg counts as inserted only if it really is."""
+    vision = final = depth_m = None
+    inserted, failure = result.inserted, result.failure.value if result.failure else None
+    if truth is not None:
+        true_hole = truth.pose_base_hole.pose()
+        if result.vision_pose_base_hole is not None:
+            vision = pose_error(result.vision_pose_base_hole.pose(), true_hole)
+        if result.inserted and result.pose_base_hole is not None:
+            final = pose_error(result.pose_base_hole.pose(), true_hole)
+        depth_m = insertion_depth_m(workcell, truth.pose_base_peg.pose(), true_hole)
+        if inserted and depth_m < workcell.insertion_depth_m:
+            inserted, failure = False, "not_deep_enough"
+    elif result.inserted:
+        depth_m = result.insertion_depth_m
+    return TrialFigures(
+        seed=None if truth is None else truth.seed,
+        strategy=result.strategy.value,
+        inserted=inserted,
+        failure=failure,
+        failure_detail=result.failure_detail,
+        backed_off=result.backed_off,
+        motion_s=round(result.motion_s, 6),
+        thinking_s=round(result.thinking_s, 4),
+        duration_s=round(result.motion_s + result.thinking_s, 4),
+        wall_s=round(wall_s, 3),
+        touches=result.touches,
+        corrections=result.corrections,
+        pushes=result.pushes,
+        peak_force_n=result.peak_force_n,
+        peak_moment_nm=result.peak_moment_nm,
+        vision_error_mm=None if vision is None else vision.lateral_mm,
+        vision_error_deg=None if vision is None else vision.rotation_deg,
+        vision_tilt_deg=None if vision is None else vision.tilt_deg,
+        vision_depth_mm=None if vision is None else vision.depth_mm,
+        final_error_mm=None if final is None else final.lateral_mm,
+        final_error_deg=None if final is None else final.rotation_deg,
+        final_depth_mm=None if final is None else final.depth_mm,
+        insertion_depth_mm=None if depth_m is None else depth_m * 1e3,
+        recording=recording,
+        report=None,
+    )

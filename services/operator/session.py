@@ -1,0 +1,154 @@
+"""A connection to a running cell: wait for its services, run a trial on it."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+
+from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
+from crosspih_common.config import CellFile, load_cell
+from crosspih_common.errors import CrosspihError, NoService
+from crosspih_common.keys import (
+    ABORT,
+    ASSEMBLE,
+    CALIBRATE_FT,
+    CLOCK,
+    EVENTS,
+    PHASE,
+    RECORD_START,
+    RECORD_STOP,
+    RESET,
+    TOUCH,
+    TRUTH,
+)
+from crosspih_common.messages import (
+    AbortAssembly,
+    Assemble,
+    AssemblyPhase,
+    AssemblyResult,
+    CalibrateFt,
+    Event,
+    FtCalibration,
+    ResetCell,
+    SimulationTruth,
+    StartRecording,
+    StopRecording,
+    Strategy,
+    Touch,
+)
+from crosspih_common.service.lifecycle import DEFAULT_CELL
+from services.operator.scoring import TrialFigures, score
+
+NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
+ASSEMBLY_DEADLINE_S = 900.0
+RECORDER_DEADLINE_S = 15.0
+
+
+def cell_path() -> str:
+    """The cell's file that this command uses."""
+    return os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL
+
+
+def endpoint() -> str:
+    """The router that this command uses."""
+    return os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT
+
+
+class Session:
+    """The operator's place on the bus."""
+
+    def __init__(self, connect_timeout_s: float = 5.0) -> None:
+        self.cell: CellFile = load_cell(cell_path())
+        self.bus = Bus(open_zenoh(endpoint(), connect_timeout_s), self.cell.workcell.name, "operator")
+        self._alive: set[str] = set()
+        self._changed = threading.Condition()
+        self.bus.watch_alive(self._on_alive)
+        self._truth = self.bus.latest(TRUTH)
+        self._clock = self.bus.latest(CLOCK)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.bus.close()
+
+    def _on_alive(self, service: str, alive: bool) -> None:
+        with self._changed:
+            (self._alive.add if alive else self._alive.discard)(service)
+            self._changed.notify_all()
+
+    def alive(self) -> set[str]:
+        """The services that live now."""
+        with self._changed:
+            return set(self._alive)
+
+    def wait_for_services(self, deadline_s: float, needed: tuple[str, ...] = NEEDED) -> None:
+        """Until all needed services live. Raises NoService naming the missing ones."""
+        until = time.monotonic() + deadline_s
+        with self._changed:
+            while missing := [name for name in needed if name not in self._alive]:
+                left = until - time.monotonic()
+                if left <= 0.0:
+                    raise NoService(
+                        f"{', '.join(missing)}: not up after {deadline_s:g} s; see `crosspih ps` and `crosspih logs`"
+                    )
+                self._changed.wait(left)
+
+    def speed(self) -> str:
+        """How the running cell's clock runs: "realtime" or "max". Raises NoService when no clock is heard."""
+        tick = self._clock.wait_for(lambda _: True, 5.0)
+        if tick is None:
+            raise NoService("clock: nobody publishes the cell's time; is hardware up? (`crosspih ps`)")
+        return "realtime" if tick.realtime else "max"
+
+    def follow_events(
+        self,
+        on_phase: Callable[[AssemblyPhase], None],
+        on_touch: Callable[[Touch], None],
+        on_event: Callable[[Event], None],
+    ) -> None:
+        """Call with everything that happens from now on."""
+        self.bus.subscribe(PHASE, on_phase)
+        self.bus.subscribe(TOUCH, on_touch)
+        self.bus.subscribe(EVENTS, on_event)
+
+    def reset(self, command: ResetCell) -> SimulationTruth:
+        """A new trial in the simulated cell."""
+        return self.bus.call(RESET, command, 30.0)
+
+    def calibrate_ft(self, samples_s: float) -> FtCalibration:
+        """Drive the calibration poses and identify."""
+        return self.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=samples_s), 300.0)
+
+    def abort(self) -> None:
+        """End the running assembly."""
+        self.bus.call(ABORT, AbortAssembly(), 5.0)
+
+    def trial(self, seed: int | None, strategy: Strategy, record: bool) -> tuple[TrialFigures, AssemblyResult]:
+        """One assembly, scored: reset (when simulated), record, assemble, stop recording."""
+        truth: SimulationTruth | None = None
+        if seed is not None:
+            truth = self.reset(ResetCell(seed=seed))
+        name = f"assembly-{strategy.value}" + ("" if seed is None else f"-seed{seed}")
+        recording: str | None = None
+        if record:
+            self.bus.call(RECORD_START, StartRecording(name=name), RECORDER_DEADLINE_S)
+        started = time.monotonic()
+        try:
+            result = self.bus.call(ASSEMBLE, Assemble(strategy=strategy, assembly_id=name), ASSEMBLY_DEADLINE_S)
+        finally:
+            wall_s = time.monotonic() - started
+            if record:
+                try:
+                    recording = self.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S).path or None
+                except CrosspihError:
+                    # the assembly's own end must be told even when the recorder is lost
+                    recording = None
+        if truth is not None:
+            # the peg's pose at the end, not at the reset
+            now_ns = self.bus.clock.now_ns()
+            latest = self._truth.wait_for(lambda sample: sample.stamp_ns >= now_ns - 40_000_000, 2.0)
+            truth = latest or truth
+        return score(self.cell.workcell, result, truth, wall_s=wall_s, recording=recording), result

@@ -1,0 +1,54 @@
+"""The stack that a command needs: the running one, or one of its own that is stopped at the end."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from crosspih_common.errors import BusUnreachable, ConfigError, CrosspihError
+from deploy.launcher import DEFAULT_PROJECT, StackRequest, is_up, start_stack, stop_stack
+from services.operator.session import NEEDED, Session
+
+START_DEADLINE_S = 90.0
+
+
+@contextmanager
+def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorder")) -> Iterator[tuple[Session, bool]]:
+    """A session on the running stack, or on one started for it; yields (session, whether it was started here).
+
+    `speed` is "realtime" or "max". A running stack keeps its own speed: asking for the other one is an error.
+    """
+    try:
+        session = Session(connect_timeout_s=1.0)
+    except BusUnreachable:
+        session = None
+    if session is not None:
+        with session:
+            session.wait_for_services(START_DEADLINE_S, needed)
+            running = session.speed()
+            if speed is not None and running != speed:
+                raise ConfigError(
+                    f"--speed {speed}: the running stack is at {running}; stop it with `crosspih down`, or leave "
+                    f"--speed out"
+                )
+            yield session, False
+        return
+    project = DEFAULT_PROJECT
+    if is_up(project):
+        project = f"{DEFAULT_PROJECT}-{uuid.uuid4().hex[:6]}"
+    if speed is not None:
+        os.environ["CROSSPIH_SPEED"] = speed
+    request = StackRequest(project=project)
+    start_stack(request, True, START_DEADLINE_S, on_change=lambda line: None)
+    try:
+        with Session() as session:
+            session.wait_for_services(START_DEADLINE_S, needed)
+            yield session, True
+    finally:
+        try:
+            stop_stack(project)
+        except CrosspihError:
+            # the stack is gone already: nothing is left to stop
+            pass

@@ -1,0 +1,95 @@
+"""Distributions of trials: counts with Wilson intervals, p50 and p95. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from scipy.stats import binomtest
+
+from services.operator.scoring import TrialFigures
+
+FIGURES = (
+    "duration_s",
+    "motion_s",
+    "thinking_s",
+    "wall_s",
+    "touches",
+    "corrections",
+    "pushes",
+    "peak_force_n",
+    "peak_moment_nm",
+    "vision_error_mm",
+    "vision_error_deg",
+    "vision_tilt_deg",
+    "final_error_mm",
+    "final_error_deg",
+    "insertion_depth_mm",
+)
+
+
+class Quantiles(BaseModel):
+    """A figure over the trials that have it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    count: int
+    p50: float
+    p95: float
+    max: float
+
+
+class BenchResult(BaseModel):
+    """What `crosspih bench assembly --json` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    strategy: str
+    seed: int
+    trials: int
+    inserted: int
+    success_rate: float
+    wilson95_low: float
+    wilson95_high: float
+    failures: dict[str, int]
+    backed_off_of_failed: int
+    figures: dict[str, Quantiles]
+    each: list[TrialFigures]
+
+
+def wilson95(successes: int, trials: int) -> tuple[float, float]:
+    """The Wilson score interval at 95 %."""
+    interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def summarise(strategy: str, seed: int, trials: Sequence[TrialFigures]) -> BenchResult:
+    """Counts, interval, quantiles and failures by name. ValueError without trials."""
+    if not trials:
+        raise ValueError("no trials to summarise")
+    inserted = sum(trial.inserted for trial in trials)
+    low, high = wilson95(inserted, len(trials))
+    figures: dict[str, Quantiles] = {}
+    for name in FIGURES:
+        values = np.array([value for trial in trials if (value := getattr(trial, name)) is not None], dtype=float)
+        if len(values):
+            p50, p95 = np.percentile(np.abs(values), [50.0, 95.0])
+            figures[name] = Quantiles(
+                count=len(values), p50=float(p50), p95=float(p95), max=float(np.max(np.abs(values)))
+            )
+    failed = [trial for trial in trials if not trial.inserted]
+    return BenchResult(
+        strategy=strategy,
+        seed=seed,
+        trials=len(trials),
+        inserted=inserted,
+        success_rate=inserted / len(trials),
+        wilson95_low=low,
+        wilson95_high=high,
+        failures=dict(Counter(trial.failure or "unknown" for trial in failed)),
+        backed_off_of_failed=sum(trial.backed_off for trial in failed),
+        figures=figures,
+        each=list(trials),
+    )

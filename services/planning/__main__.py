@@ -1,0 +1,18 @@
+"""`python -m services.planning`."""
+
+from __future__ import annotations
+
+import sys
+
+from crosspih_common.service import ServiceContext, run_service
+from services.planning.config import PlanningConfig
+from services.planning.shell import PlanningShell
+
+
+def build(context: ServiceContext) -> PlanningShell:
+    """Bind the core to its keys."""
+    return PlanningShell(context, context.cell.section("planning", PlanningConfig))
+
+
+if __name__ == "__main__":
+    sys.exit(run_service("planning", build))

@@ -1,0 +1,37 @@
+"""The planning service's own settings."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from crosspih_common.config.section import Section
+
+
+class PlanningConfig(Section):
+    """The `planning` section of a cell's file."""
+
+    speed_scale: float = Field(default=0.5, gt=0.0, le=1.0, description="of the arm's joint speeds, in free space")
+    acceleration_scale: float = Field(default=0.3, gt=0.0, le=1.0)
+    line_speed_m_s: float = Field(default=0.15, gt=0.0, le=0.5, description="straight moves in free space")
+    approach_m: float = Field(default=0.05, gt=0.0, description="where the straight approach begins, before the face")
+    standoff_m: float = Field(default=0.004, gt=0.0, description="tip to face before a push or a touch")
+    push_speed_m_s: float = Field(default=0.02, gt=0.0, le=0.1)
+    push_force_n: float = Field(default=12.0, gt=0.0)
+    push_timeout_s: float = Field(default=6.0, gt=0.0)
+    push_stall_s: float = Field(default=0.5, gt=0.0)
+    extra_depth_m: float = Field(default=0.002, ge=0.0, description="beyond the wanted depth: vision's depth is vague")
+    touch_speed_m_s: float = Field(default=0.01, gt=0.0, le=0.1)
+    touch_creep_m_s: float = Field(default=0.001, gt=0.0, le=0.02)
+    touch_threshold_n: float = Field(default=5.0, gt=0.0)
+    touch_travel_m: float = Field(default=0.045, gt=0.0, description="felt nothing on this way: the hole is not there")
+    touch_clearance_m: float = Field(default=0.002, gt=0.0, description="how far a touch retreats")
+    max_attempts: int = Field(default=8, ge=1, le=50, description="pushes before giving up")
+    max_overloads: int = Field(default=3, ge=1, description="stops by the force or moment cap before giving up")
+    # the paper's loop: straight push at its own force, no yielding
+    paper_speed_m_s: float = Field(default=0.005, gt=0.0, le=0.05)
+    paper_threshold_n: float = Field(default=15.0, gt=0.0)
+    paper_attempts: int = Field(default=10, ge=1, le=100)
+    service_patience_s: float = Field(default=20.0, gt=0.0, description="wall time a lost service has to come back")
+    answer_deadline_s: float = Field(default=30.0, gt=0.0)
+    motion_deadline_s: float = Field(default=120.0, gt=0.0)
+    calibration_dwell_s: float = Field(default=0.25, gt=0.0)

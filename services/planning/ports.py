@@ -1,0 +1,42 @@
+"""What the assembly needs of the world, so that it can be run without a bus."""
+
+from __future__ import annotations
+
+from typing import Protocol, TypeVar
+
+from crosspih_common.keys import Command
+from crosspih_common.messages import AssemblyPhase, Failure, FtCalibration, Message, Touch
+
+RequestT = TypeVar("RequestT", bound=Message)
+ReplyT = TypeVar("ReplyT", bound=Message)
+
+
+class AssemblyFailed(Exception):
+    """The assembly cannot go on; the peg must now be backed off."""
+
+    def __init__(self, failure: Failure, detail: str) -> None:
+        super().__init__(f"{failure.value}: {detail}")
+        self.failure, self.detail = failure, detail
+
+
+class Ports(Protocol):
+    """Ask a service, tell people."""
+
+    def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
+        """Ask and wait.
+
+        Raises CommandRefused when the service says no, AssemblyFailed(SERVICE_LOST) when nobody answers in time, also
+        when asked again, and AssemblyFailed(ABORTED) when somebody ended the assembly.
+        """
+
+    def ft_calibration(self) -> FtCalibration | None:
+        """The sensor's calibration as last published; None before any was heard of."""
+
+    def tell_phase(self, phase: AssemblyPhase) -> None:
+        """Publish a step."""
+
+    def tell_touch(self, touch: Touch) -> None:
+        """Publish a touch."""
+
+    def ignore_abort(self) -> None:
+        """From here on finish what was begun: the peg is being backed off."""

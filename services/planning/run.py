@@ -1,0 +1,334 @@
+"""One assembly under way: what it knows, what it has counted, and the moves that all strategies are made of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crosspih_common.arm.inverse import InverseError, nearest
+from crosspih_common.arm.quintic import JointTrajectory
+from crosspih_common.config import Workcell
+from crosspih_common.errors import CommandRefused
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.keys import (
+    ADMITTANCE_MOVE,
+    COMPENSATE,
+    DWELL,
+    FOLLOW,
+    GUARDED_MOVE,
+    IDENTIFY_PAYLOAD,
+    MOVE_LINEAR,
+    SET_PAYLOAD,
+)
+from crosspih_common.messages import (
+    AdmittanceMove,
+    AssemblyPhase,
+    CompensateWrench,
+    Dwell,
+    Failure,
+    FollowTrajectory,
+    FtCalibration,
+    GuardedMove,
+    IdentifyPayload,
+    JointKnot,
+    MotionOutcome,
+    MoveLinear,
+    Phase,
+    PoseData,
+    RawReading,
+    SetPayload,
+    StopReason,
+    Touch,
+    floats,
+)
+from services.planning.calibration_poses import choose_calibration_poses
+from services.planning.config import PlanningConfig
+from services.planning.ports import AssemblyFailed, Ports
+from services.planning.trajectory import TrajectoryError, move_joints, move_line, scaled_limits
+
+CAPPED = (StopReason.FORCE_CAP, StopReason.MOMENT_CAP)
+
+
+def knots_of(trajectory: JointTrajectory) -> FollowTrajectory:
+    """A trajectory for the wire."""
+    return FollowTrajectory(
+        knots=tuple(
+            JointKnot(
+                time_s=float(trajectory.times_s[index]),
+                joints_rad=floats(trajectory.positions_rad[index]),
+                speeds_rad_s=floats(trajectory.velocities_rad_s[index]),
+                accelerations_rad_s2=floats(trajectory.accelerations_rad_s2[index]),
+            )
+            for index in range(len(trajectory.times_s))
+        )
+    )
+
+
+class Run:
+    """The state of one assembly. Every move is counted; a move stopped by the cell's caps counts as an overload."""
+
+    def __init__(self, workcell: Workcell, config: PlanningConfig, ports: Ports, assembly_id: str) -> None:
+        self.workcell, self.config, self.ports = workcell, config, ports
+        self.assembly_id = assembly_id
+        self.arm = workcell.arm()
+        self.limits = scaled_limits(self.arm.limits, config.speed_scale, config.acceleration_scale)
+        self.joints_rad: Array = np.asarray(workcell.home_joints_rad, dtype=float)
+        self.pose_base_peg = workcell.pose_base_peg(self.joints_rad)
+        self.touches: list[Touch] = []
+        self.attempt = 0
+        self.pushes = self.corrections = self.overloads = 0
+        self.motion_s = self.peak_force_n = self.peak_moment_nm = 0.0
+        self.vision_pose: Pose | None = None
+        self.believed: Pose | None = None
+
+    # ------------------------------------------------------------------------------------------------------- telling
+
+    def tell(self, phase: Phase, text: str, **figures: float) -> None:
+        """Publish a step."""
+        self.ports.tell_phase(
+            AssemblyPhase(
+                assembly_id=self.assembly_id,
+                phase=phase,
+                attempt=self.attempt,
+                text=text,
+                figures={name: round(float(value), 6) for name, value in figures.items()},
+            )
+        )
+
+    # -------------------------------------------------------------------------------------------------------- moving
+
+    def _account(self, outcome: MotionOutcome) -> None:
+        self.motion_s += outcome.duration_s
+        self.peak_force_n = max(self.peak_force_n, outcome.peak_force_n)
+        self.peak_moment_nm = max(self.peak_moment_nm, outcome.peak_moment_nm)
+        self.joints_rad = np.asarray(outcome.joints_rad)
+        self.pose_base_peg = outcome.pose_base_peg.pose()
+        if outcome.stop_reason in CAPPED:
+            self.overloads += 1
+            if self.overloads >= self.config.max_overloads:
+                raise AssemblyFailed(
+                    Failure.OVERLOAD, f"{outcome.stop_reason.value} for the {self.overloads}. time: {outcome.detail}"
+                )
+
+    def dwell(self, duration_s: float) -> MotionOutcome:
+        """Hold still; also how the run learns where the arm is."""
+        outcome = self.ports.ask(DWELL, Dwell(duration_s=duration_s))
+        self._account(outcome)
+        return outcome
+
+    def follow(self, trajectory: JointTrajectory) -> None:
+        """Follow a joint trajectory to its end."""
+        outcome = self.ports.ask(FOLLOW, knots_of(trajectory))
+        self._account(outcome)
+        if outcome.stop_reason is not StopReason.COMPLETED:
+            raise AssemblyFailed(
+                Failure.OVERLOAD if outcome.stop_reason in CAPPED else Failure.ABORTED,
+                f"a free move was stopped: {outcome.stop_reason.value} {outcome.detail}",
+            )
+
+    def joints_to(self, joints_rad: Array) -> None:
+        """Move all joints together."""
+        try:
+            self.follow(move_joints(self.joints_rad, joints_rad, self.limits))
+        except TrajectoryError as error:
+            raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
+
+    def line_to(self, pose_base_peg: Pose, speed_m_s: float | None = None) -> None:
+        """Move the peg on a straight line in free space."""
+        if (
+            self.pose_base_peg.distance_to_m(pose_base_peg) < 1e-6
+            and self.pose_base_peg.angle_to_rad(pose_base_peg) < 1e-6
+        ):
+            return
+        try:
+            self.follow(
+                move_line(
+                    self.arm,
+                    self.joints_rad,
+                    pose_base_peg,
+                    self.limits,
+                    pose_flange_point=self.workcell.pose_flange_peg(),
+                    speed_m_s=speed_m_s or self.config.line_speed_m_s,
+                )
+            )
+        except (InverseError, TrajectoryError) as error:
+            raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
+
+    def slide_to(self, pose_base_peg: Pose, speed_m_s: float = 0.03) -> None:
+        """Move the peg on a straight line near or in the hole, the controller watching its caps."""
+        try:
+            outcome = self.ports.ask(
+                MOVE_LINEAR, MoveLinear(pose_base_peg=PoseData.of(pose_base_peg), speed_m_s=speed_m_s)
+            )
+        except CommandRefused as refusal:
+            raise AssemblyFailed(Failure.UNREACHABLE, str(refusal)) from None
+        self._account(outcome)
+
+    # --------------------------------------------------------------------------------------------------- calibrating
+
+    def calibrate(self, dwell_s: float) -> FtCalibration:
+        """Drive the calibration poses, dwell in each, identify bias and payload."""
+        readings = []
+        poses = choose_calibration_poses(self.arm, self.workcell.home_joints_rad)
+        for index, joints in enumerate(poses):
+            self.tell(Phase.CALIBRATING, f"sensor pose {index + 1} of {len(poses)}")
+            self.joints_to(np.asarray(joints, dtype=float))
+            self.dwell(0.1)  # let the arm settle
+            outcome = self.dwell(dwell_s)
+            readings.append(
+                RawReading(
+                    pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
+                )
+            )
+        self.joints_to(np.asarray(self.workcell.home_joints_rad, dtype=float))
+        try:
+            found = self.ports.ask(IDENTIFY_PAYLOAD, IdentifyPayload(readings=tuple(readings)))
+        except CommandRefused as refusal:
+            raise AssemblyFailed(Failure.NOT_CALIBRATED, str(refusal)) from None
+        self.tell(
+            Phase.CALIBRATING,
+            f"weight {found.weight_n:.3f} N, residual {found.residual_force_n:.3f} N",
+            weight_n=found.weight_n,
+            residual_force_n=found.residual_force_n,
+            residual_moment_nm=found.residual_moment_nm,
+        )
+        return found
+
+    def use_calibration(self) -> None:
+        """Calibrate when the sensor never was; tell the arm what hangs on it."""
+        calibration = self.ports.ft_calibration()
+        if calibration is None or not calibration.calibrated:
+            self.tell(Phase.CALIBRATING, "the force/torque sensor was never calibrated: doing it now")
+            calibration = self.calibrate(self.config.calibration_dwell_s)
+        self.ports.ask(
+            SET_PAYLOAD,
+            SetPayload(
+                bias=calibration.bias,
+                weight_n=calibration.weight_n,
+                centroid_ft_m=calibration.centroid_m,
+                gravity_base=calibration.gravity_base,
+            ),
+        )
+
+    # ---------------------------------------------------------------------------------------------- before the hole
+
+    def before_hole(self, pose_base_hole: Pose, distance_m: float) -> Pose:
+        """`pose_base_peg` aligned with the hole, the tip that far before the face."""
+        return pose_base_hole @ Pose.from_translation([0.0, 0.0, -self.workcell.peg.shape().tip_m - distance_m])
+
+    def approach(self, pose_base_hole: Pose) -> None:
+        """From wherever the arm is in free space to before the hole: quintic in joints, then straight."""
+        start = self.before_hole(pose_base_hole, self.config.approach_m)
+        back = self.workcell.pose_flange_peg().inverse()
+        try:
+            joints = nearest(self.arm, start @ back, self.joints_rad)
+        except InverseError as error:
+            raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
+        self.tell(Phase.APPROACHING, "driving to before the hole")
+        self.joints_to(joints)
+        self.line_to(self.before_hole(pose_base_hole, self.config.standoff_m))
+
+    # ------------------------------------------------------------------------------------------------ push and touch
+
+    def push(self, pose_base_hole: Pose) -> bool:
+        """A compliant push along the hole's axis from where the peg is; whether it went all the way."""
+        shape = self.workcell.peg.shape()
+        hole = self.workcell.hole.shape(shape)
+        tip = pose_base_hole.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, shape.tip_m]))
+        depth = hole.chamfer_m + shape.taper_length_m + self.workcell.insertion_depth_m + self.config.extra_depth_m
+        travel = float(depth - tip[2])
+        self.pushes += 1
+        self.tell(Phase.PUSHING, f"compliant push {self.pushes}", travel_mm=travel * 1e3)
+        outcome = self.ports.ask(
+            ADMITTANCE_MOVE,
+            AdmittanceMove(
+                direction_base=floats(pose_base_hole.rotation[:, 2]),
+                speed_m_s=self.config.push_speed_m_s,
+                travel_m=travel,
+                axial_force_n=self.config.push_force_n,
+                stall_s=self.config.push_stall_s,
+                timeout_s=self.config.push_timeout_s,
+            ),
+        )
+        self._account(outcome)
+        seated = outcome.stop_reason is StopReason.SEATED
+        self.tell(
+            Phase.SEATED if seated else Phase.PUSHING,
+            "in" if seated else f"did not enter: {outcome.stop_reason.value} after {outcome.travel_m * 1e3:.1f} mm",
+            travel_mm=outcome.travel_m * 1e3,
+            peak_force_n=outcome.peak_force_n,
+            peak_moment_nm=outcome.peak_moment_nm,
+        )
+        return seated
+
+    def touch(self, pose_base_peg_start: Pose, direction: Array, speed_m_s: float, threshold_n: float) -> Touch | None:
+        """Guarded move from a start pose; the touch as felt, or None when nothing was there."""
+        self.slide_to(pose_base_peg_start)
+        self.tell(Phase.TOUCHING, f"touch {len(self.touches) + 1}")
+        outcome = self.ports.ask(
+            GUARDED_MOVE,
+            GuardedMove(
+                direction_base=floats(direction),
+                speed_m_s=speed_m_s,
+                creep_speed_m_s=self.config.touch_creep_m_s,
+                force_threshold_n=threshold_n,
+                travel_limit_m=self.config.touch_travel_m,
+                retreat_m=self.config.touch_clearance_m,
+            ),
+        )
+        self._account(outcome)
+        if outcome.wrench_observed_raw is None or outcome.pose_base_peg_observed is None:
+            self.tell(Phase.TOUCHING, f"felt nothing: {outcome.stop_reason.value}", travel_mm=outcome.travel_m * 1e3)
+            return None
+        reading = self.ports.ask(
+            COMPENSATE,
+            CompensateWrench(
+                pose_base_peg=outcome.pose_base_peg_observed,
+                wrench_raw=outcome.wrench_observed_raw,
+                wrench_sd=outcome.wrench_observed_sd or (0.02, 0.02, 0.02, 0.001, 0.001, 0.001),
+                wrench_free_raw=outcome.wrench_free_raw,
+                pose_base_peg_free=PoseData.of(pose_base_peg_start),
+            ),
+        )
+        touch = Touch(
+            stamp_ns=outcome.stamp_ns,
+            index=len(self.touches),
+            pose_base_peg=outcome.pose_base_peg_observed,
+            pose_base_peg_first_contact=outcome.pose_base_peg_first_contact,
+            travel_first_contact_m=outcome.travel_first_contact_m,
+            direction_base=outcome.direction_base,
+            joints_rad=outcome.joints_observed_rad or outcome.joints_rad,
+            wrench=reading.wrench,
+            wrench_sd=reading.wrench_sd,
+            state=reading.state,
+        )
+        self.touches.append(touch)
+        self.ports.tell_touch(touch)
+        state = touch.state.case or f"none of the 26 ({touch.state.reason})"
+        force = float(np.linalg.norm(touch.wrench[:3]))
+        self.tell(
+            Phase.TOUCHING,
+            f"felt {force:.1f} N, contact state {state}",
+            force_n=force,
+            moment_nm=float(np.linalg.norm(touch.wrench[3:])),
+            travel_mm=(touch.travel_first_contact_m or 0.0) * 1e3,
+            confidence=touch.state.confidence,
+        )
+        return touch
+
+    def back_off(self) -> bool:
+        """Out of the hole along the peg's own axis and clear of the face; whether that was done."""
+        self.tell(Phase.BACKING_OFF, "taking the peg out")
+        try:
+            self.dwell(0.02)
+            aim = self.believed or self.workcell.hole_prior.pose_base_hole()
+            tip_m = self.workcell.peg.shape().tip_m
+            tip = aim.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, tip_m]))
+            want = -self.config.approach_m
+            if tip[2] > want:
+                self.slide_to(self.pose_base_peg @ Pose.from_translation([0.0, 0.0, want - float(tip[2])]))
+                tip = aim.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, tip_m]))
+            return bool(tip[2] <= want + 0.005)
+        except (AssemblyFailed, CommandRefused) as error:
+            self.tell(Phase.BACKING_OFF, f"could not back off: {error}")
+            return False

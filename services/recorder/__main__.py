@@ -1,0 +1,18 @@
+"""`python -m services.recorder`: records when asked to."""
+
+from __future__ import annotations
+
+import sys
+
+from crosspih_common.service import ServiceContext, run_service
+from services.recorder.config import RecorderConfig
+from services.recorder.shell import RecorderShell
+
+
+def build(context: ServiceContext) -> RecorderShell:
+    """Tap every key and serve start and stop."""
+    return RecorderShell(context, context.cell.section("recorder", RecorderConfig))
+
+
+if __name__ == "__main__":
+    sys.exit(run_service("recorder", build))

@@ -1,0 +1,33 @@
+"""The recorder's section of a cell's file."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+
+from pydantic import Field
+
+from crosspih_common.config import Section
+
+
+class Compression(str, Enum):
+    """How chunks are packed."""
+
+    ZSTD = "zstd"
+    LZ4 = "lz4"
+    NONE = "none"
+
+
+class RecorderConfig(Section):
+    """Where recordings go, and what a kill or a slow disk may cost."""
+
+    directory: Path = Field(default=Path("recordings"), description="made when missing")
+    flush_s: float = Field(default=0.25, gt=0.0, le=10.0, description="what a kill -9 loses at most")
+    chunk_bytes: int = Field(default=1 << 20, ge=1 << 12, description="a chunk is also closed when it holds this much")
+    compression: Compression = Compression.ZSTD
+    # what waits for the disk, at most; beyond it samples are dropped and counted
+    queue_samples: int = Field(default=50_000, ge=1)
+    queue_bytes: int = Field(default=256 << 20, ge=1 << 20)
+    # at a stop: wait until no sample from before it has come for this long, but not longer than the limit
+    quiet_s: float = Field(default=0.1, ge=0.0, le=5.0)
+    quiet_limit_s: float = Field(default=1.5, ge=0.0, le=30.0)

@@ -1,0 +1,76 @@
+"""Binds the recorder to the bus: a tap on every topic of the table, and the commands start and stop."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from crosspih_common.bus.codec import split_label
+from crosspih_common.errors import ContractError
+from crosspih_common.keys import RECORD_START, RECORD_STOP, Topic, topics
+from crosspih_common.messages import RecordingStatus, Severity, StartRecording, StopRecording
+from crosspih_common.service import ServiceContext
+from services.recorder.config import RecorderConfig
+from services.recorder.recorder import Recorder
+
+LIBRARIES = ("crosspih", "eclipse-zenoh", "mcap", "foxglove-schemas-protobuf", "numpy", "pydantic", "scipy")
+
+
+def library_versions() -> dict[str, str]:
+    """What this process runs with."""
+    versions = {"python": platform.python_version(), "platform": platform.platform()}
+    for name in LIBRARIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+class RecorderShell:
+    """The recorder on the bus."""
+
+    def __init__(self, context: ServiceContext, config: RecorderConfig) -> None:
+        self._context = context
+        self._recorder = Recorder(config, self._metadata, self._disk_failed)
+        bus = context.bus
+        for topic in topics():
+            bus.tap(topic, self._taker(topic))
+        bus.serve(RECORD_START, self._start)
+        bus.serve(RECORD_STOP, self._stop)
+
+    def _taker(self, topic: Topic[Any]) -> Callable[[str, bytes, str], None]:
+        traffic = self._context.bus.traffic
+
+        def take(key: str, payload: bytes, label: str) -> None:
+            try:
+                if not self._recorder.take(topic, key, payload, split_label(label)[1]):
+                    traffic.count(key, "dropped")
+            except ContractError as error:
+                traffic.reject(key, f"{key}: {error}")
+
+        return take
+
+    def _metadata(self) -> dict[str, dict[str, str]]:
+        cell = self._context.cell
+        return {
+            "cell": {"name": cell.workcell.name, "path": str(cell.path.resolve()), "yaml": cell.text},
+            "versions": library_versions(),
+            "recording": {"started": datetime.now(timezone.utc).isoformat(timespec="milliseconds")},
+        }
+
+    def _disk_failed(self, why: str) -> None:
+        self._context.event(Severity.ERROR, "recording_failed", why)
+
+    def _start(self, request: StartRecording) -> RecordingStatus:
+        return self._recorder.start(request.name)
+
+    def _stop(self, request: StopRecording) -> RecordingStatus:
+        return self._recorder.stop(request.stamp_ns)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._recorder.close()

@@ -1,0 +1,117 @@
+"""Fixtures for tests over real processes: a router on a free port, and services beside it."""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+START_S = 30.0
+END_S = 10.0
+
+
+class ServiceProcess:
+    """`python -m services.<name> ...` as a child process; its output is collected line by line."""
+
+    def __init__(self, name: str, *arguments: str) -> None:
+        self.name = name
+        self.output: list[str] = []
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        for variable in ("CROSSPIH_CELL", "CROSSPIH_ENDPOINT", "NOTIFY_SOCKET"):
+            environment.pop(variable, None)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", f"services.{name}", *arguments],
+            cwd=ROOT,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.output.append(line)
+            self._lines.put(line)
+        self._lines.put(None)
+
+    def wait_for_line(self, text: str, deadline_s: float = START_S) -> bool:
+        """Whether a line with this text comes before the process ends; fails the test at the deadline."""
+        until = time.monotonic() + deadline_s
+        while True:
+            try:
+                line = self._lines.get(timeout=max(until - time.monotonic(), 0.001))
+            except queue.Empty:
+                pytest.fail(f"{self.name} did not print {text!r} within {deadline_s} s: {''.join(self.output)}")
+            if line is None:
+                return False
+            if text in line:
+                return True
+
+    def kill(self) -> None:
+        """kill -9, and wait until it is gone."""
+        self.process.kill()
+        self._reap()
+
+    def terminate(self) -> int:
+        """SIGTERM; kill -9 if it does not end. The exit status."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            try:
+                self.process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+        self._reap()
+        return self.process.returncode
+
+    def _reap(self) -> None:
+        self.process.wait(END_S)
+        self._reader.join(END_S)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def spawn() -> Iterator[Callable[..., ServiceProcess]]:
+    """Start `python -m services.<name> ...`; whatever still runs at the end of the test is ended, by its own pid."""
+    started: list[ServiceProcess] = []
+
+    def start(name: str, *arguments: str) -> ServiceProcess:
+        started.append(ServiceProcess(name, *arguments))
+        return started[-1]
+
+    yield start
+    for process in reversed(started):
+        process.terminate()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def endpoint(spawn: Callable[..., ServiceProcess]) -> str:
+    """The endpoint of a router that runs as a process of its own, on a free loopback port, and listens."""
+    router: ServiceProcess | None = None
+    for _ in range(3):
+        where = f"tcp/127.0.0.1:{_free_port()}"
+        router = spawn("router", "--endpoint", where)
+        if router.wait_for_line("listening on"):
+            return where
+    assert router is not None
+    pytest.fail(f"no router: {''.join(router.output)}")

@@ -1,0 +1,80 @@
+"""Calibration poses: inside limits, clear of the fixture and floor all the way, and well spread."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from crosspih_common.arm import xb4
+from crosspih_common.arm.inverse import nearest
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.planning.calibration_poses import (
+    FIXTURE,
+    CalibrationPosesError,
+    Surroundings,
+    choose_calibration_poses,
+    clearance_m,
+)
+
+ARM = xb4()
+HOLE = Pose.from_matrix([[-0.07, 0.06, 1, 0.4], [-0.06, -1, 0.06, -0.3], [1, -0.06, 0.07, 0.2], [0, 0, 0, 1]])
+TIP = Pose.from_translation([0.0, 0.0, 0.146])
+SEED = (-0.9419, 1.0352, 0.3222, -0.9528, -1.4459, 0.1735)
+
+
+def before_the_hole(gap_m: float) -> Array:
+    return nearest(ARM, HOLE @ Pose.from_translation([0.0, 0.0, -gap_m]) @ TIP.inverse(), SEED)
+
+
+@pytest.mark.parametrize(
+    "start",
+    [np.zeros(6), np.array([-0.7, 0.2, 0.2, 0.0, 1.0, 0.0]), before_the_hole(0.1)],
+    ids=["zero", "side", "near"],
+)
+def test_six_poses_spread_gravity_and_stay_clear_all_the_way(start: Array) -> None:
+    poses = choose_calibration_poses(ARM, start)
+    assert len(poses) == 6
+    directions = []
+    for joints in poses:
+        assert ARM.limits.violations(joints) == []
+        directions.append(ARM.pose_base_flange(joints).rotation.T @ np.array([0.0, 0.0, -1.0]))
+    # Every sensor axis is pulled at from both sides, and no direction is farther than 75 degrees from a pose's.
+    assert np.all(np.max(directions, axis=0) > 0.3)
+    assert np.all(np.min(directions, axis=0) < -0.3)
+    around = np.random.default_rng(0).normal(size=(2000, 3))
+    around /= np.linalg.norm(around, axis=1)[:, None]
+    assert np.min(np.max(around @ np.array(directions).T, axis=1)) > np.cos(np.deg2rad(75.0))
+    force_design = np.vstack([np.hstack([ARM.pose_base_flange(q).rotation.T, np.eye(3)]) for q in poses])
+    assert np.linalg.cond(force_design) < 2.0
+    surroundings = Surroundings()
+    for a, b in pairwise([start, *poses]):
+        for share in np.linspace(0.0, 1.0, 60):
+            joints = a + share * (b - a)
+            assert clearance_m(ARM, joints, surroundings)[0] > 0.0
+            tip = ARM.pose_base_flange(joints).apply([0.0, 0.0, 0.146])
+            assert FIXTURE.distance_m(tip[None])[0] > 0.035
+            assert tip[2] > 0.05
+
+
+def test_the_same_start_gives_the_same_poses() -> None:
+    first = choose_calibration_poses(ARM, np.zeros(6))
+    assert [pose.tolist() for pose in choose_calibration_poses(ARM, np.zeros(6))] == [pose.tolist() for pose in first]
+
+
+def test_refusals_say_what_is_in_the_way() -> None:
+    with pytest.raises(CalibrationPosesError, match="between the tool and the fixture"):
+        choose_calibration_poses(ARM, before_the_hole(0.0))
+    with pytest.raises(CalibrationPosesError, match="joint 5"):
+        choose_calibration_poses(ARM, [0.0, 0.0, 0.0, 0.0, 3.0, 0.0])
+    with pytest.raises(CalibrationPosesError, match="at least 6"):
+        choose_calibration_poses(ARM, np.zeros(6), count=4)
+    with pytest.raises(CalibrationPosesError, match="of 6 poses can be reached"):
+        choose_calibration_poses(ARM, np.zeros(6), candidates=5)
+
+
+def test_more_poses_on_request() -> None:
+    poses = choose_calibration_poses(ARM, np.zeros(6), count=9)
+    assert len({tuple(pose.tolist()) for pose in poses}) == 9
