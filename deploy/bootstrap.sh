@@ -31,13 +31,19 @@ version_of() {
     "$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null || echo unknown
 }
 
-# The environment belongs to this folder (it refers to it), these pins and this interpreter.
+# What is installed depends on these files.
 fingerprint() {
-    { cat pyproject.toml deploy/constraints.txt deploy/bootstrap.sh && printf '%s\n' "$root" "$PYTHON"; } | cksum
+    cat pyproject.toml deploy/constraints.txt deploy/bootstrap.sh | cksum
 }
 
-if [ -x "$VENV/bin/python" ] && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ] &&
-    new_enough "$VENV/bin/python"; then
+# An environment can be used again if it was made in this folder (it holds the folder's name), its interpreter is still
+# there, and no other one is asked for.
+usable() {
+    [ -f "$VENV/.crosspih-root" ] && [ "$(cat "$VENV/.crosspih-root")" = "$root" ] && new_enough "$VENV/bin/python" &&
+        { [ -z "$PYTHON" ] || [ "$(version_of "$PYTHON")" = "$(version_of "$VENV/bin/python")" ]; }
+}
+
+if usable && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ]; then
     exit 0
 fi
 
@@ -67,9 +73,14 @@ if [ -e "$VENV" ] && [ ! -f "$VENV/pyvenv.cfg" ] && [ -n "$(ls -A "$VENV" 2>/dev
     fail "VENV=$VENV exists and is no virtual environment; name another folder"
 fi
 started=$(date +%s)
-say "making $VENV with Python $(version_of "$python"); the first time takes some minutes"
-rm -f "$stamp"
-"$python" -m venv --clear "$VENV" >/dev/null 2>&1 || fail "cannot make $VENV: $python -m venv --clear $VENV fails"
+if usable; then
+    say "bringing $VENV up to date"
+    rm -f "$stamp"
+else
+    say "making $VENV with Python $(version_of "$python"); the first time takes some minutes"
+    "$python" -m venv --clear "$VENV" >/dev/null 2>&1 || fail "cannot make $VENV: $python -m venv --clear $VENV fails"
+    printf '%s\n' "$root" >"$VENV/.crosspih-root"
+fi
 : >"$log"
 
 # Installs "$@"; the whole of what pip says is in the log.

@@ -41,6 +41,61 @@ class JointSample:
         return cls(np.array(joints_rad, dtype=float), np.zeros(6), np.zeros(6))
 
 
+def _coefficients(start: tuple[Array, Array, Array], goal: tuple[Array, Array, Array], duration_s: Array) -> Array:
+    """Eq. 11 for any number of quintics: (6 powers, ...) of boundary values (...), durations broadcast to them."""
+    q0, v0, acc0 = start
+    q1, v1, acc1 = goal
+    t, dq = duration_s, q1 - q0
+    a3 = (20.0 * dq - (8.0 * v1 + 12.0 * v0) * t + (acc1 - 3.0 * acc0) * t**2) / (2.0 * t**3)
+    a4 = (-30.0 * dq + (14.0 * v1 + 16.0 * v0) * t - (2.0 * acc1 - 3.0 * acc0) * t**2) / (2.0 * t**4)
+    a5 = (12.0 * dq - 6.0 * (v1 + v0) * t + (acc1 - acc0) * t**2) / (2.0 * t**5)
+    return np.array([q0, v0, acc0 / 2.0, a3, a4, a5])
+
+
+def _derivative(coefficients: Array, order: int) -> Array:
+    rows = coefficients
+    for _ in range(order):
+        rows = rows[1:] * np.arange(1, len(rows))[:, None]
+    return rows
+
+
+def _value(coefficients: Array, times: Array) -> Array:
+    """Polynomials (powers, m) at times (k, m), by Horner's rule."""
+    value = np.zeros_like(times)
+    for row in coefficients[::-1]:
+        value = value * times + row
+    return value
+
+
+def _extremes(coefficients: Array, durations_s: Array, order: int) -> tuple[Array, Array]:
+    """The least and greatest value (m,) on 0 .. duration (m,) of a derivative of polynomials (6 powers, m).
+
+    At the ends and at the roots of the next derivative: eigenvalues of companion matrices, polished by Newton's method.
+    """
+    # In units of the duration and of the greatest coefficient, so that the root finder sees well-scaled numbers.
+    values = _derivative(coefficients, order)
+    values = values * durations_s ** np.arange(len(values))[:, None]
+    slopes = _derivative(values, 1)
+    size = np.max(np.abs(slopes), axis=0)
+    slopes = slopes / np.where(size > 0.0, size, 1.0)
+    degree = len(slopes) - 1
+    # A vanishing leading coefficient is held off zero: its spurious root lies far outside, the others hardly move.
+    lead = np.where(np.abs(slopes[-1]) < 1e-10, 1e-10, slopes[-1])
+    companion = np.zeros((slopes.shape[1], degree, degree))
+    companion[:, 0, :] = (-slopes[-2::-1] / lead).T
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    # A double root splits into a complex pair by rounding: evaluating at its real part costs nothing.
+    roots = np.clip(np.real(np.linalg.eigvals(companion)).T, 0.0, 1.0)
+    polished, bends = roots, _derivative(slopes, 1)
+    for _ in range(3):
+        bend = _value(bends, polished)
+        step = _value(slopes, polished) / np.where(np.abs(bend) > 1e-9, bend, np.inf)
+        polished = np.clip(polished - step, 0.0, 1.0)
+    ends = np.array([[0.0], [1.0]]) * np.ones(slopes.shape[1])
+    reached = _value(values, np.concatenate([ends, roots, polished]))
+    return reached.min(axis=0), reached.max(axis=0)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Quintic:
     """Six joints' polynomials q(t) = sum of coefficients[k] t^k, 0 <= t <= duration_s; coefficients (6 powers, 6)."""
@@ -54,20 +109,18 @@ class Quintic:
         t = float(duration_s)
         if not 0.0 < t < np.inf:
             raise ValueError(f"duration_s wants a positive finite number, got {duration_s}")
-        dq = goal.position_rad - start.position_rad
-        v0, v1 = start.velocity_rad_s, goal.velocity_rad_s
-        acc0, acc1 = start.acceleration_rad_s2, goal.acceleration_rad_s2
-        a3 = (20.0 * dq - (8.0 * v1 + 12.0 * v0) * t + (acc1 - 3.0 * acc0) * t**2) / (2.0 * t**3)
-        a4 = (-30.0 * dq + (14.0 * v1 + 16.0 * v0) * t - (2.0 * acc1 - 3.0 * acc0) * t**2) / (2.0 * t**4)
-        a5 = (12.0 * dq - 6.0 * (v1 + v0) * t + (acc1 - acc0) * t**2) / (2.0 * t**5)
-        return cls(np.array([start.position_rad, v0, acc0 / 2.0, a3, a4, a5]), t)
+        return cls(
+            _coefficients(
+                (start.position_rad, start.velocity_rad_s, start.acceleration_rad_s2),
+                (goal.position_rad, goal.velocity_rad_s, goal.acceleration_rad_s2),
+                np.array(t),
+            ),
+            t,
+        )
 
     def derivative(self, order: int) -> Array:
         """The coefficients (6 - order, 6) of a time derivative."""
-        rows = self.coefficients
-        for _ in range(order):
-            rows = rows[1:] * np.arange(1, len(rows))[:, None]
-        return rows
+        return _derivative(self.coefficients, order)
 
     def sample(self, time_s: float) -> JointSample:
         """The motion at a time, clamped to 0 .. duration_s."""
@@ -76,21 +129,7 @@ class Quintic:
 
     def extremes(self, order: int) -> tuple[Array, Array]:
         """The exact least and greatest value, each (6,), of position (0), velocity (1) or acceleration (2)."""
-        values, slopes = self.derivative(order), self.derivative(order + 1)
-        low, high = np.empty(6), np.empty(6)
-        for joint in range(6):
-            # In units of the duration, so that the root finder sees well-scaled numbers.
-            scaled = slopes[:, joint] * self.duration_s ** np.arange(len(slopes))
-            size = np.abs(scaled).max()
-            # A leading coefficient of rounding size would throw the finder's roots to infinity and spoil the others.
-            kept = np.where(np.abs(scaled) > 1e-14 * size, scaled, 0.0)
-            roots = np.roots(kept[::-1] / size) if size > 0.0 else np.empty(0)
-            # A double root splits into a complex pair by rounding: evaluating at its real part costs nothing.
-            inside = np.clip(np.real(roots), 0.0, 1.0) * self.duration_s
-            times = np.concatenate([[0.0, self.duration_s], inside])
-            reached = times[:, None] ** np.arange(len(values)) @ values[:, joint]
-            low[joint], high[joint] = reached.min(), reached.max()
-        return low, high
+        return _extremes(self.coefficients, np.full(6, self.duration_s), order)
 
     def peak(self, order: int) -> Array:
         """The exact greatest magnitude (6,) of velocity (order 1) or acceleration (order 2)."""
@@ -170,20 +209,26 @@ class JointTrajectory:
 
     def peaks(self) -> tuple[Array, Array]:
         """The exact greatest speed (6,), rad/s, and acceleration (6,), rad/s^2, of each joint."""
-        pieces = [self.piece(index) for index in range(len(self.times_s) - 1)]
+        speed_low, speed_high = self._range(1)
+        acceleration_low, acceleration_high = self._range(2)
         return (
-            np.max([piece.peak(1) for piece in pieces], axis=0),
-            np.max([piece.peak(2) for piece in pieces], axis=0),
+            np.maximum(np.abs(speed_low), np.abs(speed_high)),
+            np.maximum(np.abs(acceleration_low), np.abs(acceleration_high)),
         )
+
+    def _range(self, order: int) -> tuple[Array, Array]:
+        """The exact least and greatest value (6,) of position (0), velocity (1) or acceleration (2)."""
+        states = (self.positions_rad, self.velocities_rad_s, self.accelerations_rad_s2)
+        spans = np.diff(self.times_s)[:, None] * np.ones(6)
+        start, goal = (tuple(state[part] for state in states) for part in (slice(None, -1), slice(1, None)))
+        coefficients = _coefficients((start[0], start[1], start[2]), (goal[0], goal[1], goal[2]), spans)
+        low, high = _extremes(coefficients.reshape(6, -1), spans.ravel(), order)
+        return low.reshape(-1, 6).min(axis=0), high.reshape(-1, 6).max(axis=0)
 
     def violations(self, limits: JointLimits) -> list[str]:
         """One clear line a limit that the motion crosses anywhere, also between knots; empty when all hold."""
-        pieces = [self.piece(index) for index in range(len(self.times_s) - 1)]
-        spans = [piece.extremes(0) for piece in pieces]
-        lines = [
-            *limits.violations(np.min([low for low, _ in spans], axis=0)),
-            *limits.violations(np.max([high for _, high in spans], axis=0)),
-        ]
+        low, high = self._range(0)
+        lines = [*limits.violations(low), *limits.violations(high)]
         speed, acceleration = self.peaks()
         for joint in range(6):
             if speed[joint] > limits.speed_rad_s[joint] * (1.0 + 1e-9):

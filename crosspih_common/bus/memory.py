@@ -21,10 +21,12 @@ def _matcher(key_expression: str) -> re.Pattern[str]:
 
 class _Undo:
     def __init__(self, undo: Callable[[], None]) -> None:
-        self._undo = undo
+        self._undo: Callable[[], None] | None = undo
 
     def close(self) -> None:
-        self._undo()
+        undo, self._undo = self._undo, None
+        if undo is not None:
+            undo()
 
 
 @dataclass(eq=False)

@@ -214,7 +214,19 @@ class ZenohTransport:
             self._session.close()
 
 
-@atexit.register
 def _close_all() -> None:
     for transport in list(_open):
         transport.close()
+
+
+def _close_when_main_ends() -> None:
+    # Zenoh's callback threads are joined before atexit functions run, and they end only with their session: so the
+    # sessions are closed by a daemon that waits for the main thread.
+    threading.main_thread().join()
+    _close_all()
+
+
+_closer = threading.Thread(target=_close_when_main_ends, name="zenoh-close", daemon=True)
+_closer.start()
+# and the interpreter must not go on to its end while a session is still closing
+atexit.register(_closer.join, 5.0)

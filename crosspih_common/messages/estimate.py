@@ -52,10 +52,10 @@ class PoseErrorEstimate(Message):
 
 
 class NextTouch(Message):
-    """Ask where to push next, after these touches and this many pushes that did not enter."""
+    """Ask where to push next, given what is believed now and how often pushing failed and touching was tried."""
 
-    prior: PosePrior
-    touches: tuple[Touch, ...]
+    belief: PosePrior
+    touches_made: int = Field(ge=0)
     failed_pushes: int = Field(ge=0)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -77,7 +78,9 @@ class Recording:
         found = []
         for key in self.samples:
             have = key.split("/")[2:]
-            if len(have) == len(parts) and all(want in (got, "{service}") for want, got in zip(parts, have, strict=True)):
+            if len(have) == len(parts) and all(
+                want in (got, "{service}") for want, got in zip(parts, have, strict=True)
+            ):
                 found.append(key)
         return sorted(found)
 
@@ -109,12 +112,10 @@ class Recording:
         return (min(stamps), max(stamps)) if stamps else (0, 0)
 
     def seq_gaps(self) -> dict[str, int]:
-        """Missing numbers, key by key: those between neighbours of one publisher's run. Empty when nothing is missing."""
+        """Missing numbers between neighbours, key by key; a lower number is a publisher started again, not a gap."""
         gaps: dict[str, int] = {}
         for key, samples in self.samples.items():
-            missing = sum(
-                max(after.seq - before.seq - 1, 0) for before, after in zip(samples, samples[1:], strict=False)
-            )
+            missing = sum(max(after.seq - before.seq - 1, 0) for before, after in pairwise(samples))
             if missing:
                 gaps[key] = missing
         return gaps
@@ -178,9 +179,7 @@ def _take(
         schema = schemas.get(channel.schema_id)
         recording.schemas[channel.topic] = (schema.name if schema else "", channel.message_encoding)
     label = f"{channel.metadata.get('label', '')} {record.sequence}"
-    samples.append(
-        Recorded(channel.topic, label, record.data, record.sequence, record.log_time, record.publish_time)
-    )
+    samples.append(Recorded(channel.topic, label, record.data, record.sequence, record.log_time, record.publish_time))
 
 
 __all__ = ["Recorded", "Recording", "RecordingError", "Sent", "read_recording"]

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from deploy.launcher.display import LogView, services_table
+from deploy.launcher.display import LogView, TerminalConsole, services_table
 from deploy.launcher.errors import LauncherError, NotUpError
 from deploy.launcher.foreground import supervise
 from deploy.launcher.logfile import LogTail, merged
@@ -63,10 +62,10 @@ def up(
     with _one_line_errors():
         request = StackRequest(project, compose_file, tuple(services or ()), tuple(profile or ()), run_dir, timeout_s)
         if detach:
-            console = Console(highlight=False)
+            console = TerminalConsole(highlight=False)
             start_stack(request, wait, wait_timeout_s, on_change=console.print)
             return
-        view = LogView(Console(highlight=False), request.chosen())
+        view = LogView(TerminalConsole(highlight=False), request.chosen())
         raise typer.Exit(supervise(request, view.show))
 
 
@@ -87,7 +86,7 @@ def ps(
             why = f"; its supervisor (pid {stale_pid}) died, and its state was removed" if stale_pid else ""
             raise NotUpError(f"project {project!r} is not up{why}")
         if not as_json:
-            Console(highlight=False).print(services_table(state), soft_wrap=True)
+            TerminalConsole(highlight=False).print(services_table(state), soft_wrap=True)
         if state.finished:
             raise typer.Exit(1)
 
@@ -111,7 +110,7 @@ def logs(
         tails = {name: reader for name, reader in known.items() if not services or name in services}
         if not tails and not directory.is_supervised():
             raise NotUpError(f"project {project!r} has no logs")
-        view = LogView(Console(highlight=False), tails)
+        view = LogView(TerminalConsole(highlight=False), tails)
         past = list(merged(list(tails.values())))
         for line in past[len(past) - min(tail, len(past)) :] if tail is not None else past:
             view.show(line)

@@ -17,6 +17,15 @@ _PHASE_STYLE = {Phase.RUNNING: "green", Phase.RESTARTING: "yellow", Phase.WAITIN
 _HEALTH_STYLE = {Health.HEALTHY: "green", Health.UNHEALTHY: "red", Health.STARTING: "yellow"}
 
 
+class TerminalConsole(Console):
+    """A console that lets the caller know when its reader has gone, where rich would end the whole program."""
+
+    def on_broken_pipe(self) -> None:
+        """Show nothing from now on, and raise BrokenPipeError once."""
+        self.quiet = True
+        raise BrokenPipeError
+
+
 class LogView:
     """Prints log lines as ``service | text``, each service in a colour of its own, aligned over ``services``."""
 

@@ -85,18 +85,32 @@ class LogTail:
         self._offset = 0
 
     def read(self) -> list[LogLine]:
-        """The whole lines since the last call; after the file was set aside, those of its successor."""
+        """The whole lines since the last call, in order; also across the file's being set aside."""
+        chunks = [self._rest_of_set_aside()]
         try:
             with self._path.open("rb") as file:
                 inode = os.fstat(file.fileno()).st_ino
                 if inode != self._inode:
-                    self._inode, self._offset, self._splitter = inode, 0, LineSplitter()
+                    self._inode, self._offset = inode, 0
                 file.seek(self._offset)
-                chunk = file.read()
+                chunks.append(file.read())
+                self._offset += len(chunks[-1])
         except FileNotFoundError:
-            return []
-        self._offset += len(chunk)
-        return [self._parse(line) for line in self._splitter.feed(chunk)]
+            pass
+        return [self._parse(line) for chunk in chunks for line in self._splitter.feed(chunk)]
+
+    def _rest_of_set_aside(self) -> bytes:
+        """What came into the file being read between the last look and its being set aside, if it was."""
+        try:
+            with self._path.with_name(self._path.name + ".1").open("rb") as file:
+                if os.fstat(file.fileno()).st_ino != self._inode:
+                    return b""
+                file.seek(self._offset)
+                rest = file.read()
+                self._offset += len(rest)
+                return rest
+        except FileNotFoundError:
+            return b""
 
     def _parse(self, line: str) -> LogLine:
         time, _, text = line.partition(" ")

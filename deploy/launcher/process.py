@@ -2,7 +2,9 @@
 
 import asyncio
 import contextlib
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -27,6 +29,13 @@ def resolve_python(command: Sequence[str]) -> list[str]:
     return [sys.executable if command[0] in ("python", "python3") else command[0], *command[1:]]
 
 
+def _require_program(word: str, search_path: str | None, working_dir: Path) -> None:
+    """Raise FileNotFoundError if there is no such program, before a process is made that could only fail."""
+    found = os.access(working_dir / word, os.X_OK) if "/" in word else shutil.which(word, path=search_path)
+    if not found:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), word)
+
+
 class ServiceProcess:
     """One run of one service. Made by :meth:`start`; every line it writes goes to ``on_line``."""
 
@@ -42,11 +51,13 @@ class ServiceProcess:
         working_dir: Path,
         on_line: Callable[[str], None],
     ) -> "ServiceProcess":
-        """Start ``command``; raises OSError if ``working_dir`` does not exist or no process can be made.
+        """Start ``command``; raises OSError if it or ``working_dir`` does not exist, or no process can be made.
 
         The output pipe is ours and not asyncio's, whose ``wait`` in some releases waits for the pipe to close too,
         which a grandchild can hold open.
         """
+        if working_dir.is_dir():
+            _require_program(resolve_python(command)[0], environment.get("PATH"), working_dir)
         read_end, write_end = os.pipe()
         try:
             process = await asyncio.create_subprocess_exec(

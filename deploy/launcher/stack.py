@@ -27,6 +27,8 @@ from deploy.launcher.supervisor import STOP_TIMEOUT_S
 
 DEFAULT_COMPOSE_FILE = Path(deploy.__file__).resolve().parent / "compose.yaml"
 _POLL_S = 0.03
+# A service that has to be restarted this often while the stack comes up will not come up.
+_HOPELESS_RESTARTS = 3
 
 # The supervisors that this process started, by process identifier. They outlive it; until then they are its children,
 # and one that ended stays a zombie unless it is waited for.
@@ -99,8 +101,8 @@ def start_stack(
 
     With ``wait_healthy`` once all that have a health are healthy. Services that end with exit status 0 count as done.
     ``on_change`` gets a line for each service that comes a step further. The stack gets this process's environment.
-    Raises ComposeError, AlreadyUpError, and StartError if a service ends otherwise or ``timeout_s`` passes; the stack
-    is down again then.
+    Raises ComposeError, AlreadyUpError, and StartError if a service ends otherwise, is restarted again and again, or
+    ``timeout_s`` passes; the stack is down again then.
     """
     _reap()
     request.chosen()
@@ -159,7 +161,8 @@ def _is_up(phase: Phase, health: Health, wait_healthy: bool) -> bool:
 
 def _refuse_failed(state: StackState, directory: StateDirectory) -> None:
     for row in state.services:
-        if row.phase is Phase.EXITED and row.exit_code:
+        gave_up = row.phase is Phase.EXITED and row.exit_code
+        if gave_up or (row.phase is Phase.RESTARTING and row.restarts >= _HOPELESS_RESTARTS):
             lines = directory.tails((row.service,))[row.service].read()
             said = "\n  ".join(line.text for line in lines[-12:])
             raise StartError(f"{row.service} did not start; it wrote:\n  {said}")

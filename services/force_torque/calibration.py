@@ -2,8 +2,9 @@
 
 At rest and in free air the sensor reads, in its own frame, F = R^T L + F0 and M = r x F + k, with R the rotation
 `rotation_base_sensor`, L the tool's weight vector in the base frame (pointing down), r the tool's centroid in the
-sensor frame, F0 the force bias and k = M0 - r x F0 (Eq. 14). Both are linear: p = (r, k) follows from the moments (Eq. 15), then (L, F0) from the
-forces (Eq. 16), and M0 = k + r x F0. L may be left free, which also finds how far the base stands out of level.
+sensor frame, F0 the force bias and k = M0 - r x F0 (Eq. 14). Both are linear: p = (r, k) follows from the moments
+(Eq. 15), (L, F0) from the forces (Eq. 16), and M0 = k + r x F0. L may be left free, which also finds how far the base
+stands out of level.
 
 Errors: `CalibrationError` (ValueError)
     `PosesDoNotSpan`      the poses leave a parameter undetermined; says which pose to add
@@ -88,7 +89,8 @@ class Calibration:
 
     `residuals` (n, 6) reading minus model a pose; `force_rms_n`, `moment_rms_nm` root mean square a component;
     `condition_force`, `condition_moment` of the two scaled designs; `bias_sd` (6,), `weight_sd_n` one standard
-    deviation of each found from the residuals' own scatter (0 when there are no degrees of freedom left).
+    deviation of each found from the residuals' own scatter, slightly cautious for the moments (0 when there are no
+    degrees of freedom left).
     """
 
     tool: ToolParameters

@@ -7,7 +7,8 @@ of both senses, or bind in the body. So a state comes with a confidence, and "no
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import atan2, erf, hypot, pi, sqrt, tan
+from functools import lru_cache
+from math import atan, atan2, erf, hypot, pi, sqrt, tan
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,7 @@ from services.force_torque.contact_table import STATES, Signs, StateRow, signs_t
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
+_AXIAL_SHARE = 0.2894  # axial over lateral force of one push without friction, from the printed mean n_z0 of .278
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,29 @@ COUNT_BANDS: tuple[CountBand, ...] = (
 )
 
 
+# The lateral force of equal unit pushes on 1, 2 or 3 arms; on four it cancels.
+_LATERAL = {1: 1.0, 2: sqrt(2.0), 3: 1.0}
+
+
+def _with_friction(n_z0: float, count: int, friction: float) -> float:
+    """n_z0 of the same contacts with friction: each push leans back by the friction angle as well as by the taper's."""
+    if count == 4 or friction == 0.0:
+        return n_z0
+    lateral = _LATERAL[count]
+    share = n_z0 * lateral / (count * sqrt(1.0 - n_z0**2))
+    leaning = count * tan(min(atan(share) + atan(friction), 1.5))
+    return leaning / hypot(leaning, lateral)
+
+
+@lru_cache(maxsize=64)
+def count_bands(friction: float = 0.0) -> tuple[CountBand, ...]:
+    """The bands of n_z0, moved to where a friction coefficient takes them; the printed ones for 0."""
+    return tuple(
+        CountBand(band.count, *(_with_friction(n, band.count, friction) for n in (band.low, band.middle, band.high)))
+        for band in COUNT_BANDS
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class ClassifierSettings:
     """Noise of the wrench given (one standard deviation a component), and what counts as zero beside it.
@@ -56,6 +81,9 @@ class ClassifierSettings:
     Two lengths tell taper contacts of one sense from anything else, whatever their number and shares: |Mz / Fz| (arm
     lever over axial share; the paper's ten samples: 0.055-0.089 m) and the height z of the lateral force ahead of the
     origin (its samples: 0.058-0.066 m). Their confidence is 0, 1, 1, 0 at the four corners given, linear between.
+
+    `friction` is the coefficient between peg and hole, known or estimated: it leans every push back, so the bands of
+    n_z0 move up and |Mz / Fz| shrinks. The printed bands are those without friction.
     """
 
     force_sd_n: float = 0.1
@@ -69,12 +97,15 @@ class ClassifierSettings:
     minimum_confidence: float = 0.2
     yaw_length_m: tuple[float, float, float, float] = (0.02, 0.045, 0.1, 0.15)
     height_m: tuple[float, float, float, float] = (0.03, 0.05, 0.08, 0.1)
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
         if self.force_sd_n < 0.0 or self.moment_sd_nm < 0.0 or self.moment_offset_nm < 0.0:
             raise ValueError("ClassifierSettings wants force_sd_n, moment_sd_nm and moment_offset_nm of 0 or more")
         if not 0.0 < self.axis_half_angle_rad < pi / 4.0 or not 0.0 < self.lateral_ratio < 1.0:
             raise ValueError("ClassifierSettings wants axis_half_angle_rad in (0, pi/4) and lateral_ratio in (0, 1)")
+        if not 0.0 <= self.friction <= 1.0:
+            raise ValueError(f"ClassifierSettings wants friction in [0, 1], got {self.friction}")
         for name in ("yaw_length_m", "height_m"):
             a, b, c, d = getattr(self, name)
             if not 0.0 <= a < b <= c < d:
@@ -159,7 +190,8 @@ def classify_contact(wrench_peg: ArrayLike, settings: ClassifierSettings | None 
 
     # n = -Fz/|F| has d n = (lateral / |F|) d angle, so its noise is at most sd / |F|.
     n_nodes = n_z0 + settings.force_sd_n / force * _NODES
-    counts = {band.count: float(_WEIGHTS @ band.confidence(np.minimum(n_nodes, 2.0 - n_nodes))) for band in COUNT_BANDS}
+    bands = count_bands(settings.friction)
+    counts = {band.count: float(_WEIGHTS @ band.confidence(np.minimum(n_nodes, 2.0 - n_nodes))) for band in bands}
     sense = _sense_confidence(wrench, settings)
     lever = _lever_confidence(wrench, signs, settings)
     direction = _direction_confidence(wrench, signs, settings)
@@ -182,7 +214,7 @@ def classify_contact(wrench_peg: ArrayLike, settings: ClassifierSettings | None 
         runner_up_confidence=counts[others[0].count] * shared if others else 0.0,
     )
     if confidence < settings.minimum_confidence:
-        reason = _weakest(result, wrench, [row.count for row in matches])
+        reason = _weakest(result, wrench, [band for band in bands if band.count in {row.count for row in matches}])
         return replace(result, state=None, reason=reason, runner_up=None, runner_up_confidence=0.0)
     return result
 
@@ -200,7 +232,9 @@ def contact_height_m(wrench_peg: Array) -> float:
 
 
 def _lever_confidence(wrench: Array, signs: Signs, settings: ClassifierSettings) -> float:
-    yaw = _trapezoid(abs(float(wrench[5] / wrench[2])), settings.yaw_length_m)
+    # Friction scales the axial share of every push alike, and with it this ratio.
+    leaning = tan(atan(_AXIAL_SHARE) + atan(settings.friction)) / _AXIAL_SHARE
+    yaw = _trapezoid(abs(float(wrench[5] / wrench[2])) * leaning, settings.yaw_length_m)
     if signs[:2] == (0, 0):
         return yaw
     return min(yaw, _trapezoid(contact_height_m(wrench), settings.height_m))
@@ -235,7 +269,7 @@ def _sign_hint(signs: Signs) -> str:
     return ""
 
 
-def _weakest(result: ContactStateResult, wrench: Array, counts: list[int]) -> str:
+def _weakest(result: ContactStateResult, wrench: Array, bands: list[CountBand]) -> str:
     """Why a row that the signs allow is still not believed: its weakest factor, in words."""
     factors = {
         "count": result.count_confidence,
@@ -245,8 +279,8 @@ def _weakest(result: ContactStateResult, wrench: Array, counts: list[int]) -> st
     }
     name = min(factors, key=lambda key: factors[key])
     if name == "count":
-        bands = " or ".join(f"{b.count} ({b.low:.2f}-{min(b.high, 1.0):.2f})" for b in COUNT_BANDS if b.count in counts)
-        return f"n_z0 = {result.n_z0:.3f} lies outside the band of the counts that the signs allow: {bands}"
+        text = " or ".join(f"{band.count} ({band.low:.2f}-{min(band.high, 1.0):.2f})" for band in bands)
+        return f"n_z0 = {result.n_z0:.3f} lies outside the band of the counts that the signs allow: {text}"
     if name == "lever":
         yaw_mm, height_mm = abs(wrench[5] / wrench[2]) * 1e3, contact_height_m(wrench) * 1e3
         return (

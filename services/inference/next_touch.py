@@ -35,6 +35,8 @@ class ArmPattern:
     shift_m: float = 0.0015
     turn_rad: float = 0.02
     tilt_rad: float = 0.0
+    largest_shift_m: float = 0.004
+    largest_turn_rad: float = 0.08
 
 
 def next_touch(
@@ -43,30 +45,36 @@ def next_touch(
     covariance: Array,
     failed_pushes: int,
     touches_made: int,
+    last_touch_used: bool = True,
     standoff_m: float = 0.004,
     pattern: ArmPattern | None = None,
 ) -> TouchPlan:
     """The next touch, given the posterior (mean, covariance (6, 6)), how many pushes failed, and the touches so far.
 
-    While the posterior is wide and fewer than two pushes have failed: straight at the estimate, where the errors
-    themselves decide what touches. Otherwise arm by arm, each time the one after the last, so that two touches in a row
-    measure across one another; the turn changes its sense after every round.
+    While the posterior is wide, fewer than two pushes have failed and the last touch could be explained: straight at the
+    estimate, where the errors themselves decide what touches. Otherwise arm by arm, each time the one after the last, so
+    that two touches in a row measure across one another; the turn changes its sense after every round. The tip starts
+    `standoff_m` and 2.5 sd of depth short of the rim.
     """
     sd = np.sqrt(np.diag(covariance))
     wide = bool(sd[:2].max() > WIDE_LATERAL_SD_M or sd[3:].max() > WIDE_ROTATION_SD_RAD)
     direction = pose_base_hole.rotation[:, 2].copy()
-    back = -standoff_m - peg.tip_m
-    if wide and failed_pushes < 2:
-        return TouchPlan(pose_base_hole @ Pose.from_translation([0.0, 0.0, back]), direction, "estimate")
+    standoff_m = standoff_m + 2.5 * float(sd[2])
+    if wide and failed_pushes < 2 and last_touch_used:
+        start = pose_base_hole @ Pose.from_translation([0.0, 0.0, -standoff_m - peg.tip_m])
+        return TouchPlan(start, direction, "estimate")
     pattern = pattern or ArmPattern()
+    # Wide of the mark, the shift must outweigh the error, within what the taper still catches.
+    shift_m = min(pattern.shift_m + float(sd[:2].max()), pattern.largest_shift_m)
+    turn_rad = min(pattern.turn_rad + float(sd[5]), pattern.largest_turn_rad)
     arm = touches_made % 4
     sense = 1.0 if (touches_made // 4) % 2 == 0 else -1.0
     azimuth = arm * np.pi / 2
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     sideways = sense * np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     # A tilt about the rim, so that the shift stays what it says.
-    turn = Pose.from_rotvec([0.0, 0.0, sense * pattern.turn_rad], np.zeros(3))
+    turn = Pose.from_rotvec([0.0, 0.0, sense * turn_rad], np.zeros(3))
     tilt = Pose.from_rotvec(pattern.tilt_rad * outward, np.zeros(3))
-    offset = Pose.from_translation([*(pattern.shift_m * sideways)[:2], -standoff_m]) @ turn @ tilt
+    offset = Pose.from_translation([*(shift_m * sideways)[:2], -standoff_m]) @ turn @ tilt
     start = pose_base_hole @ offset @ Pose.from_translation([0.0, 0.0, -peg.tip_m])
     return TouchPlan(start, direction, f"arm {arm + 1}")

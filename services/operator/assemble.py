@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -26,9 +27,8 @@ def _run(
 ) -> tuple[TrialFigures, AssemblyResult]:
     story = Story(console)
     session.follow_events(story.phase, story.touch, story.event)
-    session.on_begin = story.begin
     try:
-        return session.trial(seed, strategy, record)
+        return session.trial(seed, strategy, record, on_begin=story.begin)
     except KeyboardInterrupt:
         console.print("[red]interrupted: taking the peg out[/red]")
         session.abort()
@@ -52,9 +52,9 @@ def assemble(
         console.print(f"--speed {speed}: want realtime or max", highlight=False)
         raise typer.Exit(2)
     try:
-        with console.status("starting the cell"), _Entered(cell_session(speed)) as entered:
-            pass
-        with entered.leaving() as (session, _):
+        with ExitStack() as stack:
+            with console.status("starting the cell"):
+                session, _ = stack.enter_context(cell_session(speed))
             console.print(f"seed {seed}, strategy {strategy.value}, {session.speed()}", highlight=False)
             figures, result = _run(session, console, seed, strategy, record)
             truth = session.truth()

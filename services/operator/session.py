@@ -126,8 +126,21 @@ class Session:
         """End the running assembly."""
         self.bus.call(ABORT, AbortAssembly(), 5.0)
 
-    def trial(self, seed: int | None, strategy: Strategy, record: bool) -> tuple[TrialFigures, AssemblyResult]:
-        """One assembly, scored: reset (when simulated), record, assemble, stop recording."""
+    def truth(self) -> SimulationTruth | None:
+        """The simulator's truth as last heard; None on a real cell."""
+        return self._truth.value()
+
+    def trial(
+        self,
+        seed: int | None,
+        strategy: Strategy,
+        record: bool,
+        on_begin: Callable[[int], None] = lambda now_ns: None,
+    ) -> tuple[TrialFigures, AssemblyResult]:
+        """One assembly, scored: reset (when simulated), record, assemble, stop recording.
+
+        `on_begin` is called with the cell's time when the assembly starts.
+        """
         truth: SimulationTruth | None = None
         if seed is not None:
             truth = self.reset(ResetCell(seed=seed))
@@ -135,6 +148,7 @@ class Session:
         recording: str | None = None
         if record:
             self.bus.call(RECORD_START, StartRecording(name=name), RECORDER_DEADLINE_S)
+        on_begin(self.bus.clock.now_ns())
         started = time.monotonic()
         try:
             result = self.bus.call(ASSEMBLE, Assemble(strategy=strategy, assembly_id=name), ASSEMBLY_DEADLINE_S)

@@ -200,7 +200,8 @@ def _d_optimal(
                 break
         else:
             raise CalibrationPosesError(
-                f"only {len(chosen)} of {count} poses can be reached clear of everything: start farther from the fixture"
+                f"only {len(chosen)} of {count} poses can be reached clear of everything: "
+                "start farther from the fixture"
             )
     return chosen
 

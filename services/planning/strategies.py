@@ -90,7 +90,7 @@ def fused(run: Run) -> PosePrior:
         if run.push(belief.pose_base_hole.pose()):
             return belief
         run.slide_to(run.before_hole(belief.pose_base_hole.pose(), run.config.standoff_m))
-        plan = run.ports.ask(NEXT_TOUCH, NextTouch(prior=prior, touches=tuple(run.touches), failed_pushes=attempt + 1))
+        plan = run.ports.ask(NEXT_TOUCH, NextTouch(belief=belief, touches_made=len(run.touches), failed_pushes=attempt + 1))
         touch = run.touch(
             plan.pose_base_peg_start.pose(),
             np.asarray(plan.direction_base),

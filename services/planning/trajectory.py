@@ -110,7 +110,7 @@ def connect(start: JointSample, goal: JointSample, limits: JointLimits) -> Joint
     while lines:
         low, high = high, high * 1.05
         if high > _LONGEST_S:
-            raise TrajectoryError("no duration brings this quintic inside the limits: " + "; ".join(lines))
+            raise TrajectoryError("no duration brings this quintic inside the limits: " + "; ".join(lines[:2]))
         lines = lines_at(high)
     while high - low > 1e-6 * high:
         middle = 0.5 * (low + high)
@@ -180,6 +180,12 @@ def move_line(
         float(np.max(peak_speed / limits.speed_rad_s)),
         float(np.max(np.sqrt(peak_acceleration / limits.acceleration_rad_s2))),
     )
+    if duration > _LONGEST_S:
+        worst = int(np.argmax(peak_speed / limits.speed_rad_s))
+        raise TrajectoryError(
+            f"the line would take {duration:.0f} s (limit {_LONGEST_S:g} s): joint {worst + 1} races next to a "
+            "singularity, or the line is too long for speed_m_s"
+        )
     trajectory = unit.stretched(duration)
     lines = trajectory.violations(limits)
     if lines:

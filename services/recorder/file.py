@@ -55,9 +55,7 @@ class RecordingFile:
         self.path = path
         self.messages = 0
         self._stream = stream
-        self._writer = Writer(
-            stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression]
-        )
+        self._writer = Writer(stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression])
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._dirty = True
@@ -113,15 +111,15 @@ class RecordingFile:
     def flush(self) -> None:
         """Close the chunk and hand everything to the operating system: a kill after this loses none of it."""
         if self._dirty:
-            self._writer.flush()
+            self._writer.flush()  # type: ignore[no-untyped-call]
             self._dirty = False
 
     def finish(self, metadata: Mapping[str, Mapping[str, str]]) -> int:
         """Write what remains, the last metadata, the index and the footer, to the disk itself; returns the size."""
-        self._writer.flush()
+        self._writer.flush()  # type: ignore[no-untyped-call]
         for name, entries in metadata.items():
             self._writer.add_metadata(name, dict(entries))
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.flush()
         os.fsync(self._stream.fileno())
         size = self._stream.tell()

@@ -72,19 +72,19 @@ class Recorder:
                 for sample in batch:
                     if sample.topic.kind is Kind.STATE:
                         self._states[sample.key] = sample
-                    self._attempt(lambda file, sample=sample: file.write(sample))
+                    self._attempt(RecordingFile.write, sample)
                 if time.monotonic() >= flush_at:
-                    self._attempt(lambda file: file.flush())
+                    self._attempt(RecordingFile.flush)
                     flush_at = time.monotonic() + self._config.flush_s
             self._inbox.settle(len(batch))
 
-    def _attempt(self, work: Callable[[RecordingFile], object]) -> None:
+    def _attempt(self, work: Callable[..., None], *arguments: Sample) -> None:
         """Work on the file, if there is one; a file that cannot be written is let go of and reported once."""
         file = self._file
         if file is None:
             return
         try:
-            work(file)
+            work(file, *arguments)
         except Exception as error:
             # whatever it was, the writer's thread must outlive it: the next file may do
             self._let_go(file, error)
@@ -119,8 +119,8 @@ class Recorder:
             self._tally.begin()
             self._file = file
             for state in sorted(self._states.values(), key=lambda sample: sample.wall_ns):
-                self._attempt(lambda file, state=state: file.write(state))
-            self._attempt(lambda file: file.flush())
+                self._attempt(RecordingFile.write, state)
+            self._attempt(RecordingFile.flush)
             return self._status()
 
     def stop(self, stamp_ns: int) -> RecordingStatus:

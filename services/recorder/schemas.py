@@ -9,7 +9,6 @@ data still holds them, and both viewers show them in their raw message panels).
 from __future__ import annotations
 
 import json
-from functools import lru_cache
 from typing import Any
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
@@ -76,7 +75,6 @@ def _with_imports(file: FileDescriptor, into: FileDescriptorSet) -> None:
     file.CopyToProto(into.file.add())
 
 
-@lru_cache(maxsize=256)
 def channel_schema(kind: type[Any]) -> tuple[str, str, str, bytes]:
     """(schema name, schema encoding, message encoding, schema bytes) of what travels on a topic."""
     if issubclass(kind, Image):

@@ -33,8 +33,15 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
 
 def is_alive(pid: int) -> bool:
     """Whether a process runs; a zombie that nobody has reaped yet does not."""
-    state = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False).stdout
-    return bool(state.strip()) and not state.strip().startswith("Z")
+    if Path("/proc/self/stat").exists():  # Linux, where a small system may have no ps.
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].strip()
+        except (FileNotFoundError, ProcessLookupError):
+            return False
+    else:
+        shown = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False)
+        state = shown.stdout.strip()
+    return bool(state) and not state.startswith("Z")
 
 
 class Stacks:
@@ -73,7 +80,8 @@ class Stacks:
         return int(self.log(service, project)[0])
 
     def environment(self) -> dict[str, str]:
-        return {**os.environ, "PYTHONPATH": str(ROOT), "CROSSPIH_RUN_DIR": str(self.run_root), "TERM": "dumb"}
+        ours = {"CROSSPIH_RUN_DIR": str(self.run_root), "CROSSPIH_PROJECT": "test", "COLUMNS": "120", "TERM": "dumb"}
+        return {**os.environ, "PYTHONPATH": str(ROOT), **ours}
 
     def cli(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         return subprocess.run(

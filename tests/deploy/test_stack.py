@@ -64,9 +64,7 @@ def test_up_ps_logs_and_down_from_other_shells(stacks: Stacks) -> None:
 
 
 def test_killed_service_is_restarted_and_others_go_on(stacks: Stacks) -> None:
-    stacks.start(
-        {"killed": {"command": READY, "x-notify": True, "restart": "on-failure"}, "other": {"command": SERVE}}
-    )
+    stacks.start({"killed": {"command": READY, "x-notify": True, "restart": "on-failure"}, "other": {"command": SERVE}})
     killed, other = _pids(stacks, "killed", "other")
     os.kill(killed, signal.SIGKILL)
     wait_until(lambda: stacks.row("killed").restarts == 1, "the restart")
@@ -200,13 +198,20 @@ def test_failed_start_tells_why_and_leaves_nothing(stacks: Stacks) -> None:
 @pytest.mark.parametrize(
     ("service", "said"),
     [
-        ({"command": "no-such-program --now"}, "cannot run 'no-such-program'"),
-        ({"command": SERVE, "working_dir": "nowhere"}, "cannot start: No such file or directory"),
+        ({"command": "no-such-program --now"}, "No such file or directory .no-such-program"),
+        ({"command": SERVE, "working_dir": "nowhere"}, "No such file or directory .*nowhere"),
     ],
 )
 def test_what_cannot_be_run_is_said(stacks: Stacks, service: dict[str, object], said: str) -> None:
     with pytest.raises(StartError, match=said):
         stacks.start({"absent": service})
+
+
+def test_start_gives_up_on_a_service_that_only_restarts(stacks: Stacks) -> None:
+    failing = [*PYTHON, "import sys;sys.exit('no bus')"]
+    with pytest.raises(StartError, match="no bus"):
+        stacks.start({"loops": {"command": failing, "restart": "on-failure", "x-notify": True}})
+    assert not is_up("test", stacks.run_root)
 
 
 def test_wrong_compose_file_is_one_line(stacks: Stacks) -> None:

@@ -152,6 +152,7 @@ def assemble(
     peak_force = peak_moment = seconds = 0.0
     to_hole = truth.inverse()
     failed = corrections = 0
+    used = True
     result: PushResult | None = None
     while corrections <= most_corrections:
         if push_first or observations:
@@ -167,7 +168,7 @@ def assemble(
             failed += 1
         corrections += 1
         for _ in range(touches_a_correction):
-            plan = next_touch(known_peg, believed, covariance, failed, len(observations))
+            plan = next_touch(known_peg, believed, covariance, failed, len(observations), used)
             record = guarded_push(
                 world, to_hole @ plan.pose_base_peg_start, to_hole.rotate(plan.direction_base), 0.05
             )
@@ -180,6 +181,7 @@ def assemble(
             believed, covariance = estimate.pose_base_hole, estimate.covariance
             left = to_hole @ believed
             verdict = estimate.touches[-1]
+            used = verdict.used
             log.append(
                 f"{plan.idea}: {record.contacts} contacts, used {verdict.used}, cost {verdict.cost:.1f} "
                 f"({len(verdict.contacts)}), error {np.round(left.translation_m * 1e3, 3)} mm "

@@ -139,6 +139,13 @@ def test_refusals_name_the_joint() -> None:
         JointTrajectory(np.array([0.0, 0.0]), np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6)))
 
 
+def test_a_line_next_to_a_singularity_is_refused_not_crawled() -> None:
+    straight = np.array([0.0, 0.3, 0.1, 0.0, 1e-7, 0.0])
+    goal = ARM.pose_base_flange(straight) @ Pose.from_rotvec([0.1, 0.0, 0.0], [0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="singular"):
+        move_line(ARM, straight, goal, LIMITS)
+
+
 def test_waypoints_are_passed_in_order_and_rests_are_not_doubled() -> None:
     points = np.array([HERE, HERE + 0.1, HERE + 0.1, HERE - 0.2])
     trajectory = move_through(points, LIMITS)

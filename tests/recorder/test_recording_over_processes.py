@@ -134,6 +134,7 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
         started = bus.call(RECORD_START, StartRecording(name="trial 7/../x"), DEADLINE_S)
         assert started.recording
         source.sent.clear()
+        started_ns = source.now_ns
         for index in range(1500):
             source.publish(JOINT_STATE, joints)
             source.publish(CONTACT_WRENCH, wrench)
@@ -156,7 +157,8 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
         assert summary is not None and summary.statistics is not None
         channels = {channel.topic: channel for channel in summary.channels.values()}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
-            counts[channel.topic] += 1
+            if message.log_time > started_ns:  # the last tick from before the start may still be in it
+                counts[channel.topic] += 1
             sequences.setdefault(channel.topic, []).append(message.sequence)
             if channel.topic == IMAGE_LEFT.key(CELL):
                 assert schema is not None and schema.name == "foxglove.RawImage" and schema.encoding == "protobuf"
@@ -171,9 +173,9 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
         assert counts[key] == sent, key
     for key, numbers in sequences.items():
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), key
-    assert counts[FT_CALIBRATION.key(CELL)] == 1
+    assert len(sequences[FT_CALIBRATION.key(CELL)]) == 1
     assert counts[RECORD_STOP.request_echo.key(CELL)] == 1  # the recorder hears itself
-    assert summary.statistics.message_count == sum(counts.values()) == stopped.messages
+    assert summary.statistics.message_count == sum(map(len, sequences.values())) == stopped.messages
     assert len(channels) == stopped.channels
     assert stopped.bytes_written == path.stat().st_size
     assert metadata["drops"]["overflow_total"] == metadata["drops"]["gaps_total"] == "0"

@@ -38,6 +38,7 @@ from services.hardware.simulation.paths import (
 )
 from services.hardware.simulation.sensor import Payload
 from services.hardware.simulation.servo import Reading, Servo
+from services.hardware.simulation.turn import Turn
 
 SMALL_FORCE_N = 5.0
 SMALL_MOMENT_NM = 0.5
@@ -48,7 +49,7 @@ _LINEAR_RAD_S2 = 10.0
 class SimulatedArm:
     """Implements the Arm protocol. Commands come from any thread, one at a time."""
 
-    def __init__(self, workcell: Workcell, config: SimulatedConfig, servo: Servo, turn: threading.RLock) -> None:
+    def __init__(self, workcell: Workcell, config: SimulatedConfig, servo: Servo, turn: Turn) -> None:
         self._arm = workcell.arm()
         self._pose_flange_peg = workcell.pose_flange_peg()
         self._config = config
@@ -113,10 +114,14 @@ class SimulatedArm:
             if motion.onset_m is not None:
                 found["travel_first_contact_m"] = motion.onset_m
                 found["pose_base_peg_first_contact"] = PoseData.of(path.pose_at(motion.onset_m))
-            if motion.observed_raw is not None and motion.observed_travel_m is not None:
+            if (
+                motion.observed_raw is not None
+                and motion.observed_travel_m is not None
+                and motion.observed_joints_rad is not None
+            ):
                 mean, sd = _mean(motion.observed_raw)
                 found["pose_base_peg_observed"] = PoseData.of(path.pose_at(motion.observed_travel_m))
-                found["joints_observed_rad"] = floats(motion.observed_joints_rad or ())
+                found["joints_observed_rad"] = floats(motion.observed_joints_rad)
                 found["wrench_observed_raw"], found["wrench_observed_sd"] = floats(mean), floats(sd)
             return GuardedMoveOutcome.model_validate(
                 {**outcome.model_dump(), "direction_base": floats(direction), **found}
@@ -149,7 +154,7 @@ class SimulatedArm:
         refuse_not_finite("bias", command.bias)
         refuse_not_finite("centroid_ft_m", [command.weight_n, *command.centroid_ft_m])
         unit_direction("gravity_base", command.gravity_base)
-        with self._turn:
+        with self._turn.taken():
             self._servo.use_payload(Payload.from_command(command))
 
     def stop(self) -> bool:
@@ -159,8 +164,13 @@ class SimulatedArm:
             return self._moving
 
     def idle_step(self) -> None:
-        """One millisecond of holding still, between commands; the caps hold here too."""
-        with self._turn:
+        """One millisecond between commands."""
+        with self._turn.idle():
+            self.hold_still(1)
+
+    def hold_still(self, steps: int) -> None:
+        """Some milliseconds of holding still; the caps hold here too. For whoever has the turn."""
+        for _ in range(steps):
             if self._over_caps(self._servo.advance(self._servo.still())) is not None:
                 self._back_off()
 
@@ -170,10 +180,16 @@ class SimulatedArm:
         if not self._commanded.acquire(blocking=False):
             raise CommandRefused("busy", "another command is being carried out; wait for it or stop it")
         try:
-            with self._turn:
+            with self._turn.taken():
                 yield
         finally:
             self._commanded.release()
+
+    @contextmanager
+    def between_motions(self) -> Iterator[None]:
+        """Wait for a motion to end, and let none begin meanwhile."""
+        with self._commanded, self._turn.taken():
+            yield
 
     @contextmanager
     def _command(self) -> Iterator[None]:
@@ -271,8 +287,3 @@ def _mean(samples: Array) -> tuple[Array, Array]:
     sd = samples.std(axis=0, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(samples.shape[1])
     return np.asarray(samples.mean(axis=0)), np.asarray(sd)
 
-
-def hole_draw(half_ranges: Array, rng: np.random.Generator) -> Pose:
-    """The offset of a trial's hole from the nominal one: uniform in each of x, y, z, rx, ry, rz, rotation vector."""
-    offset = rng.uniform(-half_ranges, half_ranges)
-    return Pose.from_rotvec(offset[3:], offset[:3])

@@ -4,8 +4,9 @@ Convex meshes in Bullet carry a margin that rounds their edges, and this peg tou
 piece is inset by a micrometre and gets a margin of a micrometre; a link only takes a margin over from the collision
 shape it is given, which a body made for a moment sets.
 
-No link masses of the XB4 are published: those here are our assumption. They set the inertia, hence how the arm rings;
-nothing at rest depends on them, because gravity is fed forward. Only the peg and the hole can collide.
+No link masses of the XB4 are published: those here are our assumption, and light, because motors and gears sit on the
+motor side of the joint springs. They set the inertia, hence how the arm rings and how hard it lands; nothing at rest
+depends on them, because gravity is fed forward. Only the peg and the hole can collide.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ SENSOR_JOINT = 6
 BAR_LINKS = (7, 8)
 BAR_KG = 0.001
 
-LINK_KG = (8.0, 6.0, 5.0, 2.0, 1.5, 0.4)
-# rotor and gear inertia; without it the light wrist links are too fast for a 1 kHz explicit loop
-ROTOR_KG_M2 = (0.3, 0.3, 0.2, 0.1, 0.1, 0.05)
+LINK_KG = (3.0, 2.0, 1.5, 0.7, 0.5, 0.2)
+# inertia added about each joint's own axis; without it the light wrist links are too fast for a 1 kHz explicit loop
+JOINT_KG_M2 = (0.3, 0.3, 0.2, 0.1, 0.1, 0.05)
 ZERO_AXES = ((0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0))
 
 
@@ -109,12 +110,13 @@ def _set_dynamics(body: int, middles: Array, payload_kg: float, client: int) -> 
     for link in range(9):
         if link < 6:
             reach = float(np.linalg.norm(middles[link]) * 2.0)
-            inertia = LINK_KG[link] * (reach**2 + 0.1**2) / 12.0 + ROTOR_KG_M2[link]
+            inertia = np.full(3, LINK_KG[link] * (reach**2 + 0.1**2) / 12.0)
+            inertia += (1.0 + np.array(ZERO_AXES[link])) / 2.0 * JOINT_KG_M2[link]  # a disc across the axis
         else:
             # a payload the size of a fist; the bars weigh next to nothing
-            inertia = payload_kg * 0.06**2 / 6.0 if link == SENSOR_JOINT else BAR_KG * 0.05**2 / 6.0
+            inertia = np.full(3, payload_kg * 0.06**2 / 6.0 if link == SENSOR_JOINT else BAR_KG * 0.05**2 / 6.0)
         pybullet.changeDynamics(
-            body, link, localInertiaDiagonal=[inertia] * 3, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
+            body, link, localInertiaDiagonal=inertia.tolist(), linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
             restitution=0.0, physicsClientId=client,
         )  # fmt: skip
     pybullet.changeDynamics(

@@ -7,6 +7,8 @@ air, and from there, where it rises slowly, by a straight line through force aga
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
@@ -76,7 +78,7 @@ class Guarded:
         joints, slope, _ = self._path.at(self.travel_m)
         return Reference(joints, slope * speed, np.zeros(6), self._path.pose_at(self.travel_m))
 
-    def _approach(self, servo: Servo, offset: Array) -> Steps | bool:  # type: ignore[misc]
+    def _approach(self, servo: Servo, offset: Array) -> Generator[Reference, Reading, bool]:
         command = self._command
         ramp = ramp_m_s2(command.speed_m_s)
         travels, contacts = [], []
@@ -93,7 +95,7 @@ class Guarded:
                 self.onset_m = onset(np.array(travels), np.array(contacts))
                 return True
 
-    def _creep(self, servo: Servo) -> Steps | None:  # type: ignore[misc]
+    def _creep(self, servo: Servo) -> Generator[Reference, Reading, None]:
         command = self._command
         count = max(command.observe_samples, round(command.observe_s / STEP_S))
         raws, joints, travels = [], [], []
@@ -108,9 +110,8 @@ class Guarded:
         self.observed_raw = np.array(raws[last])
         self.observed_joints_rad = np.mean(joints[last], axis=0)
         self.observed_travel_m = float(np.mean(travels[last]))
-        return None
 
-    def _retreat(self, servo: Servo) -> Steps | None:  # type: ignore[misc]
+    def _retreat(self, servo: Servo) -> Generator[Reference, Reading, None]:
         there = self.travel_m
         left = min(self._command.retreat_m, there)
         speed = 0.0
@@ -121,7 +122,6 @@ class Guarded:
             s = there - min(self._command.retreat_m, there) + left
             joints, slope, _ = self._path.at(s)
             yield Reference(joints, -slope * speed, np.zeros(6), self._path.pose_at(s))
-        return None
 
 
 def onset(travels_m: Array, contacts: Array, free_window: int = 25) -> float:

@@ -15,7 +15,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import StopReason
 from services.hardware.simulation.paths import JointTrajectory, StraightPath
 from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.servo import Reading, Reference, Servo, finite_difference_speed
+from services.hardware.simulation.servo import TRAIL_STEP_RAD, Reading, Reference, Servo, finite_difference_speed
 
 SETTLE_STEPS = 30
 _POSE_EVERY = 5
@@ -110,20 +110,22 @@ def brake(servo: Servo, limits_rad_s2: Array) -> Generator[Reference, Reading, N
         yield Reference(joints, slower, np.zeros(6), servo.forward(joints))
 
 
-def back_off(
-    servo: Servo, small_force_n: float, small_moment_nm: float
-) -> Generator[Reference, Reading, None]:
+def back_off(servo: Servo, small_force_n: float, small_moment_nm: float) -> Generator[Reference, Reading, None]:
     """Back along the way it came, at up to 20 mm/s, until little is felt or the way is at its end."""
-    felt_force, felt_moment = float("inf"), float("inf")
-    while len(servo.trail) > 1 and (felt_force > small_force_n or felt_moment > small_moment_nm):
-        before = servo.joints_rad
-        # the last point may be where the arm now is
-        target = servo.trail[-2]
-        reading = yield Reference(
-            target, finite_difference_speed(before, target), np.zeros(6), servo.forward(target)
-        )
+    felt_force, felt_moment = small_force_n * 2.0, small_moment_nm * 2.0
+    trail = servo.trail
+    while trail and (felt_force > small_force_n or felt_moment > small_moment_nm):
+        before, target = servo.joints_rad, trail[-1]
+        far = float(np.abs(target - before).max()) / TRAIL_STEP_RAD
+        if far <= 1.0:
+            trail.pop()
+        else:
+            target = before + (target - before) / far
+        speeds = finite_difference_speed(before, target)
+        reading = yield Reference(target, speeds, np.zeros(6), servo.forward(target), retracing=True)
         # over a few samples, so that a vibration does not pass for freedom
-        felt_force = reading.force_n if felt_force == float("inf") else 0.8 * felt_force + 0.2 * reading.force_n
-        felt_moment = reading.moment_nm if felt_moment == float("inf") else 0.8 * felt_moment + 0.2 * reading.moment_nm
+        felt_force += 0.2 * (reading.force_n - felt_force)
+        felt_moment += 0.2 * (reading.moment_nm - felt_moment)
+    trail.append(servo.joints_rad)
     for _ in range(SETTLE_STEPS):
         yield servo.still()

@@ -14,7 +14,7 @@ _BLOCK = 512
 
 
 class SensorModel:
-    """Bias, white noise and drift on top of an ideal sensor, 1 kHz."""
+    """An ideal sensor at 1 kHz made real: its own low-pass, then bias, white noise and drift."""
 
     def __init__(self, config: ForceTorqueConfig) -> None:
         self._bias = np.asarray(config.bias, float)
@@ -23,11 +23,14 @@ class SensorModel:
         self._rng = np.random.default_rng(0)
         self._block = np.zeros((0, 6))
         self._next = 0
+        self._smoothing = 1.0 - np.exp(-2.0 * np.pi * config.bandwidth_hz * 1e-3)
+        self._filtered: Array | None = None
 
     def start(self, rng: np.random.Generator) -> None:
-        """Begin a trial: noise from this generator, drift from zero."""
+        """Begin a trial: noise from this generator, drift from zero, no memory."""
         self._rng = rng
         self._next = len(self._block)
+        self._filtered = None
 
     def sample(self, ideal: Array, since_start_s: float) -> Array:
         """One reading (6,) of an ideal wrench (6,)."""
@@ -36,7 +39,10 @@ class SensorModel:
             self._next = 0
         noise = self._block[self._next]
         self._next += 1
-        return np.asarray(ideal + self._bias + self._drift_per_s * since_start_s + noise)
+        if self._filtered is None:
+            self._filtered = ideal
+        self._filtered = self._filtered + self._smoothing * (ideal - self._filtered)
+        return np.asarray(self._filtered + self._bias + self._drift_per_s * since_start_s + noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,18 +21,19 @@ JOINT_STATE_NS = 4_000_000
 TICK_NS = 20_000_000
 BATCH = 10
 LAST_SAMPLES = 25
-_TRAIL_STEP_RAD = 4e-5  # some 20 micrometres at the peg
+TRAIL_STEP_RAD = 4e-5  # some 20 micrometres at the peg
 _TRAIL_LENGTH = 5000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """Where the motor side is to be in a millisecond. Arrays (6,); `pose_base_peg` None keeps the last known."""
+    """Where the motor side is to be in a millisecond. Arrays (6,); a `pose_base_peg` of None keeps the last known."""
 
     joints_rad: Array
     speeds_rad_s: Array
     accelerations_rad_s2: Array
     pose_base_peg: Pose | None = None
+    retracing: bool = False  # the way back is not a way that was come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +141,8 @@ class Servo:
             self._physics.step(reference.joints_rad, reference.speeds_rad_s, reference.accelerations_rad_s2)
             ideal = self._physics.wrench_sensed()
             self.now_ns += STEP_NS
-        self._follow_trail(reference.joints_rad)
+        if not reference.retracing:
+            self._follow_trail(reference.joints_rad)
         self.joints_rad = reference.joints_rad
         self.speeds_rad_s = reference.speeds_rad_s
         if reference.pose_base_peg is not None:
@@ -179,7 +181,7 @@ class Servo:
         trail = self.trail
         while len(trail) > 1 and np.abs(joints_rad - trail[-2]).sum() <= np.abs(trail[-1] - trail[-2]).sum() * 0.5:
             trail.pop()
-        if np.abs(joints_rad - trail[-1]).max() >= _TRAIL_STEP_RAD:
+        if np.abs(joints_rad - trail[-1]).max() >= TRAIL_STEP_RAD:
             trail.append(joints_rad)
 
 

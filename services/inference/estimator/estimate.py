@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.inference.estimator.fit import FitState, evaluate, step
+from services.inference.estimator.fit import SOFT_GAP_M, FitState, evaluate, step
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses, contact_basis, relative_poses
 from services.inference.estimator.observation import (
     ContactHypothesis,
@@ -22,7 +22,8 @@ from services.inference.estimator.observation import (
 from services.inference.mechanics import PairTables, first_contacts
 
 KIND_NAMES = ("peg corner on face", "peg face on corner", "edge on edge")
-SOFTNESS = (1.0, 0.7, 0.5, 0.35, 0.22, 0.12, 0.06, 0.02)
+SOFTENING_STEPS = 8
+FINAL_SOFTNESS = 0.02
 FINAL_STEPS = 6
 
 
@@ -46,10 +47,12 @@ def estimate_pose(
             prior.pose_base_hole, prior.covariance, 0, 0.0, settings.friction_mean, settings.friction_sd, verdicts
         )
     batch = TouchBatch.of(informative, settings)
-    trials = _starts(tables, prior, batch, rng, settings, previous)
-    for index, softness in enumerate(SOFTNESS):
+    # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
+    first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 8.0))
+    trials = _starts(tables, prior, batch, rng, settings, previous, first)
+    for index, softness in enumerate(np.geomspace(first, FINAL_SOFTNESS, SOFTENING_STEPS)):
         state, trials = step(tables, trials, batch, prior, settings, softness)
-        if index == 3:
+        if index == SOFTENING_STEPS // 2:
             trials = _distinct(evaluate(tables, trials, batch, prior, settings, softness), settings.starts)
     state = evaluate(tables, trials, batch, prior, settings, 0.0)
     trials = _distinct(state, max(settings.starts // 2, 2))
@@ -66,6 +69,7 @@ def _starts(
     rng: np.random.Generator,
     settings: EstimatorSettings,
     previous: PoseErrorEstimate | None,
+    softness: float,
 ) -> TrialPoses:
     """The best of samples from the prior, each moved along the last push until it just touches; and `previous`."""
     count = max(settings.samples // len(batch.wrench), 40)
@@ -101,7 +105,7 @@ def _starts(
         np.concatenate([part.translation_m for part in pool]),
         np.concatenate([part.friction for part in pool]),
     )
-    state = evaluate(tables, everyone, batch, prior, settings, 1.0)
+    state = evaluate(tables, everyone, batch, prior, settings, softness)
     best = np.argsort(state.cost, kind="stable")[: 2 * settings.starts]
     forced = np.arange(count, len(everyone.rotation))
     return everyone[np.unique(np.concatenate([best, forced, [0]]))]

@@ -11,6 +11,8 @@ from crosspih_common.shapes import CrossHole, CrossPeg
 
 UNKNOWN_DEPTH_SD_M = 1.0
 CALIBRATION_SD_M = 2e-5
+# A wall force well above the noise of a reading (0.3 N at 15 mm of lever) says that the wall is touched.
+TOUCHING_FORCE_N = 1.0
 
 
 def final_estimate(
@@ -26,7 +28,8 @@ def final_estimate(
 
     pose_base_hole, covariance: the posterior before. pose_base_peg: motor-side pose of the seated peg; wrench_peg (6,)
     and compliance_peg (6, 6) give its deflection. At the rim and at the body's leading end the peg lies anywhere within
-    the clearance, uniformly; that makes a lateral, a tilt and a turn, and says nothing of the depth.
+    the clearance, uniformly, unless the wrench says which wall it leans on; that makes a lateral, a tilt and a turn, and
+    says nothing of the depth.
     Raises ValueError when the peg's body is not in the hole.
     """
     twist = np.asarray(compliance_peg, float) @ np.asarray(wrench_peg, float)
@@ -39,20 +42,35 @@ def final_estimate(
             f"the peg's body is {-entered * 1e3:.1f} mm short of the bore: push it in before asking for the final estimate"
         )
     clearance = hole.half_width_m - peg.half_width_m
-    mean = seated @ Pose.from_translation([0.0, 0.0, rim_z])
-    lateral = (clearance**2 / 3.0) + CALIBRATION_SD_M**2
-    # Hole axis against the peg's at z = chamfer (a) and z = chamfer + entered (b), per direction: x = a - c tilt.
-    tilt_of_ends = np.array([-1.0, 1.0]) / entered
-    origin_of_ends = np.array([1.0, 0.0]) - hole.chamfer_m * tilt_of_ends
-    mapping = np.zeros((6, 4))
-    mapping[0, :2] = origin_of_ends
-    mapping[4, :2] = tilt_of_ends
-    mapping[1, 2:] = origin_of_ends
-    mapping[3, 2:] = -tilt_of_ends
-    seat_covariance = mapping @ mapping.T * lateral
-    seat_covariance[2, 2] = UNKNOWN_DEPTH_SD_M**2
-    seat_covariance[5, 5] = lateral / peg.half_length_m**2
+    wrench = np.asarray(wrench_peg, float)
+    rim_end, leading_end = rim_z + hole.chamfer_m, peg.taper_start_m
+    force_leading = (np.array([wrench[4], -wrench[3]]) - rim_end * wrench[:2]) / entered
+    force_rim = wrench[:2] - force_leading
+    # The rest of the moment about z, as a force at the ends of the arms.
+    force_turn = wrench[5] / peg.half_length_m
+    # Hole against peg, (x, y) at the rim end, (x, y) at the leading end, and along the turn at an arm's end.
+    offset, variance = _play(np.array([*force_rim, *force_leading, force_turn]), clearance)
+    to_pose = np.zeros((6, 5))
+    for axis, tilt_axis, sign in ((0, 4, 1.0), (1, 3, -1.0)):
+        to_pose[tilt_axis, [axis, axis + 2]] = sign * np.array([-1.0, 1.0]) / entered
+        to_pose[axis, [axis, axis + 2]] = np.array([1.0, 0.0]) - hole.chamfer_m * np.array([-1.0, 1.0]) / entered
+    to_pose[5, 4] = 1.0 / peg.half_length_m
+    shift = to_pose @ offset
+    mean = seated @ Pose.from_translation([0.0, 0.0, rim_z]) @ Pose.from_rotvec(shift[3:], shift[:3])
+    seat_covariance = (to_pose * variance) @ to_pose.T
+    seat_covariance[2, 2] += UNKNOWN_DEPTH_SD_M**2
     return _fused(pose_base_hole, np.asarray(covariance, float), mean, seat_covariance)
+
+
+def _play(force_n: Array, clearance_m: float) -> tuple[Array, Array]:
+    """Offset of the hole against the peg (m) and its variance, for each direction with a force from a wall.
+
+    Without a force the offset is anywhere in +-clearance. A wall that presses the peg towards + is touched on the - side,
+    so that the hole sits a whole clearance to the +.
+    """
+    touching = force_n**2 / (force_n**2 + TOUCHING_FORCE_N**2)
+    offset = np.sign(force_n) * touching * clearance_m
+    return offset, (1.0 - touching) * clearance_m**2 / 3.0 + CALIBRATION_SD_M**2
 
 
 def _fused(first: Pose, first_covariance: Array, second: Pose, second_covariance: Array) -> tuple[Pose, Array]:

@@ -1,0 +1,18 @@
+"""`python -m services.inference`."""
+
+from __future__ import annotations
+
+import sys
+
+from crosspih_common.service import ServiceContext, run_service
+from services.inference.config import InferenceConfig
+from services.inference.shell import InferenceShell
+
+
+def build(context: ServiceContext) -> InferenceShell:
+    """Bind the core to its keys."""
+    return InferenceShell(context, context.cell.section("inference", InferenceConfig))
+
+
+if __name__ == "__main__":
+    sys.exit(run_service("inference", build))

@@ -1,0 +1,194 @@
+"""Binds the estimator, the touch policy and the paper's network to their keys."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from crosspih_common.errors import CommandRefused
+from crosspih_common.geometry import Pose, rotation_to_error_angles
+from crosspih_common.keys import ESTIMATE, NETWORK, NEXT_TOUCH, SEATED
+from crosspih_common.messages import (
+    EstimateByNetwork,
+    EstimatePose,
+    EstimateSeated,
+    NextTouch,
+    PoseData,
+    PoseErrorEstimate,
+    Severity,
+    Touch,
+    TouchPlan,
+    TouchUse,
+    floats,
+)
+from crosspih_common.messages import PosePrior as PriorMessage
+from crosspih_common.service import ServiceContext
+from services.inference.config import InferenceConfig
+from services.inference.estimator import (
+    EstimatorSettings,
+    PosePrior,
+    TouchObservation,
+    TouchVerdict,
+    estimate_pose,
+    final_estimate,
+)
+from services.inference.mechanics import PairTables
+from services.inference.network_estimate import NetworkEstimator, NetworkUnavailable
+from services.inference.next_touch import next_touch
+
+
+class InferenceShell:
+    """The service on the bus. Every answer depends on its request alone, so that a restart loses nothing."""
+
+    def __init__(self, context: ServiceContext, config: InferenceConfig) -> None:
+        self._config, self._workcell = config, context.cell.workcell
+        self._peg = self._workcell.peg.shape()
+        self._hole = self._workcell.hole.shape(self._peg)
+        self._tables = PairTables.of(self._peg, self._hole)
+        self._settings = EstimatorSettings(
+            friction_mean=config.friction_mean,
+            friction_sd=config.friction_sd,
+            samples=config.samples,
+            starts=config.starts,
+        )
+        self._network: NetworkEstimator | None = None
+        try:
+            self._network = NetworkEstimator(config.weights, self._peg, self._hole)
+        except NetworkUnavailable as error:
+            context.event(Severity.WARNING, "network", str(error))
+        context.bus.serve(ESTIMATE, self._estimate)
+        context.bus.serve(NEXT_TOUCH, self._next_touch)
+        context.bus.serve(SEATED, self._seated)
+        context.bus.serve(NETWORK, self._by_network)
+
+    def _observation(self, touch: Touch) -> TouchObservation:
+        direction = np.asarray(touch.direction_base)
+        return TouchObservation(
+            pose_base_peg=touch.pose_base_peg.pose(),
+            wrench_peg=np.asarray(touch.wrench),
+            wrench_sd=np.asarray(touch.wrench_sd),
+            compliance_peg=self._workcell.compliance_peg(touch.joints_rad),
+            motion_direction_base=direction / np.linalg.norm(direction),
+        )
+
+    def _prior(self, prior: PriorMessage) -> PosePrior:
+        return PosePrior(
+            prior.pose_base_hole.pose(),
+            np.asarray(prior.covariance).reshape(6, 6),
+            tail_degrees=self._config.prior_tail_degrees,
+        )
+
+    def _estimate(self, request: EstimatePose) -> PoseErrorEstimate:
+        started = time.perf_counter()
+        observations = [self._observation(touch) for touch in request.touches]
+        found = estimate_pose(
+            self._tables,
+            self._prior(request.prior),
+            observations,
+            np.random.default_rng(self._config.seed),
+            self._settings,
+        )
+        at_touch = observations[-1].deflected_pose_base_peg()
+        return PoseErrorEstimate(
+            pose_base_hole=PoseData.of(found.pose_base_hole),
+            covariance=floats(found.covariance),
+            **_error_in_peg(at_touch, found.pose_base_hole),
+            rank=found.rank,
+            residual_cost=float(found.residual_cost),
+            friction=found.friction_coefficient,
+            friction_sd=found.friction_sd,
+            method="fused",
+            rests_on=tuple(
+                _use(touch.index, verdict) for touch, verdict in zip(request.touches, found.touches, strict=True)
+            ),
+            compute_s=time.perf_counter() - started,
+        )
+
+    def _next_touch(self, request: NextTouch) -> TouchPlan:
+        plan = next_touch(
+            self._peg,
+            request.belief.pose_base_hole.pose(),
+            np.asarray(request.belief.covariance).reshape(6, 6),
+            request.failed_pushes,
+            request.touches_made,
+        )
+        return TouchPlan(
+            pose_base_peg_start=PoseData.of(plan.pose_base_peg_start),
+            direction_base=floats(plan.direction_base),
+            idea=plan.idea,
+        )
+
+    def _seated(self, request: EstimateSeated) -> PoseErrorEstimate:
+        started = time.perf_counter()
+        pose_base_peg = request.pose_base_peg.pose()
+        pose, covariance = final_estimate(
+            self._peg,
+            self._hole,
+            request.prior.pose_base_hole.pose(),
+            np.asarray(request.prior.covariance).reshape(6, 6),
+            pose_base_peg,
+            np.asarray(request.wrench),
+            self._workcell.compliance_peg(request.joints_rad),
+        )
+        return PoseErrorEstimate(
+            pose_base_hole=PoseData.of(pose),
+            covariance=floats(covariance),
+            **_error_in_peg(pose_base_peg, pose),
+            rank=5,
+            residual_cost=0.0,
+            friction=self._settings.friction_mean,
+            friction_sd=self._settings.friction_sd,
+            method="seated",
+            rests_on=(),
+            compute_s=time.perf_counter() - started,
+        )
+
+    def _by_network(self, request: EstimateByNetwork) -> PoseErrorEstimate:
+        if self._network is None:
+            raise CommandRefused("no_weights", "the network has no weights; make some with `crosspih train`")
+        started = time.perf_counter()
+        touch = request.touch
+        observation = self._observation(touch)
+        pose_base_peg = observation.deflected_pose_base_peg()
+        found = self._network.pose_peg_hole(
+            observation.wrench_peg, pose_base_peg.inverse() @ request.pose_base_hole_believed.pose()
+        )
+        pose_base_hole = pose_base_peg @ found
+        # one wrench fixes two numbers; the paper gives no covariance, so none better than the prior's is claimed
+        half_ranges = self._workcell.hole_prior.half_ranges()
+        return PoseErrorEstimate(
+            pose_base_hole=PoseData.of(pose_base_hole),
+            covariance=floats(np.diag((half_ranges / np.sqrt(3.0)) ** 2)),
+            **_error_in_peg(pose_base_peg, pose_base_hole),
+            rank=2,
+            residual_cost=0.0,
+            friction=0.0,
+            friction_sd=0.0,
+            method="network",
+            rests_on=(TouchUse(index=touch.index, used=True, hypothesis="single contact", residual_sigma=0.0),),
+            compute_s=time.perf_counter() - started,
+        )
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def _error_in_peg(pose_base_peg: Pose, pose_base_hole: Pose) -> dict[str, tuple[float, ...]]:
+    """The hole in the peg frame as the paper counts it: (alpha, beta, gamma) and (x, y, z)."""
+    pose_peg_hole = pose_base_peg.inverse() @ pose_base_hole
+    return {
+        "angles_rad": floats(rotation_to_error_angles(pose_peg_hole.rotation)),
+        "translation_m": floats(pose_peg_hole.translation_m),
+    }
+
+
+def _use(index: int, verdict: TouchVerdict) -> TouchUse:
+    names = [f"{contact.kind}, arm {contact.arm}" for contact in verdict.contacts]
+    cost = verdict.cost if np.isfinite(verdict.cost) else 1e9
+    return TouchUse(
+        index=index,
+        used=verdict.used,
+        hypothesis="; ".join(names) or verdict.reason or "none",
+        residual_sigma=float(np.sqrt(max(cost, 0.0) / 7.0)),
+    )

@@ -1,0 +1,198 @@
+"""The typed bus over real Zenoh on loopback, between real processes: what goes wrong must be told, never hang."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from crosspih_common.bus import Bus, open_zenoh
+from crosspih_common.errors import BusError, BusUnreachable, CommandRefused, CommandTimeout, NoService
+from crosspih_common.keys import EVENTS, JOINT_STATE, LOCATE, STOP
+from crosspih_common.messages import (
+    Event,
+    JointState,
+    LocateHole,
+    Severity,
+    StopAccepted,
+    StopMotion,
+)
+
+ZEROS = (0.0,) * 6
+DEADLINE_S = 10.0
+
+
+def wait_until(condition: Callable[[], bool], what: str) -> None:
+    """Wait for a condition; fail the test at the deadline."""
+    until = time.monotonic() + DEADLINE_S
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < until, f"not within {DEADLINE_S} s: {what}"
+        pause.wait(0.01)
+
+
+def ask_until_there(bus: Bus, deadline_s: float = 1.0) -> StopAccepted:
+    """A declaration takes a moment to reach the router: ask until somebody serves."""
+    until = time.monotonic() + DEADLINE_S
+    while True:
+        try:
+            return bus.call(STOP, StopMotion(), deadline_s)
+        except NoService:
+            assert time.monotonic() < until, "nobody ever served"
+
+
+@pytest.fixture
+def pair(endpoint: str) -> Iterator[tuple[Bus, Bus]]:
+    with Bus(open_zenoh(endpoint), "c", "hardware") as hardware, Bus(open_zenoh(endpoint), "c", "planning") as planning:
+        yield hardware, planning
+
+
+def test_samples_cross_in_order(pair: tuple[Bus, Bus]) -> None:
+    hardware, planning = pair
+    got: list[JointState] = []
+    planning.subscribe(JOINT_STATE, got.append)
+    publisher = hardware.publisher(JOINT_STATE)
+
+    def publish_one() -> bool:
+        publisher.publish(JointState(joints_rad=ZEROS, speeds_rad_s=ZEROS))
+        return bool(got)
+
+    wait_until(publish_one, "the subscription reaches the publisher")
+    wait_until(lambda: planning.traffic.total("received") == publisher._seq - got[0].seq, "all that was sent is here")
+    start = publisher._seq
+    for _ in range(500):
+        publisher.publish(JointState(joints_rad=ZEROS, speeds_rad_s=ZEROS))
+    wait_until(lambda: got[-1].seq == start + 499, "the last sample")
+    assert [state.seq for state in got] == list(range(got[0].seq, start + 500))
+
+
+def test_refusal_timeout_and_absence_are_told_apart(pair: tuple[Bus, Bus]) -> None:
+    hardware, planning = pair
+    with pytest.raises(NoService, match="nobody answers"):
+        planning.call(STOP, StopMotion(), 5.0)
+    gate = threading.Event()
+    answers: list[Callable[[], StopAccepted]] = []
+
+    def serve(request: StopMotion) -> StopAccepted:
+        return answers[-1]()
+
+    def refuse() -> StopAccepted:
+        raise CommandRefused("limit", "too far")
+
+    def wait_for_gate() -> StopAccepted:
+        gate.wait(DEADLINE_S)
+        return StopAccepted(was_moving=False)
+
+    answers.append(lambda: StopAccepted(was_moving=True))
+    hardware.serve(STOP, serve)
+    assert ask_until_there(planning).was_moving
+    answers.append(refuse)
+    with pytest.raises(CommandRefused, match="limit: too far"):
+        planning.call(STOP, StopMotion(), 5.0)
+    answers.append(wait_for_gate)
+    with pytest.raises(CommandTimeout):
+        planning.call(STOP, StopMotion(), 0.1)
+    gate.set()
+
+
+def test_events_reach_a_late_reader(pair: tuple[Bus, Bus], endpoint: str) -> None:
+    hardware, _ = pair
+    hardware.publisher(EVENTS).publish(Event(service="hardware", severity=Severity.INFO, code="a", text="b"))
+    with Bus(open_zenoh(endpoint), "c", "operator") as late:
+        assert late.latest(EVENTS).wait_for(lambda event: event.code == "a", DEADLINE_S) is not None
+
+
+def test_a_stranger_on_a_key_is_rejected_and_named(pair: tuple[Bus, Bus], endpoint: str) -> None:
+    _, planning = pair
+    planning.latest(JOINT_STATE)
+    stranger = open_zenoh(endpoint)
+    sender = stranger.sender(JOINT_STATE.key("c"), recover=False, history=0)
+
+    def send() -> bool:
+        sender.put(b"\xff\x00 garbage", "their.Type/9 0")
+        return planning.traffic.total("rejected") > 0
+
+    wait_until(send, "the garbage arrives")
+    assert "their.Type/9" in planning.traffic.last_rejection
+    assert "crosspih.JointState/1" in planning.traffic.last_rejection
+    stranger.close()
+
+
+SERVER = """
+import sys, threading
+from crosspih_common.bus import Bus, open_zenoh
+from crosspih_common.keys import LOCATE
+with Bus(open_zenoh(sys.argv[1]), "c", "vision") as bus:
+    def hold(request):
+        print("asked", flush=True)
+        threading.Event().wait()
+    bus.serve(LOCATE, hold)
+    bus.declare_alive()
+    threading.Event().wait()
+"""
+
+
+def test_a_server_killed_while_it_thinks_ends_the_wait(pair: tuple[Bus, Bus], endpoint: str) -> None:
+    _, planning = pair
+    alive: set[str] = set()
+    planning.watch_alive(lambda service, here: alive.add(service) if here else alive.discard(service))
+    with subprocess.Popen([sys.executable, "-c", SERVER, endpoint], stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        wait_until(lambda: "vision" in alive, "the server lives")
+        killer = threading.Thread(target=lambda: (server.stdout.readline(), server.kill()))  # type: ignore[union-attr]
+        killer.start()
+        until = time.monotonic() + DEADLINE_S
+        while True:
+            try:
+                planning.call(LOCATE, LocateHole(), 60.0)
+            except NoService:
+                # either not yet declared at the router, or killed in the middle: both end at once
+                if server.poll() is not None or not killer.is_alive():
+                    break
+                assert time.monotonic() < until
+        killer.join(DEADLINE_S)
+    wait_until(lambda: "vision" not in alive, "its token goes")
+
+
+def test_everyone_comes_back_after_the_router_died(
+    spawn: Callable[..., object], endpoint: str, pair: tuple[Bus, Bus]
+) -> None:
+    hardware, planning = pair
+    hardware.serve(STOP, lambda request: StopAccepted(was_moving=True))
+    assert ask_until_there(planning).was_moving
+    router = spawn.__closure__[0].cell_contents[0]  # type: ignore[attr-defined]
+    router.kill()
+    spawn("router", "--endpoint", endpoint)
+    until = time.monotonic() + 30.0
+    while True:
+        try:
+            assert planning.call(STOP, StopMotion(), 1.0).was_moving
+            return
+        except BusError:
+            assert time.monotonic() < until, "the bus did not come back"
+
+
+def test_no_router_says_how_to_start_one() -> None:
+    with pytest.raises(BusUnreachable, match="crosspih up"):
+        open_zenoh("tcp/127.0.0.1:1", connect_timeout_s=0.2)
+
+
+FORGETFUL = """
+import sys
+from crosspih_common.bus import Bus, open_zenoh
+from crosspih_common.keys import JOINT_STATE
+bus = Bus(open_zenoh(sys.argv[1]), "c", "vision")
+bus.subscribe(JOINT_STATE, print)
+{end}
+"""
+
+
+@pytest.mark.parametrize(("end", "status"), [("", 0), ("raise SystemExit(3)", 3), ("1/0", 1)])
+def test_a_forgotten_close_does_not_hang_the_exit(endpoint: str, end: str, status: int) -> None:
+    code = FORGETFUL.format(end=end)
+    done = subprocess.run([sys.executable, "-c", code, endpoint], timeout=DEADLINE_S, capture_output=True, check=False)
+    assert done.returncode == status

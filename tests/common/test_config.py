@@ -1,0 +1,76 @@
+"""A cell's file: what is wrong is named, with the field and the mend."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosspih_common.config import Section, Workcell, load_cell
+from crosspih_common.errors import ConfigError
+
+
+class Example(Section):
+    limit_n: float = 1.0
+
+
+def _write(path: Path, text: str) -> Path:
+    file = path / "cell.yaml"
+    file.write_text(text)
+    return file
+
+
+def test_the_shipped_cell_loads() -> None:
+    assert load_cell("deploy/cells/default.yaml").workcell.name == "cell1"
+
+
+def test_sections_reach_their_service(tmp_path: Path) -> None:
+    cell = load_cell(_write(tmp_path, "cell: {name: left}\nvision: {limit_n: 2.5}\n"))
+    assert cell.workcell.name == "left"
+    assert cell.section("vision", Example).limit_n == 2.5
+    assert cell.section("planning", Example).limit_n == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("cell: {nmae: a}", "cell.nmae: no such setting"),
+        ("cell: {name: A B}", "cell.name"),
+        ("visoin: {}", "visoin: no such section; want one of"),
+        ("cell: [1]", "cell: wants a mapping, got list"),
+        ("- 1", "wants a mapping of sections"),
+        ("cell: {hole: {clearance_m: -1}}", "cell.hole.clearance_m"),
+        ("cell: {hole: {clearance_m: .nan}}", "cell.hole.clearance_m"),
+        ("a: [", "is not YAML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words.replace(".", r"\.")):
+        load_cell(_write(tmp_path, text))
+
+
+def test_a_service_names_its_own_wrong_setting(tmp_path: Path) -> None:
+    cell = load_cell(_write(tmp_path, "vision: {limt_n: 2.5}"))
+    with pytest.raises(ConfigError, match=r"vision\.limt_n: no such setting; remove it or mend its spelling"):
+        cell.section("vision", Example)
+
+
+def test_a_missing_file_says_how_to_name_one() -> None:
+    with pytest.raises(ConfigError, match="CROSSPIH_CELL"):
+        load_cell("nowhere.yaml")
+
+
+def test_the_nominal_hole_is_t0() -> None:
+    pose = Workcell().hole_prior.pose_base_hole()
+    assert np.allclose(pose.translation_m, [0.4, -0.3, 0.2])
+    assert np.allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-12)
+    assert np.allclose(pose.rotation[:, 2], [1.0, 0.06, 0.07], atol=0.01)
+
+
+def test_compliance_is_symmetric_and_gives_way_to_force() -> None:
+    compliance = Workcell().compliance_peg((-0.98, 1.16, 0.12, -1.05, -1.5, 0.3))
+    assert np.allclose(compliance, compliance.T)
+    assert np.all(np.linalg.eigvalsh(compliance) > 0.0)
+    stiffness_n_mm = 1e-3 / np.diag(compliance)[:3]
+    assert np.all((stiffness_n_mm > 20.0) & (stiffness_n_mm < 500.0))

@@ -1,0 +1,110 @@
+"""The contract: every message survives the wire, and the key table is whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from crosspih_common import messages
+from crosspih_common.bus.codec import decode, encode, label_of, label_with_seq, split_label
+from crosspih_common.errors import ContractError
+from crosspih_common.keys import ALL, Topic, commands, topics
+from crosspih_common.messages import ContactState, Dwell, Image, JointState, Message, PoseData
+
+MESSAGES = [
+    value
+    for name in messages.__all__
+    if isinstance(value := getattr(messages, name), type) and issubclass(value, Message) and value is not Message
+]
+finite = st.floats(-1e6, 1e6)
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
+def test_every_message_travels(kind: type[Message]) -> None:
+    used = {topic.type for topic in topics()}
+    assert kind in used or kind.__name__ in {"RawReading"}, f"{kind.__name__} stands on no key"
+
+
+@given(st.tuples(*[finite] * 6), st.tuples(*[finite] * 6), st.integers(0, 2**62), st.integers(0, 2**31))
+def test_round_trip_is_exact(joints: tuple[float, ...], speeds: tuple[float, ...], stamp: int, seq: int) -> None:
+    sent = JointState(stamp_ns=stamp, seq=seq, joints_rad=joints, speeds_rad_s=speeds)
+    assert decode(JointState, encode(sent), label_with_seq(JointState, seq), "k") == sent
+
+
+@given(st.integers(1, 40), st.integers(1, 30), st.booleans(), st.integers(0, 2**60))
+def test_images_round_trip(height: int, width: int, colour: bool, stamp: int) -> None:
+    shape = (height, width, 3) if colour else (height, width)
+    pixels = np.random.default_rng(height * 41 + width).integers(0, 256, shape, dtype=np.uint8)
+    back = decode(Image, encode(Image("camera_left", pixels, stamp)), label_with_seq(Image, 7), "k")
+    assert np.array_equal(back.pixels, pixels)
+    assert (back.frame, back.stamp_ns, back.seq) == ("camera_left", stamp, 7)
+
+
+@given(st.binary(max_size=200), st.text(max_size=40))
+def test_any_bytes_are_a_contract_error_and_nothing_else(payload: bytes, label: str) -> None:
+    for kind in (JointState, Image):
+        for name in (label, label_of(kind)):
+            try:
+                decode(kind, payload, name, "some/key")
+            except ContractError as error:
+                assert "some/key" in str(error) or kind is Image
+
+
+def test_a_wrong_type_names_both() -> None:
+    with pytest.raises(ContractError, match=r"got crosspih\.Dwell/1, want crosspih\.JointState/1"):
+        decode(JointState, encode(Dwell(duration_s=1.0)), label_of(Dwell), "k")
+
+
+def test_a_wrong_version_names_both() -> None:
+    with pytest.raises(ContractError, match=r"got crosspih\.JointState/2, want crosspih\.JointState/1"):
+        decode(JointState, b"{}", "crosspih.JointState/2", "k")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_no_message_holds_what_is_not_finite(value: float) -> None:
+    with pytest.raises(ValidationError, match="duration_s"):
+        Dwell(duration_s=value)
+
+
+def test_messages_are_frozen_and_know_their_fields() -> None:
+    state = ContactState(case="1-2-2", n_z0=0.27, confidence=0.9)
+    with pytest.raises(ValidationError):
+        state.case = "1-1-1"  # type: ignore[misc]
+    with pytest.raises(ValidationError, match="colour"):
+        ContactState(case=None, n_z0=0.0, confidence=0.0, colour="red")  # type: ignore[call-arg]
+
+
+def test_pose_round_trip() -> None:
+    pose = PoseData(position_m=(1.0, 2.0, 3.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))
+    assert PoseData.of(pose.pose()) == pose
+
+
+def test_labels_carry_the_count() -> None:
+    assert split_label(label_with_seq(JointState, 12)) == ("crosspih.JointState/1", 12)
+    assert split_label("crosspih.JointState/1") == ("crosspih.JointState/1", -1)
+
+
+def test_keys_are_distinct_and_below_the_cell() -> None:
+    keys = [topic.key("a") for topic in topics()] + [command.key("a") for command in commands()]
+    assert len(set(keys)) == len(keys)
+    assert all(key.startswith("crosspih/a/") for key in keys)
+
+
+def _services(topic: Topic) -> set[str]:
+    return {topic.publisher, *topic.readers} - {"{service}"}
+
+
+def test_every_key_says_who_sends_and_who_reads() -> None:
+    for topic in topics():
+        assert _services(topic) <= set(ALL), topic.path
+        assert topic.readers and topic.doc
+    for command in commands():
+        assert {command.server, *command.callers} <= set(ALL), command.path
+
+
+def test_truth_is_for_scoring_only() -> None:
+    truth = next(topic for topic in topics() if topic.path == "simulation/truth")
+    assert set(truth.readers) == {"recorder", "operator"}

@@ -1,0 +1,89 @@
+"""Set-up where something is missing: one line that says what, on standard error, and nothing else."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.deploy.harness import ROOT
+
+TOOLS = ("sh", "cat", "cksum", "date", "dirname", "grep", "ls", "rm", "sed", "tail", "uname")
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A work tree with just what set-up reads, and a folder ``bin`` with just the tools it uses."""
+    root = tmp_path / "tree"
+    (root / "deploy").mkdir(parents=True)
+    for name in ("pyproject.toml", "deploy/constraints.txt", "deploy/bootstrap.sh"):
+        shutil.copy(ROOT / name, root / name)
+    (root / "bin").mkdir()
+    for tool in TOOLS:
+        found = shutil.which(tool)
+        assert found is not None, tool
+        (root / "bin" / tool).symlink_to(found)
+    return root
+
+
+def _interpreter(tree: Path, name: str, body: str) -> Path:
+    path = tree / "bin" / name
+    path.write_text(f"#!/bin/sh\n{body}\n")
+    path.chmod(0o755)
+    return path
+
+
+def _refusal(tree: Path, **variables: str) -> str:
+    done = subprocess.run(
+        ["sh", "deploy/bootstrap.sh"],
+        cwd=tree,
+        env={"PATH": str(tree / "bin"), "HOME": str(tree), **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120.0,
+    )
+    assert done.returncode == 1
+    assert done.stdout == ""
+    return done.stderr
+
+
+def test_no_python(tree: Path) -> None:
+    said = "crosspih: no Python found; install Python 3.10 or newer, or name it with PYTHON=/path/to/python3\n"
+    assert _refusal(tree) == said
+
+
+def test_named_python_is_absent(tree: Path) -> None:
+    assert _refusal(tree, PYTHON="python9") == "crosspih: no Python at PYTHON=python9; name one that is 3.10 or newer\n"
+
+
+def test_old_python(tree: Path) -> None:
+    old = _interpreter(tree, "python3", 'case "$2" in *print*) echo 3.8.10;; *) exit 1;; esac')
+    said = "crosspih: python3 is Python 3.8.10; install 3.10 or newer, or name one with PYTHON=/path/to/python3\n"
+    assert _refusal(tree) == said
+    assert _refusal(tree, PYTHON=str(old)) == f"crosspih: PYTHON={old} is Python 3.8.10; 3.10 or newer is needed\n"
+
+
+def test_python_without_venv(tree: Path) -> None:
+    _interpreter(tree, "python3", f'case "$2" in *venv*) exit 1;; *) exec {sys.executable} "$@";; esac')
+    said = "crosspih: python3 has no venv module; install it (Debian and Ubuntu: apt install python3-venv)\n"
+    assert _refusal(tree) == said
+
+
+def test_folder_that_is_no_environment_is_not_touched(tree: Path) -> None:
+    precious = tree / "data" / "precious"
+    precious.parent.mkdir()
+    precious.touch()
+    said = "crosspih: VENV=data exists and is no virtual environment; name another folder\n"
+    assert _refusal(tree, PYTHON=sys.executable, VENV="data") == said
+    assert precious.exists()
+
+
+def test_no_network(tree: Path) -> None:
+    nowhere = {"PIP_CONFIG_FILE": os.devnull, "PIP_INDEX_URL": "http://127.0.0.1:9/simple"}
+    first, second = _refusal(tree, PYTHON=sys.executable, **nowhere).splitlines()
+    assert first.startswith("crosspih: making .venv with Python ")
+    assert second.startswith("crosspih: no network: pip reached no package index; connect, or ")
+    assert not (tree / ".venv" / ".crosspih-stamp").exists()

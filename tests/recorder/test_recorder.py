@@ -1,0 +1,224 @@
+"""The recorder's core: files, states, counters, a bad disk; no bus."""
+
+from __future__ import annotations
+
+import threading
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crosspih_common.bus.codec import encode
+from crosspih_common.errors import CommandRefused, ContractError
+from crosspih_common.keys import FT_CALIBRATION, IMAGE_LEFT, PHASE, Topic
+from crosspih_common.messages import AssemblyPhase, FtCalibration, Image, Phase
+from crosspih_common.recording import RecordingError, read_recording
+from services.recorder.config import RecorderConfig
+from services.recorder.file import RecordingFile, create_file
+from services.recorder.inbox import Inbox
+from services.recorder.recorder import Recorder
+from services.recorder.sample import Sample, stamp_of
+from services.recorder.tally import Tally
+
+KEY = PHASE.key("c")
+
+
+def phase(seq: int, text: str = "x") -> AssemblyPhase:
+    return AssemblyPhase(stamp_ns=1000 + seq, seq=seq, assembly_id="a", phase=Phase.PUSHING, text=text)
+
+
+def calibration(seq: int) -> FtCalibration:
+    return FtCalibration(
+        stamp_ns=seq,
+        seq=seq,
+        bias=(0.0,) * 6,
+        weight_n=9.0 + seq,
+        centroid_m=(0.0,) * 3,
+        gravity_base=(0.0, 0.0, -1.0),
+        residual_force_n=0.0,
+        residual_moment_nm=0.0,
+        poses=6,
+    )
+
+
+def feed(recorder: Recorder, topic: Topic[Any], value: Any) -> bool:
+    return recorder.take(topic, topic.key("c"), encode(value), value.seq)
+
+
+def make(tmp_path: Path, **settings: Any) -> tuple[Recorder, list[str]]:
+    failures: list[str] = []
+    config = RecorderConfig(directory=tmp_path / "r", quiet_s=0.0, **settings)
+    return Recorder(config, lambda: {"cell": {"name": "c"}}, failures.append), failures
+
+
+def test_every_file_begins_with_the_states_known(tmp_path: Path) -> None:
+    recorder, failures = make(tmp_path)
+    feed(recorder, FT_CALIBRATION, calibration(0))
+    feed(recorder, FT_CALIBRATION, calibration(1))
+    feed(recorder, PHASE, phase(0))
+    paths = []
+    for _ in range(2):
+        paths.append(recorder.start("one").path)
+        recorder.stop(0)
+    recorder.close()
+    assert not failures
+    assert [Path(path).name for path in paths] == ["one-0001.mcap", "one-0002.mcap"]
+    for path in paths:
+        recording = read_recording(path)
+        assert [message.weight_n for message in recording.messages(FT_CALIBRATION)] == [10.0]
+        assert recording.messages(PHASE) == []
+
+
+def test_missing_numbers_are_counted_and_a_new_publisher_is_no_gap(tmp_path: Path) -> None:
+    recorder, _ = make(tmp_path)
+    path = recorder.start("gaps").path
+    for seq in (0, 1, 4, 5, 0, 1):
+        feed(recorder, PHASE, phase(seq))
+    status = recorder.stop(0)
+    recorder.close()
+    assert status.dropped == {KEY: 2}
+    drops = read_recording(path).metadata["drops"]
+    assert drops[f"gaps {KEY}"] == "2" and drops[f"restarts {KEY}"] == "1"
+    assert read_recording(path).seq_gaps() == {KEY: 2}
+
+
+def test_an_overflow_is_counted_and_the_rest_is_recorded(tmp_path: Path) -> None:
+    recorder, _ = make(tmp_path, queue_samples=10)
+    recorder.start("overflow")
+    with recorder._lock:  # the writer is stuck, as behind a slow disk
+        taken = [feed(recorder, PHASE, phase(seq)) for seq in range(100)]
+    status = recorder.stop(0)
+    recorder.close()
+    lost = taken.count(False)
+    assert lost >= 80
+    assert status.dropped == {KEY: lost}
+    recording = read_recording(status.path)
+    assert len(recording.messages(PHASE)) == 100 - lost
+    assert recording.metadata["drops"]["overflow_total"] == str(lost)
+    assert recording.metadata["drops"]["gaps_total"] == "0"
+
+
+def test_a_payload_without_a_stamp_is_refused_and_counted(tmp_path: Path) -> None:
+    recorder, _ = make(tmp_path)
+    recorder.start("bad")
+    with pytest.raises(ContractError, match="stamp_ns"):
+        recorder.take(PHASE, KEY, b"not json", 0)
+    status = recorder.stop(0)
+    recorder.close()
+    assert status.dropped == {KEY: 1}
+
+
+def test_a_directory_that_cannot_be_made_is_a_refusal(tmp_path: Path) -> None:
+    (tmp_path / "r").write_text("a file where the directory should be")
+    recorder, failures = make(tmp_path)
+    with pytest.raises(CommandRefused, match=r"recorder\.directory"):
+        recorder.start("x")
+    assert not recorder.status().recording
+    recorder.close()
+    assert not failures
+
+
+def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder, failures = make(tmp_path, flush_s=0.01)
+    recorder.start("full")
+    reported = threading.Event()
+
+    def report(why: str) -> None:
+        failures.append(why)
+        reported.set()
+
+    recorder._on_failure = report
+
+    def no_room(self: RecordingFile, sample: Sample) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RecordingFile, "write", no_room)
+        feed(recorder, PHASE, phase(0))
+        feed(recorder, PHASE, phase(1))
+        assert reported.wait(10.0)
+    assert len(failures) == 1 and "No space left" in failures[0]
+    assert not recorder.status().recording
+    assert not recorder.stop(0).recording
+    again = recorder.start("full")
+    assert again.recording and again.path.endswith("full-0002.mcap")
+    feed(recorder, PHASE, phase(2))
+    recorder.close()
+    assert len(read_recording(again.path).messages(PHASE)) == 1
+
+
+def test_a_file_is_never_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "x-0041.mcap").write_bytes(b"precious")
+    path, stream = create_file(tmp_path, "x")
+    stream.close()
+    assert path.name == "x-0042.mcap"
+    outside, stream = create_file(tmp_path, "../../etc/passwd")
+    stream.close()
+    assert outside.parent == tmp_path.resolve()
+    unnamed, stream = create_file(tmp_path, "///")
+    stream.close()
+    assert unnamed.name == "recording-0001.mcap"
+
+
+@given(cut=st.floats(0.0, 1.0), garbage=st.binary(max_size=64))
+def test_a_file_torn_anywhere_reads_up_to_the_tear(cut: float, garbage: bytes, tmp_path_factory: Any) -> None:
+    directory = tmp_path_factory.mktemp("torn")
+    path, stream = create_file(directory, "t")
+    file = RecordingFile(path, stream, RecorderConfig(), {"cell": {"name": "c"}})
+    for seq in range(60):
+        payload = encode(phase(seq))
+        file.write(Sample(KEY, PHASE, payload, seq, 1000 + seq, 0))
+        if seq % 10 == 9:
+            file.flush()
+    file.finish({"drops": {}})
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(cut * len(whole))] + garbage)
+    try:
+        recording = read_recording(path)
+    except RecordingError:
+        assert cut * len(whole) < 100  # before the header
+        return
+    numbers = [message.seq for message in recording.messages(PHASE)]
+    assert numbers == list(range(len(numbers)))
+    if cut == 1.0:
+        assert len(numbers) == 60
+
+
+def test_the_stamp_is_read_without_decoding() -> None:
+    assert stamp_of(PHASE, encode(phase(7))) == 1007
+    assert stamp_of(PHASE, b'{"seq": 1, "stamp_ns": 12}') == 12
+    picture = Image("camera_left", np.zeros((4, 6), np.uint8), stamp_ns=5_000_000_123, seq=0)
+    assert stamp_of(IMAGE_LEFT, encode(picture)) == 5_000_000_123
+    for payload in (b"", b"\x0a", b"\xff\xff\xff", b"{}"):
+        with pytest.raises(ContractError):
+            stamp_of(IMAGE_LEFT, payload)
+    for payload in (b"", b"[]", b"{}", b'{"stamp_ns": 1.5}', b'{"stamp_ns": 99999999999999999999}'):
+        with pytest.raises(ContractError):
+            stamp_of(PHASE, payload)
+
+
+@given(st.lists(st.integers(0, 30)))
+def test_the_tally_never_loses_count(numbers: list[int]) -> None:
+    tally = Tally()
+    gaps = 0
+    for before, after in pairwise(numbers):
+        gaps += max(after - before - 1, 0)
+    for number in numbers:
+        tally.arrived("k", number)
+    assert tally.lost() == ({"k": gaps} if gaps else {})
+
+
+def test_an_inbox_is_bounded_in_bytes_too() -> None:
+    inbox = Inbox(1000, 100)
+    sample = Sample("k", PHASE, b"x" * 60, 0, 0, 0)
+    assert inbox.offer(sample)
+    assert not inbox.offer(sample)
+    assert inbox.take(0.0) == [sample]
+    assert not inbox.drain(0.0)
+    inbox.settle(1)
+    assert inbox.drain(0.0)
+    assert inbox.offer(sample)
