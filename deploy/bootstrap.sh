@@ -107,7 +107,7 @@ if [ "$(uname -s)" = Linux ]; then
     torch=$(sed -n 's/^torch==\([0-9.]*\).*/\1/p' deploy/constraints.txt)
     if ! install --no-deps "torch==$torch+cpu"; then
         [ -z "$TORCH_INDEX_URL" ] || fail "no CPU build of torch $torch at TORCH_INDEX_URL=$TORCH_INDEX_URL (see $log)"
-        say "no CPU build of torch at the configured package indexes: installing the default one, which is much larger;" \
+        say "no CPU build of torch at the configured package indexes: installing the default one, which may be much larger;" \
             "set TORCH_INDEX_URL to PyTorch's CPU index to avoid that"
     fi
 fi

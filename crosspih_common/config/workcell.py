@@ -72,7 +72,7 @@ class Workcell(Section):
     hole_prior: HolePrior = HolePrior()
     # from the flange to {K}, where the sensor measures; the tip is then 0.146 m past the flange
     flange_to_ft_m: float = Field(default=0.0663, gt=0.0)
-    home_joints_rad: Vector6 = (0.0, -0.2, 0.1, 0.0, 0.6, 0.0)
+    home_joints_rad: Vector6 = (-1.44, 0.98, 0.09, -1.35, -1.62, -0.07)
     # elasticity between the encoders and the links; about 100 N/mm at the tool in front of the hole
     joint_stiffness_nm_rad: Vector6 = (20000.0, 20000.0, 15000.0, 5000.0, 5000.0, 2500.0)
     gravity_base_m_s2: Vector3 = (0.0, 0.0, -9.81)

@@ -9,6 +9,8 @@ LauncherError
 
 from dataclasses import dataclass
 
+from crosspih_common.errors import CrosspihError
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -22,7 +24,7 @@ class Fault:
         return f"{self.field}: {self.problem}; {self.mend}"
 
 
-class LauncherError(Exception):
+class LauncherError(CrosspihError):
     """Anything the launcher refuses; the message is for the user as it stands."""
 
 

@@ -17,7 +17,9 @@ class ForceTorqueConfig(Section):
     bias: Vector6 = (0.1714, -0.0426, -0.0153, -0.0020, 0.0138, -0.0067)
     noise_n: float = Field(default=0.1, ge=0.0, description="standard deviation of one 1 kHz sample, each axis")
     noise_nm: float = Field(default=0.005, ge=0.0)
-    bandwidth_hz: float = Field(default=150.0, ge=10.0, le=500.0, description="of the sensor's own first-order low-pass")
+    bandwidth_hz: float = Field(
+        default=150.0, ge=10.0, le=500.0, description="of the sensor's own first-order low-pass"
+    )
     drift_n_s: float = Field(default=0.0, ge=-1.0, le=1.0, description="of each force axis, since the last reset")
     # what hangs behind the sensor, peg included: 9.555 N, where the paper's Eq. 15 puts it
     payload_kg: float = Field(default=0.974, gt=0.05, le=4.0)

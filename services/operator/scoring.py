@@ -26,7 +26,7 @@ class PoseError:
 def pose_error(estimate_base_hole: Pose, true_base_hole: Pose) -> PoseError:
     """The error in the true hole's frame; rotation is up to the cross's own symmetry of 90 degrees."""
     error = true_base_hole.inverse() @ estimate_base_hole
-    quarter_turns = Rotation.from_euler("z", np.arange(4) * np.pi / 2)
+    quarter_turns = Rotation.from_rotvec(np.outer(np.arange(4) * np.pi / 2, [0.0, 0.0, 1.0]))
     angles = (Rotation.from_matrix(error.rotation) * quarter_turns).magnitude()
     return PoseError(
         lateral_mm=float(np.hypot(error.translation_m[0], error.translation_m[1])) * 1e3,

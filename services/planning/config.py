@@ -13,7 +13,7 @@ class PlanningConfig(Section):
     speed_scale: float = Field(default=0.5, gt=0.0, le=1.0, description="of the arm's joint speeds, in free space")
     acceleration_scale: float = Field(default=0.3, gt=0.0, le=1.0)
     line_speed_m_s: float = Field(default=0.15, gt=0.0, le=0.5, description="straight moves in free space")
-    approach_m: float = Field(default=0.05, gt=0.0, description="where the straight approach begins, before the face")
+    approach_m: float = Field(default=0.06, gt=0.0, description="where the straight approach begins, before the face")
     standoff_m: float = Field(default=0.004, gt=0.0, description="tip to face before a push or a touch")
     push_speed_m_s: float = Field(default=0.02, gt=0.0, le=0.1)
     push_force_n: float = Field(default=12.0, gt=0.0)

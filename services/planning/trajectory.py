@@ -139,8 +139,8 @@ def move_line(
     pose_flange_point: Pose | None = None,
     speed_m_s: float = 0.25,
     acceleration_m_s2: float = 2.0,
-    spacing_m: float = 0.002,
-    spacing_rad: float = 0.01,
+    spacing_m: float = 0.005,
+    spacing_rad: float = 0.025,
 ) -> JointTrajectory:
     """From rest along a straight line in space to rest, a point of the tool ending at a pose in the base frame.
 

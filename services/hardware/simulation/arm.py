@@ -10,7 +10,6 @@ import numpy as np
 
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
-from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import (
     AdmittanceMove,
@@ -286,4 +285,3 @@ def _mean(samples: Array) -> tuple[Array, Array]:
     count = len(samples)
     sd = samples.std(axis=0, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(samples.shape[1])
     return np.asarray(samples.mean(axis=0)), np.asarray(sd)
-

@@ -36,9 +36,9 @@ def joint_points_m(arm: ArmModel) -> Array:
     a1, a2, a3 = arm.dh[:3, 2]
     d1, d4 = arm.dh[0, 1], arm.dh[3, 1]
     shoulder = np.array([a1, 0.0, d1])
-    elbow = shoulder + [0.0, 0.0, a2]
-    wrist = elbow + [d4, 0.0, a3]
-    return np.array([np.zeros(3), shoulder, elbow, elbow + [0.0, 0.0, a3], wrist, wrist])
+    elbow = shoulder + np.array([0.0, 0.0, a2])
+    wrist = elbow + np.array([d4, 0.0, a3])
+    return np.array([np.zeros(3), shoulder, elbow, elbow + np.array([0.0, 0.0, a3]), wrist, wrist])
 
 
 Corners = list[list[float]]

@@ -174,9 +174,7 @@ class SimulatedCell:
         self.arm = SimulatedArm(workcell, config, self._servo, turn)
         self.force_torque = SimulatedForceTorque(self._servo)
         self.camera = SimulatedStereoCamera(workcell, config.camera, self._servo, self.arm)
-        self.simulation = SimulatedSimulation(
-            workcell, config, self._physics, self._servo, self.arm, self.camera
-        )
+        self.simulation = SimulatedSimulation(workcell, config, self._physics, self._servo, self.arm, self.camera)
         self._closing = threading.Event()
         self._idler: threading.Thread | None = None
         if realtime:
@@ -202,5 +200,6 @@ class SimulatedCell:
 
 def open_cell(workcell: Workcell, config: HardwareConfig, realtime: bool) -> SimulatedCell:
     """The simulated cell, a `crosspih` Cell. With `realtime` its clock keeps to the wall's and never stands still;
-    without, it advances only while a command runs."""
+    without, it advances only while a command runs.
+    """
     return SimulatedCell(workcell, config.simulated, realtime)

@@ -69,7 +69,8 @@ class Guarded:
     def _over(self, contact: Array) -> bool:
         force, moment = contact[:3], contact[3:]
         return bool(
-            force @ force >= self._command.force_threshold_n**2 or moment @ moment >= self._command.moment_threshold_nm**2
+            force @ force >= self._command.force_threshold_n**2
+            or moment @ moment >= self._command.moment_threshold_nm**2
         )
 
     def _go(self, speed: float) -> Reference:

@@ -75,9 +75,7 @@ class Linear:
             rate = length * 30.0 * x * x * (1.0 - x) ** 2 / duration
             change = length * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
             joints, slope, curve = self._path.at(s)
-            yield Reference(
-                joints, slope * rate, slope * change + curve * rate * rate, self._path.pose_at(s)
-            )
+            yield Reference(joints, slope * rate, slope * change + curve * rate * rate, self._path.pose_at(s))
         for _ in range(SETTLE_STEPS):
             yield servo.still()
         return Ending(StopReason.COMPLETED)

@@ -1,6 +1,6 @@
 """The physics of the cell: the elastic arm, the payload behind the sensor, the hole, one millisecond at a time.
 
-The joints are elastic: the motor side follows its reference exactly, the link side hangs on it by a spring and a damper,
+The joints are elastic: the motor side follows its reference exactly, the link side hangs on it by spring and damper,
 
     tau = K (q_motor - q) + D (v_motor - v) + M(q) a_motor + h(q, v)
 
@@ -131,9 +131,7 @@ class Physics:
         """
         fx, fy, fz, mx, my, mz = self._reaction
         x, y, z = self._lever_m
-        return np.array(
-            [-fx, -fy, -fz, -mx - (y * fz - z * fy), -my - (z * fx - x * fz), -mz - (x * fy - y * fx)]
-        )
+        return np.array([-fx, -fy, -fz, -mx - (y * fz - z * fy), -my - (z * fx - x * fz), -mz - (x * fy - y * fx)])
 
     @property
     def _lever_m(self) -> tuple[float, float, float]:

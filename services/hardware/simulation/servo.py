@@ -38,7 +38,7 @@ class Reference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """What the controller knows after a millisecond: the raw wrench (6,), and the contact wrench (6,) in the peg frame."""
+    """What the controller knows after a millisecond: the raw and the contact wrench, (6,), in the peg frame."""
 
     raw: Array
     contact: Array

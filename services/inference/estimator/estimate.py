@@ -50,9 +50,10 @@ def estimate_pose(
     # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
     first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 8.0))
     trials = _starts(tables, prior, batch, rng, settings, previous, first)
-    for index, softness in enumerate(np.geomspace(first, FINAL_SOFTNESS, SOFTENING_STEPS)):
+    count = SOFTENING_STEPS + round(2.0 * np.log2(first))
+    for index, softness in enumerate(np.geomspace(first, FINAL_SOFTNESS, count)):
         state, trials = step(tables, trials, batch, prior, settings, softness)
-        if index == SOFTENING_STEPS // 2:
+        if index == count // 2:
             trials = _distinct(evaluate(tables, trials, batch, prior, settings, softness), settings.starts)
     state = evaluate(tables, trials, batch, prior, settings, 0.0)
     trials = _distinct(state, max(settings.starts // 2, 2))

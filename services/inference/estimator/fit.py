@@ -52,6 +52,11 @@ def whitening(touches: TouchBatch, settings: EstimatorSettings, softness: float)
     return float(np.hypot(settings.gap_sd_m, SOFT_GAP_M * softness)), np.sqrt(touches.sd**2 + soft**2)
 
 
+def soft_gate(settings: EstimatorSettings, softness: float) -> float:
+    """The gate at a softness: no touch is given up before the hypotheses have settled."""
+    return settings.gate * (1.0 + 20.0 * softness)
+
+
 def robust_cost(cost: Array, gate: float) -> Array:
     """Geman-McClure: cost near zero, at most `gate`."""
     return np.asarray(cost * gate / (cost + gate))
@@ -138,10 +143,11 @@ def evaluate(
     softness: float,
 ) -> FitState:
     """Cost of trials without their information (which is left empty)."""
+    gate = soft_gate(settings, softness)
     gap_sd, wrench_sd = whitening(touches, settings, softness)
     chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
     cost, _, _ = prior_terms(trials, prior, settings)
-    cost = cost + robust_cost(chosen.cost, settings.gate).sum(axis=1)
+    cost = cost + robust_cost(chosen.cost, gate).sum(axis=1)
     return FitState(trials, cost, chosen.cost, np.zeros((len(cost), 7, 7)), chosen)
 
 
@@ -155,14 +161,15 @@ def step(
     damping: float = 1e-3,
 ) -> tuple[FitState, TrialPoses]:
     """Judge trials at a softness and make one damped Gauss-Newton step from each: (where they were, where they go)."""
+    gate = soft_gate(settings, softness)
     gap_sd, wrench_sd = whitening(touches, settings, softness)
     chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
     residual, jacobian = linearise(chosen, trials, touches, gap_sd, wrench_sd)
-    weight = (settings.gate / (settings.gate + chosen.cost)) ** 2
+    weight = (gate / (gate + chosen.cost)) ** 2
     cost, gradient, information = prior_terms(trials, prior, settings)
     information = information + np.einsum("kt,ktri,ktrj->kij", weight, jacobian, jacobian)
     gradient = gradient + np.einsum("kt,ktri,ktr->ki", weight, jacobian, residual)
-    cost = cost + robust_cost(chosen.cost, settings.gate).sum(axis=1)
+    cost = cost + robust_cost(chosen.cost, gate).sum(axis=1)
     diagonal = np.einsum("kii->ki", information)
     damped = information + damping * diagonal[:, :, None] * np.eye(7)
     move = -np.linalg.solve(damped, gradient[..., None])[..., 0]

@@ -42,13 +42,39 @@ def contact_wrench_basis(
     friction_coefficient: ArrayLike,
     compliance_peg: Array | None = None,
 ) -> Array:
-    """The wrench (..., 6) in the peg frame of a contact pressed with a normal force of 1 N, sliding friction included.
+    """The wrench (..., 6) in the peg frame of a contact pressed with a normal force of 1 N, friction included.
 
     One contact's wrench is a nonnegative multiple of it; several contacts' wrench a nonnegative sum (Eqs. 21-24).
+    While the wrist alone would press the stuck point inside the friction cone, the contact sticks and the force is
+    what the wrist gives; otherwise the point slides (`sliding_direction`) and friction opposes it.
     """
     mu = np.asarray(friction_coefficient, float)
     slide = sliding_direction(normal_peg, point_peg_m, motion_peg, compliance_peg)
-    return wrench_of_force_at_point(normal_peg - mu[..., None] * slide, point_peg_m)
+    stuck = _stuck_force(point_peg_m, motion_peg, compliance_peg)
+    pressed = np.einsum("...i,...i->...", stuck, normal_peg)
+    stuck = stuck / np.where(pressed > 1e-12, pressed, 1.0)[..., None]
+    tangential = np.linalg.norm(stuck - normal_peg, axis=-1)
+    sticks = (pressed > 1e-12) & (tangential <= mu)
+    force = np.where(sticks[..., None], stuck, normal_peg - mu[..., None] * slide)
+    return wrench_of_force_at_point(force, point_peg_m)
+
+
+def _stuck_force(point_peg_m: Array, motion_peg: Array, compliance_peg: Array | None) -> Array:
+    """The force (..., 3) on the peg, to a scale, of a contact that holds its point against the motion: -C^-1 d."""
+    if compliance_peg is None:
+        return np.broadcast_to(-motion_peg, np.broadcast_shapes(motion_peg.shape, point_peg_m.shape))
+    x, y, z = np.moveaxis(point_peg_m, -1, 0)
+    zero = np.zeros_like(x)
+    lever = np.stack(
+        [np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2
+    )
+    c = compliance_peg
+    back = np.swapaxes(lever, -1, -2)
+    # Velocity of the point is v + w x p = v - p x w; the wrench of a force there is (f, p x f).
+    at_point = c[..., :3, :3] + c[..., :3, 3:] @ lever - lever @ c[..., 3:, :3] + back @ c[..., 3:, 3:] @ lever
+    scale = np.einsum("...ii->...", at_point)[..., None, None] / 3.0
+    cofactor = np.linalg.inv(at_point / scale)
+    return np.asarray(-np.einsum("...ij,...j->...i", cofactor, motion_peg))
 
 
 def equal_arms_axial_share(taper_slope: float, arms: int) -> float:

@@ -170,8 +170,8 @@ def collect(recording: Recording) -> Content:
         missing=missing,
     )
     phases = [phase for phase in all_phases if start_ns <= phase.stamp_ns <= end_ns and phase.phase is not Phase.IDLE]
-    for phase, after in zip(phases, [*phases[1:], None], strict=True):
-        until_ns = end_ns if after is None else after.stamp_ns
+    for index, phase in enumerate(phases):
+        until_ns = phases[index + 1].stamp_ns if index + 1 < len(phases) else end_ns
         content.spans.append(Span(phase, (phase.stamp_ns - start_ns) * 1e-9, (until_ns - start_ns) * 1e-9))
     content.touches = _touch_entries(recording, start_ns, end_ns)
     by_service: dict[str, ServiceStatus] = {status.service: status for status in recording.messages(STATUS)}

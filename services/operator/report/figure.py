@@ -69,7 +69,9 @@ def draw_figure(content: Content) -> Figure | None:
                         label=f"{symbol}{names[offset]}",
                     )
                 magnitude = np.linalg.norm(content.wrench[:, first : first + 3], axis=1)
-                axes.plot(content.time_s, magnitude, color=_INK, linewidth=0.8, linestyle=(0, (4, 2)), label=f"|{symbol}|")
+                axes.plot(
+                    content.time_s, magnitude, color=_INK, linewidth=0.8, linestyle=(0, (4, 2)), label=f"|{symbol}|"
+                )
                 axes.legend(loc="upper left", ncols=4, frameon=False, handlelength=1.6, columnspacing=1.4)
                 # room for the legend above the curves
                 low, high = axes.get_ylim()
@@ -117,7 +119,14 @@ def _draw_strip(axes: Axes, content: Content, end_s: float) -> None:
         # about 100 characters of this size stand side by side
         if width / end_s * 105.0 > len(word) + 1:
             axes.text(
-                span.start_s + width / 2.0, 0.35, word, ha="center", va="center", fontsize=8.0, color="white", clip_on=True
+                span.start_s + width / 2.0,
+                0.35,
+                word,
+                ha="center",
+                va="center",
+                fontsize=8.0,
+                color="white",
+                clip_on=True,
             )
 
 
@@ -135,7 +144,7 @@ def figure_svg(content: Content) -> str | None:
         return None
     buffer = io.StringIO()
     with rc_context(_STYLE):
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None, "Title": None})
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     svg = text[text.index("<svg") :].replace(_INK, "currentColor")
     for pattern, instead in (
@@ -147,7 +156,12 @@ def figure_svg(content: Content) -> str | None:
     ):
         svg = re.sub(pattern, instead, svg, flags=re.DOTALL)
     # as wide as the page, the height follows from the viewBox
-    return re.sub(r'(<svg\b[^>]*?) width="[^"]*"', r'\1 width="100%"', re.sub(r'(<svg\b[^>]*?) height="[^"]*"', r"\1", svg, count=1), count=1)
+    return re.sub(
+        r'(<svg\b[^>]*?) width="[^"]*"',
+        r'\1 width="100%"',
+        re.sub(r'(<svg\b[^>]*?) height="[^"]*"', r"\1", svg, count=1),
+        count=1,
+    )
 
 
 __all__ = ["PHASE_COLOURS", "draw_figure", "figure_svg"]

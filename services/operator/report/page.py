@@ -94,9 +94,7 @@ def cards(content: Content) -> list[Card]:
 
 
 def _matrix(pose: Pose) -> str:
-    rows = [
-        "  ".join(f"{value:+.4f}".replace("-", "−").replace("+", " ") for value in row) for row in pose.matrix()
-    ]
+    rows = ["  ".join(f"{value:+.4f}".replace("-", "−").replace("+", " ") for value in row) for row in pose.matrix()]
     return "\n".join(rows)
 
 
@@ -126,16 +124,14 @@ def pose_table(content: Content) -> tuple[tuple[str, ...], list[PoseRow], list[t
             "turned about the hole's y / °",
             "turned about the hole's z / °",
         )
-        rows += [
-            PoseRow(name, tuple(number(off[index], 3) for off in offs)) for index, name in enumerate(names)
-        ]
+        rows += [PoseRow(name, tuple(number(off[index], 3) for off in offs)) for index, name in enumerate(names)]
     return tuple(name for name, _ in columns), rows, [(name, _matrix(pose)) for name, pose in columns]
 
 
 def _difference(pose: Pose, true_hole: Pose) -> list[float]:
     """x, y, z in mm and the rotation vector in degrees, in the true hole's frame, up to the cross's quarter turns."""
     error = true_hole.inverse() @ pose
-    candidates = Rotation.from_matrix(error.rotation) * Rotation.from_euler("z", np.arange(4) * np.pi / 2)
+    candidates = Rotation.from_matrix(error.rotation) * Rotation.from_euler("z", np.arange(4)[:, None] * (np.pi / 2))
     turned = candidates[int(np.argmin(candidates.magnitude()))].as_rotvec(degrees=True)
     return [*(error.translation_m * 1e3).tolist(), *turned.tolist()]
 
