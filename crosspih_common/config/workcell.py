@@ -76,6 +76,8 @@ class Workcell(Section):
     # elasticity between the encoders and the links; about 100 N/mm at the tool in front of the hole
     joint_stiffness_nm_rad: Vector6 = (20000.0, 20000.0, 15000.0, 5000.0, 5000.0, 2500.0)
     gravity_base_m_s2: Vector3 = (0.0, 0.0, -9.81)
+    # dry friction to expect between peg and hole; the estimator measures it from the touches
+    friction_expected: float = Field(default=0.1, ge=0.0, le=1.0)
     # how deep the body must be in its bore to count as inserted
     insertion_depth_m: float = Field(default=0.015, gt=0.0)
 

@@ -92,7 +92,10 @@ class StateDirectory:
         return self.path / "notify"
 
     def acquire(self) -> None:
-        """Become the supervisor of this project; raises AlreadyUpError. What a dead one left behind is removed."""
+        """Become the supervisor of this project; raises AlreadyUpError.
+
+        What a dead one left behind is removed, and the logs of the last stack are set aside as ``<service>.log.1``.
+        """
         self.path.mkdir(parents=True, exist_ok=True)
         fd = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600)
         if not _locked(fd):
@@ -103,6 +106,9 @@ class StateDirectory:
             )
         self._lock_fd = fd
         self._remove_state()
+        for path in self.path.glob(f"*{SUFFIX}"):
+            if path != self.supervisor_log:
+                path.replace(path.with_name(path.name + ".1"))
 
     def release(self, keep_state: bool) -> None:
         """End being the supervisor; the state is kept only if there is something left to show."""

@@ -21,7 +21,7 @@ from deploy.launcher.restart import decide
 from deploy.launcher.state import ServiceState, StackState, StateDirectory
 
 # Ctrl-C has to stop everything within 3 s; this leaves room for the kill and the clearing up.
-STOP_TIMEOUT_S = 2.5
+STOP_TIMEOUT_S = 2.3
 _SUPERVISOR = "launcher"
 
 

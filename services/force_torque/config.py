@@ -18,6 +18,9 @@ class ForceTorqueConfig(Section):
     onset_moment_nm: float = Field(default=0.06, gt=0.0)
     drift_force_n: float = Field(default=0.3, gt=0.0, description="mean |F| in free air that means: calibrate again")
     drift_moment_nm: float = Field(default=0.015, gt=0.0)
+    still_rad_s2: float = Field(
+        default=0.8, gt=0.0, description="joints that accelerate more make the payload's inertia look like contact"
+    )
     gravity_free: bool = Field(default=True, description="find the direction of gravity too: the base may be tilted")
     residual_force_limit_n: float = Field(default=0.5, gt=0.0)
     residual_moment_limit_nm: float = Field(default=0.05, gt=0.0)

@@ -49,12 +49,22 @@ class Step:
     free_air: FreeAirReport
 
 
-def step(pipeline: Pipeline, samples: Array, stamp_ns: int, period_ns: int, rotation_base_peg: Array) -> Step:
-    """Process a batch (n, 6), sensor frame, first sample at `stamp_ns`, at orientation (3, 3)."""
+def step(
+    pipeline: Pipeline, samples: Array, stamp_ns: int, period_ns: int, rotation_base_peg: Array, *, accelerating: bool
+) -> Step:
+    """Process a batch (n, 6), sensor frame, first sample at `stamp_ns`, at orientation (3, 3).
+
+    While the arm is `accelerating` the payload's inertia is felt like a contact: then neither contact nor free air is
+    judged, and both stay as they were.
+    """
     contact = compensated(samples, rotation_base_peg, pipeline.tool)
     stamps = stamp_ns + period_ns * np.arange(len(contact))
     low_pass, filtered = pipeline.low_pass.filtered(contact)
-    onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered)
-    free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, onset.in_contact)
+    if accelerating:
+        onset, events = pipeline.onset, []
+    else:
+        onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered)
+    # an accelerating arm counts like a contact here: the samples just after it are left out too
+    free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, onset.in_contact or accelerating)
     after = replace(pipeline, low_pass=low_pass, onset=onset, free=free)
     return Step(after, filtered[-1], onset.in_contact, events, report)

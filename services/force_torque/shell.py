@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from crosspih_common.messages import (
     ContactWrench,
     FtCalibration,
     IdentifyPayload,
+    JointState,
     RawWrenchBatch,
     Severity,
     floats,
@@ -149,10 +151,12 @@ class ForceTorqueShell:
         )
 
     def _judge(self, wrench: Array, sd: Array | None = None) -> ContactState:
-        settings = ClassifierSettings()
+        settings = ClassifierSettings(friction=self._context.cell.workcell.friction_expected)
         if sd is not None:
-            settings = ClassifierSettings(
-                force_sd_n=max(float(np.mean(sd[:3])), 1e-3), moment_sd_nm=max(float(np.mean(sd[3:])), 1e-4)
+            settings = replace(
+                settings,
+                force_sd_n=max(float(np.mean(sd[:3])), 1e-3),
+                moment_sd_nm=max(float(np.mean(sd[3:])), 1e-4),
             )
         found = classify_contact(wrench, settings)
         row = found.state
@@ -170,7 +174,14 @@ class ForceTorqueShell:
         if joints is None or not self._calibrated:
             return
         rotation = self._context.cell.workcell.pose_base_peg(joints.joints_rad).rotation
-        result = step(self._pipeline, np.asarray(batch.samples), batch.stamp_ns, batch.period_ns, rotation)
+        result = step(
+            self._pipeline,
+            np.asarray(batch.samples),
+            batch.stamp_ns,
+            batch.period_ns,
+            rotation,
+            accelerating=_acceleration_rad_s2(self._joints.values()) > self._config.still_rad_s2,
+        )
         self._pipeline = result.pipeline
         stamp_ns = batch.stamp_ns + batch.period_ns * (len(batch.samples) - 1)
         self._wrench.publish(
@@ -193,3 +204,13 @@ class ForceTorqueShell:
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+def _acceleration_rad_s2(states: list[JointState]) -> float:
+    """The largest joint acceleration over the last few joint states, by differences of their speeds."""
+    if len(states) < 2:
+        return 0.0
+    speeds = np.array([state.speeds_rad_s for state in states])
+    times = np.array([state.stamp_ns for state in states]) * 1e-9
+    steps = np.maximum(np.diff(times), 1e-4)
+    return float(np.max(np.abs(np.diff(speeds, axis=0)) / steps[:, None]))

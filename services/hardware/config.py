@@ -43,8 +43,8 @@ class SimulatedConfig(Section):
         default="realtime", description="max: the cell's clock runs only while a command does"
     )
     friction_coefficient: float = Field(default=0.1, ge=0.0, le=1.0, description="peg against hole")
-    # of each joint against its own critical damping; see controller.py for what it costs and buys
-    joint_damping_ratio: float = Field(default=0.35, gt=0.0, le=1.5)
+    # of each joint against its own critical damping; see physics.py for what it costs and buys
+    joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
     force_cap_n: float = Field(default=60.0, gt=0.0, le=500.0)
     moment_cap_nm: float = Field(default=6.0, gt=0.0, le=50.0)
     force_torque: ForceTorqueConfig = ForceTorqueConfig()

@@ -47,7 +47,7 @@ class InferenceShell:
         self._hole = self._workcell.hole.shape(self._peg)
         self._tables = PairTables.of(self._peg, self._hole)
         self._settings = EstimatorSettings(
-            friction_mean=config.friction_mean,
+            friction_mean=self._workcell.friction_expected,
             friction_sd=config.friction_sd,
             samples=config.samples,
             starts=config.starts,
@@ -95,7 +95,7 @@ class InferenceShell:
             covariance=floats(found.covariance),
             **_error_in_peg(at_touch, found.pose_base_hole),
             rank=found.rank,
-            residual_cost=float(found.residual_cost),
+            residual_cost=_finite(found.residual_cost),
             friction=found.friction_coefficient,
             friction_sd=found.friction_sd,
             method="fused",
@@ -183,12 +183,16 @@ def _error_in_peg(pose_base_peg: Pose, pose_base_hole: Pose) -> dict[str, tuple[
     }
 
 
+def _finite(cost: float) -> float:
+    """A cost for the wire: a touch that nothing explains has an infinite one."""
+    return float(cost) if np.isfinite(cost) else 1e9
+
+
 def _use(index: int, verdict: TouchVerdict) -> TouchUse:
     names = [f"{contact.kind}, arm {contact.arm}" for contact in verdict.contacts]
-    cost = verdict.cost if np.isfinite(verdict.cost) else 1e9
     return TouchUse(
         index=index,
         used=verdict.used,
         hypothesis="; ".join(names) or verdict.reason or "none",
-        residual_sigma=float(np.sqrt(max(cost, 0.0) / 7.0)),
+        residual_sigma=float(np.sqrt(max(_finite(verdict.cost), 0.0) / 7.0)),
     )

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.keys import COMPENSATE, SEATED
+from crosspih_common.keys import COMPENSATE, ESTIMATE, SEATED
 from crosspih_common.messages import (
     Assemble,
     CompensateWrench,
+    EstimatePose,
     EstimateSeated,
     Failure,
     Phase,
@@ -57,6 +58,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
 
 
 def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
+    """T2: the seated peg's own pose, then better than the clearance by pressing against four walls of the bore."""
     outcome = run.dwell(0.1)
     reading = run.ports.ask(
         COMPENSATE,
@@ -64,12 +66,26 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
             pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
         ),
     )
-    return run.ports.ask(
+    seated = run.ports.ask(
         SEATED,
         EstimateSeated(
             prior=belief, pose_base_peg=outcome.pose_base_peg, joints_rad=outcome.joints_rad, wrench=reading.wrench
         ),
     )
+    rest = run.pose_base_peg
+    felt = [
+        touch
+        for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1])
+        if (touch := run.feel(rest, direction)) is not None
+    ]
+    if not felt:
+        return seated
+    prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)
+    felt_pose = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(felt)))
+    if not any(use.used for use in felt_pose.rests_on):
+        run.tell(Phase.ESTIMATING, "the walls felt do not fit one pose: the seat alone counts")
+        return seated
+    return felt_pose
 
 
 def _depth_m(run: Run, pose_base_hole: Pose) -> float:

@@ -19,12 +19,16 @@ class PlanningConfig(Section):
     push_force_n: float = Field(default=12.0, gt=0.0)
     push_timeout_s: float = Field(default=6.0, gt=0.0)
     push_stall_s: float = Field(default=0.5, gt=0.0)
-    extra_depth_m: float = Field(default=0.002, ge=0.0, description="beyond the wanted depth: vision's depth is vague")
+    extra_depth_m: float = Field(default=0.010, ge=0.0, description="beyond the wanted depth: vision's depth is vague")
     touch_speed_m_s: float = Field(default=0.01, gt=0.0, le=0.1)
     touch_creep_m_s: float = Field(default=0.001, gt=0.0, le=0.02)
     touch_threshold_n: float = Field(default=5.0, gt=0.0)
     touch_travel_m: float = Field(default=0.045, gt=0.0, description="felt nothing on this way: the hole is not there")
     touch_clearance_m: float = Field(default=0.002, gt=0.0, description="how far a touch retreats")
+    # once seated the peg feels around in its play: four walls, so that T2 is better than the clearance
+    feel_speed_m_s: float = Field(default=0.003, gt=0.0, le=0.02)
+    feel_force_n: float = Field(default=4.0, gt=0.0)
+    feel_travel_m: float = Field(default=0.002, gt=0.0, le=0.01)
     max_attempts: int = Field(default=8, ge=1, le=50, description="pushes before giving up")
     max_overloads: int = Field(default=3, ge=1, description="stops by the force or moment cap before giving up")
     # the paper's loop: straight push at its own force, no yielding

@@ -262,20 +262,35 @@ class Run:
         return seated
 
     def touch(self, pose_base_peg_start: Pose, direction: Array, speed_m_s: float, threshold_n: float) -> Touch | None:
-        """Guarded move from a start pose; the touch as felt, or None when nothing was there."""
+        """Guarded move from a start pose in free air; the touch as felt, or None when nothing was there."""
         self.slide_to(pose_base_peg_start)
-        self.tell(Phase.TOUCHING, f"touch {len(self.touches) + 1}")
-        outcome = self.ports.ask(
-            GUARDED_MOVE,
-            GuardedMove(
-                direction_base=floats(direction),
-                speed_m_s=speed_m_s,
-                creep_speed_m_s=self.config.touch_creep_m_s,
-                force_threshold_n=threshold_n,
-                travel_limit_m=self.config.touch_travel_m,
-                retreat_m=self.config.touch_clearance_m,
-            ),
+        command = GuardedMove(
+            direction_base=floats(direction),
+            speed_m_s=speed_m_s,
+            creep_speed_m_s=self.config.touch_creep_m_s,
+            force_threshold_n=threshold_n,
+            travel_limit_m=self.config.touch_travel_m,
+            retreat_m=self.config.touch_clearance_m,
         )
+        return self._felt(command, pose_base_peg_start)
+
+    def feel(self, pose_base_peg_start: Pose, direction: Array) -> Touch | None:
+        """Press against a wall of the bore from a pose inside it, and come back."""
+        command = GuardedMove(
+            direction_base=floats(direction),
+            speed_m_s=self.config.feel_speed_m_s,
+            creep_speed_m_s=self.config.touch_creep_m_s,
+            force_threshold_n=self.config.feel_force_n,
+            travel_limit_m=self.config.feel_travel_m,
+        )
+        touch = self._felt(command, None)
+        self.slide_to(pose_base_peg_start, self.config.feel_speed_m_s)
+        return touch
+
+    def _felt(self, command: GuardedMove, free_at: Pose | None) -> Touch | None:
+        """Do a guarded move and keep what it felt; `free_at` is where its first samples were in free air, if they were."""
+        self.tell(Phase.TOUCHING, f"touch {len(self.touches) + 1}")
+        outcome = self.ports.ask(GUARDED_MOVE, command)
         self._account(outcome)
         if outcome.wrench_observed_raw is None or outcome.pose_base_peg_observed is None:
             self.tell(Phase.TOUCHING, f"felt nothing: {outcome.stop_reason.value}", travel_mm=outcome.travel_m * 1e3)
@@ -286,8 +301,8 @@ class Run:
                 pose_base_peg=outcome.pose_base_peg_observed,
                 wrench_raw=outcome.wrench_observed_raw,
                 wrench_sd=outcome.wrench_observed_sd or (0.02, 0.02, 0.02, 0.001, 0.001, 0.001),
-                wrench_free_raw=outcome.wrench_free_raw,
-                pose_base_peg_free=PoseData.of(pose_base_peg_start),
+                wrench_free_raw=None if free_at is None else outcome.wrench_free_raw,
+                pose_base_peg_free=None if free_at is None else PoseData.of(free_at),
             ),
         )
         touch = Touch(

@@ -101,6 +101,9 @@ def fused(run: Run) -> PosePrior:
             continue
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
         _tell_estimate(run, estimate)
+        if not any(use.used for use in estimate.rests_on):
+            # nothing explains what was felt: no correction, and the next touch is another arm's
+            continue
         belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
         _correct(run, estimate.pose_base_hole.pose())
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")

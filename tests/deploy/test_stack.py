@@ -165,6 +165,15 @@ def test_two_projects_run_side_by_side(stacks: Stacks) -> None:
     assert is_alive(right.services[0].pid)
 
 
+def test_logs_are_those_of_the_last_stack(stacks: Stacks) -> None:
+    stacks.start({"old": {"command": SERVE}})
+    wait_until(lambda: stacks.log("old") == ["serving"], "the old one serves")
+    stop_stack("test", stacks.run_root)
+    assert list(stacks.directory().tails()) == ["old"]
+    stacks.start({"new": {"command": SERVE}})
+    assert list(stacks.directory().tails()) == ["new"]
+
+
 def test_completed_dependency_is_waited_for(stacks: Stacks, tmp_path: Path) -> None:
     made = tmp_path / "made"
     state = stacks.start(

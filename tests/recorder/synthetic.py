@@ -48,7 +48,7 @@ from services.recorder.file import RecordingFile
 from services.recorder.sample import Sample
 
 CELL_YAML = "cell:\n  name: synth\n  insertion_depth_m: 0.015\n"
-HOLE = Pose.from_matrix([[-0.07, 0.06, 1.0, 0.4], [-0.06, -1.0, 0.06, -0.3], [1.0, -0.06, 0.07, 0.2], [0, 0, 0, 1]])
+HOLE = Workcell().hole_prior.pose_base_hole()
 STEPS = (
     (0.0, Phase.LOCATING, "the hole at 0.4003 -0.2996 0.2001 m, tilted 4.1 deg"),
     (0.0, Phase.APPROACHING, "to 20 mm before the hole"),

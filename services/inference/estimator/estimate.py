@@ -47,20 +47,38 @@ def estimate_pose(
             prior.pose_base_hole, prior.covariance, 0, 0.0, settings.friction_mean, settings.friction_sd, verdicts
         )
     batch = TouchBatch.of(informative, settings)
+    state = _search(tables, prior, batch, rng, settings, previous)
+    for _ in range(settings.retries):
+        # A gated touch may be a bad one, or a search that missed: look again before giving it up.
+        if state.touch_cost[np.argmin(state.cost)].max() < settings.gate:
+            break
+        again = _search(tables, prior, batch, rng, settings, previous)
+        state = again if again.cost.min() < state.cost.min() else state
+    return _conclude(state, batch, prior, touches, settings)
+
+
+def _search(
+    tables: PairTables,
+    prior: PosePrior,
+    batch: TouchBatch,
+    rng: np.random.Generator,
+    settings: EstimatorSettings,
+    previous: PoseErrorEstimate | None,
+) -> FitState:
+    """One annealed multi-start fit; the few best trials at the true noise."""
     # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
     first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 8.0))
     trials = _starts(tables, prior, batch, rng, settings, previous, first)
     count = SOFTENING_STEPS + round(2.0 * np.log2(first))
     for index, softness in enumerate(np.geomspace(first, FINAL_SOFTNESS, count)):
-        state, trials = step(tables, trials, batch, prior, settings, softness)
+        _, trials = step(tables, trials, batch, prior, settings, float(softness))
         if index == count // 2:
-            trials = _distinct(evaluate(tables, trials, batch, prior, settings, softness), settings.starts)
-    state = evaluate(tables, trials, batch, prior, settings, 0.0)
-    trials = _distinct(state, max(settings.starts // 2, 2))
+            trials = _distinct(evaluate(tables, trials, batch, prior, settings, float(softness)), settings.starts)
+    trials = _distinct(evaluate(tables, trials, batch, prior, settings, 0.0), max(settings.starts // 2, 2))
     for _ in range(FINAL_STEPS):
-        state, trials = step(tables, trials, batch, prior, settings, 0.0)
+        _, trials = step(tables, trials, batch, prior, settings, 0.0)
     state, _ = step(tables, trials, batch, prior, settings, 0.0)
-    return _conclude(state, batch, prior, touches, settings)
+    return state
 
 
 def _starts(

@@ -73,7 +73,8 @@ class EstimatorSettings:
 
     gap_sd_m: how far from exact contact a touching pair may be (calibration of arm and compliance). force_floor_n,
     moment_floor_nm and relative_floor: added to the wrench's sd. gate: cost (a sum of squares over 6 + 1 residuals)
-    beyond which a touch is left out. friction_mean, friction_sd: prior of the friction coefficient.
+    beyond which a touch is left out. friction_mean, friction_sd: prior of the friction coefficient. starts, samples:
+    size of the search; retries: further searches while some touch stays unexplained.
     """
 
     gap_sd_m: float = 3e-5
@@ -85,6 +86,7 @@ class EstimatorSettings:
     friction_sd: float = 0.1
     starts: int = 6
     samples: int = 240
+    retries: int = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What the report shows, gathered from a recording. Pure but for reading; whatever is missing is named, never made up."""
+"""What the report shows, gathered from a recording. Whatever is missing is named, never made up."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -29,7 +30,7 @@ PHASE_COLOURS = {
     Phase.BACKING_OFF: "#a0522d",
     Phase.DONE: "#6f9f3f",
 }
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "crosspih",
     "font.family": "sans-serif",
@@ -156,12 +157,8 @@ def figure_svg(content: Content) -> str | None:
     ):
         svg = re.sub(pattern, instead, svg, flags=re.DOTALL)
     # as wide as the page, the height follows from the viewBox
-    return re.sub(
-        r'(<svg\b[^>]*?) width="[^"]*"',
-        r'\1 width="100%"',
-        re.sub(r'(<svg\b[^>]*?) height="[^"]*"', r"\1", svg, count=1),
-        count=1,
-    )
+    svg = re.sub(r'(<svg\b[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+    return re.sub(r'(<svg\b[^>]*?) width="[^"]*"', r'\1 width="100%"', svg, count=1)
 
 
 __all__ = ["PHASE_COLOURS", "draw_figure", "figure_svg"]

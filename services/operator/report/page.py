@@ -76,7 +76,7 @@ def cards(content: Content) -> list[Card]:
         ),
         Card("peak force", number(figures.peak_force_n, 1), "N", f"peak moment {number(figures.peak_moment_nm)} Nm"),
         Card("touches", str(figures.touches), "", "times it felt its way"),
-        Card("corrections", str(figures.corrections), "", f"after {figures.pushes} pushes"),
+        Card("corrections", str(figures.corrections), "", f"{figures.pushes} pushes in all"),
         Card(
             "vision error",
             number(figures.vision_error_mm),
