@@ -52,7 +52,7 @@ class GuardedMove(Message):
     force_threshold_n: float = Field(default=5.0, gt=0.0)
     moment_threshold_nm: float = Field(default=1.0, gt=0.0)
     travel_limit_m: float = Field(gt=0.0, le=0.3)
-    observe_s: float = Field(default=0.06, gt=0.0, le=2.0)
+    observe_s: float = Field(default=0.1, gt=0.0, le=2.0)
     observe_samples: int = Field(default=25, ge=1, le=2000)
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
 

@@ -1,4 +1,9 @@
 """placeholder until the network core lands"""
+
+
 class NetworkUnavailable(Exception): ...
+
+
 class NetworkEstimator:
-    def __init__(self,*a): raise NetworkUnavailable("none")
+    def __init__(self, *a):
+        raise NetworkUnavailable("none")

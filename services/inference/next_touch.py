@@ -51,8 +51,10 @@ def next_touch(
 ) -> TouchPlan:
     """The next touch, given the posterior (mean, covariance (6, 6)), how many pushes failed, and the touches so far.
 
-    While the posterior is wide, fewer than two pushes have failed and the last touch could be explained: straight at the
-    estimate, where the errors themselves decide what touches. Otherwise arm by arm, each time the one after the last, so
+    While the posterior is wide, fewer than two pushes have failed and the last touch could be explained: straight at
+    the
+    estimate, where the errors themselves decide what touches. Otherwise arm by arm, each time the one after the last,
+    so
     that two touches in a row measure across one another; the turn changes its sense after every round. The tip starts
     `standoff_m` and 2.5 sd of depth short of the rim.
     """

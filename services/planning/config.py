@@ -15,7 +15,7 @@ class PlanningConfig(Section):
     line_speed_m_s: float = Field(default=0.15, gt=0.0, le=0.5, description="straight moves in free space")
     approach_m: float = Field(default=0.06, gt=0.0, description="where the straight approach begins, before the face")
     standoff_m: float = Field(default=0.004, gt=0.0, description="tip to face before a push or a touch")
-    push_speed_m_s: float = Field(default=0.02, gt=0.0, le=0.1)
+    push_speed_m_s: float = Field(default=0.015, gt=0.0, le=0.1)
     push_force_n: float = Field(default=12.0, gt=0.0)
     push_timeout_s: float = Field(default=6.0, gt=0.0)
     push_stall_s: float = Field(default=0.5, gt=0.0)

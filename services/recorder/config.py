@@ -29,5 +29,5 @@ class RecorderConfig(Section):
     queue_samples: int = Field(default=50_000, ge=1)
     queue_bytes: int = Field(default=256 << 20, ge=1 << 20)
     # at a stop: wait until no sample from before it has come for this long, but not longer than the limit
-    quiet_s: float = Field(default=0.1, ge=0.0, le=5.0)
-    quiet_limit_s: float = Field(default=1.5, ge=0.0, le=30.0)
+    quiet_s: float = Field(default=0.2, ge=0.0, le=5.0)
+    quiet_limit_s: float = Field(default=2.0, ge=0.0, le=30.0)

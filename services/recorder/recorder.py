@@ -98,9 +98,9 @@ class Recorder:
 
     # ----------------------------------------------------------------------------------------------------- commands
 
-    def start(self, name: str) -> RecordingStatus:
-        """Begin a file, the running one finished first. Raises CommandRefused when it cannot be made."""
-        self._inbox.drain(DRAIN_S)
+    def start(self, name: str, stamp_ns: int) -> RecordingStatus:
+        """Begin a file, the running one finished as by `stop`. Raises CommandRefused when it cannot be made."""
+        self._catch_up(stamp_ns)
         with self._lock:
             self._finish()
             try:
@@ -125,25 +125,23 @@ class Recorder:
 
     def stop(self, stamp_ns: int) -> RecordingStatus:
         """Finish the file once all that was sent before `stamp_ns` (cell clock) is in it."""
-        self._wait_for_quiet(stamp_ns)
-        self._inbox.drain(DRAIN_S)
+        self._catch_up(stamp_ns)
         with self._lock:
             self._finish()
             return self._last
 
-    def _wait_for_quiet(self, stamp_ns: int) -> None:
-        """Samples and the stop come by different ways, so the stop may be first: give the others time to arrive."""
-        begun = time.monotonic()
-        self._stop_stamp_ns = stamp_ns
-        try:
-            while True:
-                now = time.monotonic()
-                quiet_at = max(self._spoke_at, begun) + self._config.quiet_s
-                if now >= min(quiet_at, begun + self._config.quiet_limit_s):
-                    return
-                time.sleep(min(quiet_at, begun + self._config.quiet_limit_s) - now)
-        finally:
+    def _catch_up(self, stamp_ns: int) -> None:
+        """Samples and commands come by different ways, so a command may be first: give the samples time to arrive."""
+        with self._lock:
+            recording = self._file is not None
+        if recording:
+            begun = time.monotonic()
+            limit = begun + self._config.quiet_limit_s
+            self._stop_stamp_ns = stamp_ns
+            while (now := time.monotonic()) < (until := min(max(self._spoke_at, begun) + self._config.quiet_s, limit)):
+                time.sleep(until - now)
             self._stop_stamp_ns = None
+        self._inbox.drain(DRAIN_S)
 
     def _finish(self) -> None:
         file = self._file

@@ -66,7 +66,7 @@ class RecorderShell:
         self._context.event(Severity.ERROR, "recording_failed", why)
 
     def _start(self, request: StartRecording) -> RecordingStatus:
-        return self._recorder.start(request.name)
+        return self._recorder.start(request.name, request.stamp_ns)
 
     def _stop(self, request: StopRecording) -> RecordingStatus:
         return self._recorder.stop(request.stamp_ns)

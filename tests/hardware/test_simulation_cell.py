@@ -12,6 +12,7 @@ from crosspih_common.arm.inverse import nearest
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
+from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import (
     AdmittanceMove,
     Dwell,
@@ -34,6 +35,10 @@ WORKCELL = Workcell()
 FT = ForceTorqueConfig()
 QUIET = HardwareConfig(simulated=SimulatedConfig(force_torque=ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)))
 HOME = np.array(WORKCELL.home_joints_rad)
+
+
+def moved(by: list[float]) -> Array:
+    return np.asarray(HOME + np.array(by, dtype=float))
 
 
 @pytest.fixture
@@ -101,7 +106,7 @@ def test_streams_keep_their_rates_and_the_clock_stands_still_between_commands(ce
 
 
 def test_follow_ends_where_it_should_and_says_how_long_it_took(cell: SimulatedCell) -> None:
-    goal = HOME + [0.3, 0.2, -0.2, 0.4, -0.3, 0.5]
+    goal = moved([0.3, 0.2, -0.2, 0.4, -0.3, 0.5])
     outcome = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal)))
     assert outcome.stop_reason is StopReason.COMPLETED
     np.testing.assert_allclose(outcome.joints_rad, goal, atol=1e-12)
@@ -126,9 +131,9 @@ def test_linear_moves_go_straight(cell: SimulatedCell) -> None:
     ("trajectory", "code", "words"),
     [
         (knots(HOME + 0.02, HOME), "wrong_start", "joint 1"),
-        (knots(HOME, HOME + [0, 2.5, 0, 0, 0, 0], seconds=5.0), "joint_limit", "joint 2"),
-        (knots(HOME, HOME + [0, 0, 0, 1.5, 0, 0], seconds=0.3), "speed_limit", "joint 4"),
-        (knots(HOME, HOME + [0.1, 0, 0, 0, 0, 0], seconds=0.05), "acceleration_limit", "joint 1"),
+        (knots(HOME, moved([0, 2.5, 0, 0, 0, 0]), seconds=5.0), "joint_limit", "joint 2"),
+        (knots(HOME, moved([0, 0, 0, 1.5, 0, 0]), seconds=0.3), "speed_limit", "joint 4"),
+        (knots(HOME, moved([0.1, 0, 0, 0, 0, 0]), seconds=0.05), "acceleration_limit", "joint 1"),
         (knots(HOME, HOME, seconds=0.0), "knots", "times"),
     ],
 )
@@ -152,7 +157,7 @@ def test_unreachable_and_nan_and_directionless_commands_are_refused(cell: Simula
     with pytest.raises(CommandRefused, match="direction"):
         cell.arm.admittance_move(AdmittanceMove(direction_base=(0.0, 0.0, 0.0), speed_m_s=0.01, travel_m=0.01))
     with pytest.raises(CommandRefused, match="unreachable"):
-        cell.arm.guarded_move(GuardedMove(direction_base=(1.0, 0.0, 0.0), speed_m_s=0.05, travel_limit_m=0.3))
+        cell.arm.guarded_move(GuardedMove(direction_base=(0.0, -1.0, 0.0), speed_m_s=0.05, travel_limit_m=0.3))
     assert cell.clock.now_ns() == 0
 
 
@@ -175,7 +180,7 @@ def test_stop_from_another_thread_ends_a_motion_within_the_braking_time(cell: Si
             caller.join()
 
     cell.clock.on_tick(stop_at)
-    goal = HOME + [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
+    goal = moved([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     outcome = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal)))
     assert stopped_at == [300_000_000]
     assert outcome.stop_reason is StopReason.STOPPED

@@ -1,4 +1,5 @@
-"""A whole assembly in the free-peg world: believe, push with admittance, and where that fails touch, estimate, retry."""
+"""A whole assembly in the free-peg world: believe, push with admittance, and where that fails touch, estimate,
+retry."""
 
 from __future__ import annotations
 
@@ -135,12 +136,16 @@ def assemble(
     push_first: bool = True,
     settings: EstimatorSettings | None = None,
     model_peg: CrossPeg | None = None,
+    model_hole: CrossHole | None = None,
+    compliance_scale: float = 1.0,
 ) -> Trial:
-    """One assembly from a belief drawn off the truth with `prior_sd`; `model_peg` may differ from the real one."""
+    """One assembly from a belief drawn off the truth with `prior_sd`; the models, and the
+    believed compliance, may differ from the real ones."""
     rng = np.random.default_rng(seed)
     world = FreePegWorld(peg, hole, friction_coefficient)
-    known_peg = model_peg or peg
-    tables = PairTables.of(known_peg, hole)
+    known_peg, known_hole = model_peg or peg, model_hole or hole
+    tables = PairTables.of(known_peg, known_hole)
+    compliance = world.compliance_peg * compliance_scale
     error = rng.normal(size=6) * prior_sd
     truth = Pose.from_rotvec(rng.uniform(-3, 3, 3), rng.uniform(-1, 1, 3))
     believed = truth @ Pose.from_rotvec(error[3:], error[:3])
@@ -169,12 +174,10 @@ def assemble(
         corrections += 1
         for _ in range(touches_a_correction):
             plan = next_touch(known_peg, believed, covariance, failed, len(observations), used)
-            record = guarded_push(
-                world, to_hole @ plan.pose_base_peg_start, to_hole.rotate(plan.direction_base), 0.05
-            )
+            record = guarded_push(world, to_hole @ plan.pose_base_peg_start, to_hole.rotate(plan.direction_base), 0.05)
             seconds += record.travelled_m / 0.004
             peak_force = max(peak_force, record.reached_n)
-            observations.append(observe(record, truth, plan.direction_base, world.compliance_peg, rng))
+            observations.append(observe(record, truth, plan.direction_base, compliance, rng))
             estimate = estimate_pose(
                 tables, prior, observations, np.random.default_rng(seed), settings, previous=estimate
             )
@@ -191,8 +194,8 @@ def assemble(
     inserted = result is not None and result.depth_m >= 0.015
     if inserted and result is not None:
         believed, covariance = final_estimate(
-            known_peg, hole, believed, covariance, truth @ result.commanded_hole_peg, result.wrench_peg,
-            world.compliance_peg,
+            known_peg, known_hole, believed, covariance, truth @ result.commanded_hole_peg, result.wrench_peg,
+            compliance,
         )  # fmt: skip
     world.close()
     return Trial(

@@ -113,7 +113,8 @@ class FreePegWorld:
         return Pose.from_quaternion(quaternion, position)
 
     def step(self, command: Pose, command_twist_hole: Array | None = None) -> Array:
-        """One millisecond towards a commanded pose that moves at (v, w) (6,); the wrist's wrench on the peg, peg frame."""
+        """One millisecond towards a commanded pose that moves at (v, w) (6,); the wrist's wrench on the peg, peg
+        frame."""
         position, quaternion = self.client.getBasePositionAndOrientation(self.body)
         velocity, turning = self.client.getBaseVelocity(self.body)
         twist = np.zeros(6) if command_twist_hole is None else command_twist_hole
@@ -150,7 +151,8 @@ class FreePegWorld:
 
 @dataclass(frozen=True)
 class TouchRecord:
-    """What a guarded push saw: commanded and true pose at the averaging instant, the averaged wrench, engine contacts."""
+    """What a guarded push saw: commanded and true pose at the averaging instant, the averaged wrench, engine
+    contacts."""
 
     commanded_hole_peg: Pose
     true_hole_peg: Pose
@@ -171,7 +173,8 @@ def guarded_push(
     creep_m_s: float = 0.001,
     samples: int = 25,
 ) -> TouchRecord:
-    """Push straight until the force or moment limit, creeping once in touch; average the last samples, still creeping."""
+    """Push straight until the force or moment limit, creeping once in touch; average the last samples, still
+    creeping."""
     world.place(start_hole_peg)
     travelled, speed = 0.0, approach_m_s
     poses: list[Pose] = []

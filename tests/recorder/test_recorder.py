@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.bus.codec import encode
@@ -62,7 +62,7 @@ def test_every_file_begins_with_the_states_known(tmp_path: Path) -> None:
     feed(recorder, PHASE, phase(0))
     paths = []
     for _ in range(2):
-        paths.append(recorder.start("one").path)
+        paths.append(recorder.start("one", 0).path)
         recorder.stop(0)
     recorder.close()
     assert not failures
@@ -75,7 +75,7 @@ def test_every_file_begins_with_the_states_known(tmp_path: Path) -> None:
 
 def test_missing_numbers_are_counted_and_a_new_publisher_is_no_gap(tmp_path: Path) -> None:
     recorder, _ = make(tmp_path)
-    path = recorder.start("gaps").path
+    path = recorder.start("gaps", 0).path
     for seq in (0, 1, 4, 5, 0, 1):
         feed(recorder, PHASE, phase(seq))
     status = recorder.stop(0)
@@ -88,7 +88,7 @@ def test_missing_numbers_are_counted_and_a_new_publisher_is_no_gap(tmp_path: Pat
 
 def test_an_overflow_is_counted_and_the_rest_is_recorded(tmp_path: Path) -> None:
     recorder, _ = make(tmp_path, queue_samples=10)
-    recorder.start("overflow")
+    recorder.start("overflow", 0)
     with recorder._lock:  # the writer is stuck, as behind a slow disk
         taken = [feed(recorder, PHASE, phase(seq)) for seq in range(100)]
     status = recorder.stop(0)
@@ -104,7 +104,7 @@ def test_an_overflow_is_counted_and_the_rest_is_recorded(tmp_path: Path) -> None
 
 def test_a_payload_without_a_stamp_is_refused_and_counted(tmp_path: Path) -> None:
     recorder, _ = make(tmp_path)
-    recorder.start("bad")
+    recorder.start("bad", 0)
     with pytest.raises(ContractError, match="stamp_ns"):
         recorder.take(PHASE, KEY, b"not json", 0)
     status = recorder.stop(0)
@@ -116,7 +116,7 @@ def test_a_directory_that_cannot_be_made_is_a_refusal(tmp_path: Path) -> None:
     (tmp_path / "r").write_text("a file where the directory should be")
     recorder, failures = make(tmp_path)
     with pytest.raises(CommandRefused, match=r"recorder\.directory"):
-        recorder.start("x")
+        recorder.start("x", 0)
     assert not recorder.status().recording
     recorder.close()
     assert not failures
@@ -124,7 +124,7 @@ def test_a_directory_that_cannot_be_made_is_a_refusal(tmp_path: Path) -> None:
 
 def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recorder, failures = make(tmp_path, flush_s=0.01)
-    recorder.start("full")
+    recorder.start("full", 0)
     reported = threading.Event()
 
     def report(why: str) -> None:
@@ -144,7 +144,7 @@ def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypa
     assert len(failures) == 1 and "No space left" in failures[0]
     assert not recorder.status().recording
     assert not recorder.stop(0).recording
-    again = recorder.start("full")
+    again = recorder.start("full", 0)
     assert again.recording and again.path.endswith("full-0002.mcap")
     feed(recorder, PHASE, phase(2))
     recorder.close()
@@ -164,6 +164,7 @@ def test_a_file_is_never_overwritten(tmp_path: Path) -> None:
     assert unnamed.name == "recording-0001.mcap"
 
 
+@settings(deadline=None)
 @given(cut=st.floats(0.0, 1.0), garbage=st.binary(max_size=64))
 def test_a_file_torn_anywhere_reads_up_to_the_tear(cut: float, garbage: bytes, tmp_path_factory: Any) -> None:
     directory = tmp_path_factory.mktemp("torn")
@@ -201,6 +202,7 @@ def test_the_stamp_is_read_without_decoding() -> None:
             stamp_of(PHASE, payload)
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 30)))
 def test_the_tally_never_loses_count(numbers: list[int]) -> None:
     tally = Tally()

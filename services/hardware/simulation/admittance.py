@@ -25,9 +25,9 @@ from services.hardware.simulation.physics import STEP_S
 from services.hardware.simulation.servo import Reading, Reference, Servo, finite_difference_speed
 
 FILTER_HZ = 100.0
-STALL_SHARE = 0.05
+STALL_SHARE = 0.02
 _RAMP_M_S2 = 0.5
-_MOMENT_LOAD_NM = 3.0
+_MOMENT_LOAD_NM = 4.0
 _EXACT_EVERY = 5
 _JACOBIAN_EVERY = 50
 
@@ -71,7 +71,7 @@ class Admittance:
             pose = Pose(rotation, centre - rotation @ centre_peg)
             # The closed form every 5 ms, the Jacobian in between: nanometres apart, at a third of the time.
             if index % _JACOBIAN_EVERY == 0:
-                to_joints = np.linalg.inv(self._arm.jacobian(joints, self._pose_flange_peg))
+                to_joints = np.asarray(np.linalg.inv(self._arm.jacobian(joints, self._pose_flange_peg)), dtype=float)
             if index % _EXACT_EVERY == 0:
                 try:
                     following = nearest(self._arm, pose @ self._peg_to_flange, joints)
@@ -111,7 +111,7 @@ class Admittance:
         load = max(
             axial / command.axial_force_n,
             0.5 * float(np.linalg.norm(force)) / command.axial_force_n,
-            0.5 * float(np.linalg.norm(about)) / _MOMENT_LOAD_NM,
+            float(np.linalg.norm(about)) / _MOMENT_LOAD_NM,
         )
         return command.speed_m_s * min(1.0, max(-1.0, 1.0 - load)), lateral, turn
 

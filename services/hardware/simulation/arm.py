@@ -36,7 +36,7 @@ from services.hardware.simulation.paths import (
     unit_direction,
 )
 from services.hardware.simulation.sensor import Payload
-from services.hardware.simulation.servo import Reading, Servo
+from services.hardware.simulation.servo import LAST_SAMPLES, Reading, Servo
 from services.hardware.simulation.turn import Turn
 
 SMALL_FORCE_N = 5.0
@@ -65,7 +65,7 @@ class SimulatedArm:
         """The encoders now: the motor side."""
         return self._servo.joint_state()
 
-    def on_joint_state(self, listener: Callable[[JointState], None]) -> None:
+    def on_joint_state(self, listener: Callable[[JointState], object]) -> None:
         """250 Hz of cell time."""
         self._servo.on_joint_state(listener)
 
@@ -106,6 +106,7 @@ class SimulatedArm:
             )
             path.check_speed(max(command.speed_m_s, 0.05))
             motion = Guarded(path, command)
+            self._feel_nothing()
             outcome = self._done(self._run(motion), motion.travel_m)
             found: dict[str, object] = {}
             if motion.free_raw is not None:
@@ -136,6 +137,7 @@ class SimulatedArm:
             path = line(self._arm, self._pose_flange_peg, start, direction, command.travel_m, servo.joints_rad)
             path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s)
             motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command)
+            self._feel_nothing()
             return self._done(self._run(motion), motion.travel_m)
 
     def dwell(self, command: Dwell) -> MotionOutcome:
@@ -199,20 +201,26 @@ class SimulatedArm:
             self._start_ns = self._servo.now_ns
             self._start_joints = self._servo.joints_rad
             try:
-                self._servo.tare()
                 yield
             finally:
                 with self._stop_lock:
                     self._moving = self._stop_wanted = False
 
+    def _feel_nothing(self) -> None:
+        """Without a known payload, moves that go by force first need something to tare by."""
+        if self._servo.payload is None and len(self._servo.last_raw) < LAST_SAMPLES:
+            self.hold_still(LAST_SAMPLES)
+            self._peak_force_n = self._peak_moment_nm = 0.0
+
     def _over_caps(self, reading: Reading) -> Ending | None:
         self._peak_force_n = max(self._peak_force_n, reading.force_n)
         self._peak_moment_nm = max(self._peak_moment_nm, reading.moment_nm)
-        if reading.force_n > self._config.force_cap_n:
+        # written so that a force that is not a number trips it too
+        if not reading.force_n <= self._config.force_cap_n:
             return Ending(
                 StopReason.FORCE_CAP, f"|F| {reading.force_n:.1f} N passed {self._config.force_cap_n:g} N: backed off"
             )
-        if reading.moment_nm > self._config.moment_cap_nm:
+        if not reading.moment_nm <= self._config.moment_cap_nm:
             return Ending(
                 StopReason.MOMENT_CAP,
                 f"|M| {reading.moment_nm:.2f} Nm passed {self._config.moment_cap_nm:g} Nm: backed off",
@@ -237,6 +245,7 @@ class SimulatedArm:
 
     def _run(self, motion: Motion) -> Ending:
         servo = self._servo
+        servo.tare()
         steps = motion.steps(servo)
         reference = next(steps)
         while True:

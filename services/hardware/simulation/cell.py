@@ -40,7 +40,7 @@ class SimulatedClock:
         """Cell time, ns."""
         return self._servo.now_ns
 
-    def on_tick(self, listener: Callable[[int], None]) -> None:
+    def on_tick(self, listener: Callable[[int], object]) -> None:
         """Every 20 ms of cell time."""
         self._servo.on_tick(listener)
 
@@ -51,7 +51,7 @@ class SimulatedForceTorque:
     def __init__(self, servo: Servo) -> None:
         self._servo = servo
 
-    def on_batch(self, listener: Callable[[RawWrenchBatch], None]) -> None:
+    def on_batch(self, listener: Callable[[RawWrenchBatch], object]) -> None:
         """Every 10 ms of cell time."""
         self._servo.on_batch(listener)
 

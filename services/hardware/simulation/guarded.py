@@ -2,7 +2,7 @@
 
 Friction keeps the direction of sliding only while the peg slides, so wrench and pose are averaged over the last samples
 of the creep, not after it. The onset is looked for backwards from the threshold: where the force left the noise of free
-air, and from there, where it rises slowly, by a straight line through force against travel.
+air.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ FREE_SKIP = 10
 FREE_SAMPLES = 30
 BRAKE_M_S2 = 5.0
 OVERSHOOT_M = 0.002
+ONSET_WINDOW = 25
 _RETREAT_M_S = 0.05
 _RETREAT_M_S2 = 0.5
 
@@ -125,24 +126,37 @@ class Guarded:
             yield Reference(joints, -slope * speed, np.zeros(6), self._path.pose_at(s))
 
 
-def onset(travels_m: Array, contacts: Array, free_window: int = 25) -> float:
+def onset(travels_m: Array, contacts: Array) -> float:
     """The travel of first contact, m, from travels (n,) and contact wrenches (n, 6) whose last one is at the threshold.
 
-    The force (mean of the time since onset taken as its direction) must have stayed above five times its own noise.
+    The force along its own final direction is free air (zero) before contact and a straight line after it, which may
+    start with a jump, because damping in the joints resists at once and stiffness only with travel. The change is put
+    where the two fit best (least squares change point), near where the force left the noise for good.
     """
     direction = contacts[-3:, :3].mean(axis=0)
     direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
     along = contacts[:, :3] @ direction
-    noise = float(np.std(along[:free_window])) if len(along) > 2 * free_window else 0.1
+    noise = float(np.std(along[:ONSET_WINDOW])) if len(along) > 2 * ONSET_WINDOW else 0.1
     above = along > max(5.0 * noise, 0.3)
     first = len(along) - 1
     while first > 0 and above[first - 1]:
         first -= 1
-    # the step before may have touched without leaving the noise
-    earliest, latest = float(travels_m[max(0, first - 2)]), float(travels_m[first])
-    if len(along) - first < 4:
-        return 0.5 * (float(travels_m[max(0, first - 1)]) + latest)
-    slope, level = np.polyfit(travels_m[first:], along[first:], 1)
-    if slope <= 0.0:
-        return latest
-    return float(np.clip(-level / slope, earliest, latest))
+    low, high = max(0, first - ONSET_WINDOW), min(len(along), first + ONSET_WINDOW)
+    best, best_cost = first, float("inf")
+    for change in range(low, first + 1):
+        cost = float(along[low:change] @ along[low:change]) + _line_misfit(along[change:high])
+        if cost < best_cost:
+            best, best_cost = change, cost
+    return 0.5 * (float(travels_m[max(0, best - 1)]) + float(travels_m[best]))
+
+
+def _line_misfit(values: Array) -> float:
+    """The squared residual of the best straight line through equally spaced values."""
+    count = len(values)
+    if count < 3:
+        return 0.0
+    steps = np.arange(count) - 0.5 * (count - 1)
+    level = values.mean()
+    slope = (steps @ values) / (steps @ steps)
+    residual = values - level - slope * steps
+    return float(residual @ residual)

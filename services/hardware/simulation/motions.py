@@ -18,6 +18,7 @@ from services.hardware.simulation.physics import STEP_S
 from services.hardware.simulation.servo import TRAIL_STEP_RAD, Reading, Reference, Servo, finite_difference_speed
 
 SETTLE_STEPS = 30
+SLOW_FILTER = 0.1
 _POSE_EVERY = 5
 
 
@@ -110,20 +111,26 @@ def brake(servo: Servo, limits_rad_s2: Array) -> Generator[Reference, Reading, N
 
 def back_off(servo: Servo, small_force_n: float, small_moment_nm: float) -> Generator[Reference, Reading, None]:
     """Back along the way it came, at up to 20 mm/s, until little is felt or the way is at its end."""
-    felt_force, felt_moment = small_force_n * 2.0, small_moment_nm * 2.0
     trail = servo.trail
-    while trail and (felt_force > small_force_n or felt_moment > small_moment_nm):
-        before, target = servo.joints_rad, trail[-1]
-        far = float(np.abs(target - before).max()) / TRAIL_STEP_RAD
-        if far <= 1.0:
-            trail.pop()
-        else:
-            target = before + (target - before) / far
-        speeds = finite_difference_speed(before, target)
-        reading = yield Reference(target, speeds, np.zeros(6), servo.forward(target), retracing=True)
-        # over a few samples, so that a vibration does not pass for freedom
-        felt_force += 0.2 * (reading.force_n - felt_force)
-        felt_moment += 0.2 * (reading.moment_nm - felt_moment)
+    free = False
+    while trail and not free:
+        felt_force, felt_moment = small_force_n * 2.0, small_moment_nm * 2.0
+        while trail and (felt_force > small_force_n or felt_moment > small_moment_nm):
+            before, target = servo.joints_rad, trail[-1]
+            far = float(np.abs(target - before).max()) / TRAIL_STEP_RAD
+            if far <= 1.0:
+                trail.pop()
+            else:
+                target = before + (target - before) / far
+            speeds = finite_difference_speed(before, target)
+            reading = yield Reference(target, speeds, np.zeros(6), servo.forward(target), retracing=True)
+            felt_force += SLOW_FILTER * (reading.force_n - felt_force)
+            felt_moment += SLOW_FILTER * (reading.moment_nm - felt_moment)
+        # A vibration must not pass for freedom: look again at rest.
+        forces, moments = [], []
+        for _ in range(SETTLE_STEPS):
+            reading = yield servo.still()
+            forces.append(reading.force_n)
+            moments.append(reading.moment_nm)
+        free = float(np.mean(forces[-10:])) <= small_force_n and float(np.mean(moments[-10:])) <= small_moment_nm
     trail.append(servo.joints_rad)
-    for _ in range(SETTLE_STEPS):
-        yield servo.still()

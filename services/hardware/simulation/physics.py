@@ -6,9 +6,9 @@ The joints are elastic: the motor side follows its reference exactly, the link s
 
 with gravity and inertia fed forward, so that only contact bends the arm at rest. K is the work cell's joint stiffness;
 D_i = 2 zeta sqrt(K_i M_ii), M_ii in front of the hole. While the motor creeps at v against a wall the damper adds about
-D v to K's force: with zeta = 0.5 (the default) that is an apparent deflection of some 3 to 7 micrometres at 1 mm/s. What
-the change from approach to creep sets ringing (15 to 45 Hz) has died out after some 70 ms: observe for 0.1 s or more.
-PyBullet's torque control is explicit, hence 1 kHz.
+D v to K's force: with zeta = 0.5 (the default) that is an apparent deflection of some 3 to 7 micrometres at 1 mm/s.
+What the change from approach to creep sets ringing (15 to 45 Hz) has died out after some 70 ms: observe for 0.1 s or
+more. PyBullet's torque control is explicit, hence 1 kHz.
 """
 
 from __future__ import annotations

@@ -54,9 +54,9 @@ class Servo:
         self._pose_flange_peg = workcell.pose_flange_peg()
         self._physics = physics
         self._sensor = sensor
-        self._tick_listeners: list[Callable[[int], None]] = []
-        self._joint_listeners: list[Callable[[JointState], None]] = []
-        self._batch_listeners: list[Callable[[RawWrenchBatch], None]] = []
+        self._tick_listeners: list[Callable[[int], object]] = []
+        self._joint_listeners: list[Callable[[JointState], object]] = []
+        self._batch_listeners: list[Callable[[RawWrenchBatch], object]] = []
         self._pace: Callable[[int], None] = lambda now_ns: None
         self.lock = threading.Lock()  # around one step: whoever looks at the physics from outside takes it
         self.now_ns = 0
@@ -73,15 +73,15 @@ class Servo:
         self.trail: deque[Array] = deque(maxlen=_TRAIL_LENGTH)
         self._joint_state = JointState(joints_rad=(0.0,) * 6, speeds_rad_s=(0.0,) * 6)
 
-    def on_tick(self, listener: Callable[[int], None]) -> None:
+    def on_tick(self, listener: Callable[[int], object]) -> None:
         """Called with the time, ns, every 20 ms."""
         self._tick_listeners.append(listener)
 
-    def on_joint_state(self, listener: Callable[[JointState], None]) -> None:
+    def on_joint_state(self, listener: Callable[[JointState], object]) -> None:
         """Called every 4 ms."""
         self._joint_listeners.append(listener)
 
-    def on_batch(self, listener: Callable[[RawWrenchBatch], None]) -> None:
+    def on_batch(self, listener: Callable[[RawWrenchBatch], object]) -> None:
         """Called with every 10 samples."""
         self._batch_listeners.append(listener)
 

@@ -9,7 +9,6 @@ from services.inference.estimator.observation import (
     TouchObservation,
     TouchVerdict,
 )
-
 from services.inference.estimator.seated import final_estimate
 
 __all__ = [

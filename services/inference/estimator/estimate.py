@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.inference.estimator.fit import SOFT_GAP_M, FitState, evaluate, step
+from services.inference.estimator.fit import SOFT_GAP_M, FitState, descend, evaluate
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses, contact_basis, relative_poses
 from services.inference.estimator.observation import (
     ContactHypothesis,
@@ -22,9 +22,10 @@ from services.inference.estimator.observation import (
 from services.inference.mechanics import PairTables, first_contacts
 
 KIND_NAMES = ("peg corner on face", "peg face on corner", "edge on edge")
-SOFTENING_STEPS = 8
-FINAL_SOFTNESS = 0.02
-FINAL_STEPS = 6
+STAGES = 3
+STAGE_STEPS = 4
+LAST_SOFTNESS = 0.15
+FINAL_STEPS = 8
 
 
 def estimate_pose(
@@ -67,18 +68,13 @@ def _search(
 ) -> FitState:
     """One annealed multi-start fit; the few best trials at the true noise."""
     # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
-    first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 8.0))
+    first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
     trials = _starts(tables, prior, batch, rng, settings, previous, first)
-    count = SOFTENING_STEPS + round(2.0 * np.log2(first))
-    for index, softness in enumerate(np.geomspace(first, FINAL_SOFTNESS, count)):
-        _, trials = step(tables, trials, batch, prior, settings, float(softness))
-        if index == count // 2:
-            trials = _distinct(evaluate(tables, trials, batch, prior, settings, float(softness)), settings.starts)
-    trials = _distinct(evaluate(tables, trials, batch, prior, settings, 0.0), max(settings.starts // 2, 2))
-    for _ in range(FINAL_STEPS):
-        _, trials = step(tables, trials, batch, prior, settings, 0.0)
-    state, _ = step(tables, trials, batch, prior, settings, 0.0)
-    return state
+    for softness in np.geomspace(first, LAST_SOFTNESS, STAGES):
+        state = descend(tables, trials, batch, prior, settings, float(softness), STAGE_STEPS)
+        trials = _distinct(state, settings.starts)
+    state = evaluate(tables, trials, batch, prior, settings, 0.0)
+    return descend(tables, _distinct(state, settings.finalists), batch, prior, settings, 0.0, FINAL_STEPS)
 
 
 def _starts(
@@ -127,7 +123,7 @@ def _starts(
     state = evaluate(tables, everyone, batch, prior, settings, softness)
     best = np.argsort(state.cost, kind="stable")[: 2 * settings.starts]
     forced = np.arange(count, len(everyone.rotation))
-    return everyone[np.unique(np.concatenate([best, forced, [0]]))]
+    return everyone[np.unique(np.concatenate([best, forced]))]
 
 
 def _distinct(state: FitState, count: int) -> TrialPoses:

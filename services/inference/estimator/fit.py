@@ -1,15 +1,17 @@
 """The robust maximum-a-posteriori fit of the hole's pose and the friction to all touches so far.
 
-Gauss-Newton from many starts at once; the contact hypotheses are judged afresh in every step while the whitening tightens
-from tenths of a millimetre to the true noise, so that a start need not name the right features at first. A touch that no
-hypothesis explains loses its weight (Geman-McClure).
+Levenberg-Marquardt from many starts at once; the contact hypotheses are judged afresh in every step while the whitening
+tightens from tenths of a millimetre to the true noise, so that a start need not name the right features at first. A
+touch that no hypothesis explains loses its weight (Geman-McClure).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry.pose import Array
@@ -21,7 +23,7 @@ from services.inference.estimator.hypotheses import (
     contact_basis,
 )
 from services.inference.estimator.observation import EstimatorSettings, PosePrior
-from services.inference.mechanics import PairTables
+from services.inference.mechanics import ContactFeatures, PairTables
 
 # Extra sd while annealing: gap, force, moment at softness 1.
 SOFT_GAP_M = 3e-4
@@ -29,6 +31,8 @@ SOFT_FORCE_N = 0.5
 SOFT_MOMENT_NM = 0.02
 LARGEST_STEP = np.array([2e-3, 2e-3, 3e-3, 0.03, 0.03, 0.03, 0.1])
 STEP_DIFFERENCE = 1e-6
+RANGE_SD_M = 2e-3
+RANGE_TAIL_DEGREES = 200.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,9 +45,34 @@ class FitState:
     information: Array
     chosen: ChosenContacts
 
-    def best_first(self, count: int) -> TrialPoses:
-        """The trials of least cost."""
-        return self.trials[np.argsort(self.cost, kind="stable")[:count]]
+    def replaced(self, other: FitState, where: NDArray[np.bool_]) -> FitState:
+        """The state with the trials of another where a mask (K,) says so."""
+
+        def pick(theirs: NDArray[Any], ours: NDArray[Any]) -> NDArray[Any]:
+            return np.asarray(np.where(where.reshape(-1, *(1,) * (ours.ndim - 1)), theirs, ours))
+
+        mine, yours = self.chosen, other.chosen
+        names = ("kind", "peg_point_m", "peg_direction", "hole_point_m", "hole_direction", "sign")
+        features = ContactFeatures(
+            *(pick(getattr(yours.features, name), getattr(mine.features, name)) for name in names)
+        )
+        return FitState(
+            TrialPoses(
+                pick(other.trials.rotation, self.trials.rotation),
+                pick(other.trials.translation_m, self.trials.translation_m),
+                pick(other.trials.friction, self.trials.friction),
+            ),
+            pick(other.cost, self.cost),
+            pick(other.touch_cost, self.touch_cost),
+            pick(other.information, self.information),
+            ChosenContacts(
+                features,
+                pick(yours.columns, mine.columns),
+                pick(yours.pressing, mine.pressing),
+                pick(yours.overlapping, mine.overlapping),
+                pick(yours.cost, mine.cost),
+            ),
+        )
 
 
 def whitening(touches: TouchBatch, settings: EstimatorSettings, softness: float) -> tuple[float, Array]:
@@ -77,7 +106,9 @@ def prior_terms(trials: TrialPoses, prior: PosePrior, settings: EstimatorSetting
     jacobian[:, :3, :3] = relative
     jacobian[:, 3:, 3:] = np.eye(3)
     distance = np.einsum("ki,ij,kj->k", error, precision, error)
-    nu = prior.tail_degrees
+    # A prior as wide as the workcell's is a range, not a measurement: it has no tails to be wrong in.
+    a_range = float(np.sqrt(prior.covariance[:2, :2].trace() / 2.0)) > RANGE_SD_M
+    nu = max(prior.tail_degrees, RANGE_TAIL_DEGREES) if a_range else prior.tail_degrees
     weight = (nu + 6.0) / (nu + distance)
     gradient = np.zeros((len(relative), 7))
     gradient[:, :6] = weight[:, None] * np.einsum("kji,jl,kl->ki", jacobian, precision, error)
@@ -115,7 +146,9 @@ def linearise(
     gram = here @ np.swapaxes(here, -1, -2)
     gram = gram + np.eye(2) * np.where(chosen.pressing, 0.0, 1.0)[..., None, :] * np.eye(2)
     gram = gram + 1e-9 * np.einsum("ktii->kt", gram)[..., None, None] * np.eye(2)
-    force = np.linalg.solve(gram, np.einsum("ktci,kti->ktc", here, np.broadcast_to(target, (k, t, 6)))[..., None])[..., 0]
+    force = np.linalg.solve(gram, np.einsum("ktci,kti->ktc", here, np.broadcast_to(target, (k, t, 6)))[..., None])[
+        ..., 0
+    ]
     force = np.maximum(force, 0.0)
     residual_wrench = target - np.einsum("ktci,ktc->kti", here, force)
     change = (pair[:, 1:] - here[:, None]) / STEP_DIFFERENCE
@@ -151,16 +184,15 @@ def evaluate(
     return FitState(trials, cost, chosen.cost, np.zeros((len(cost), 7, 7)), chosen)
 
 
-def step(
+def judge(
     tables: PairTables,
     trials: TrialPoses,
     touches: TouchBatch,
     prior: PosePrior,
     settings: EstimatorSettings,
     softness: float,
-    damping: float = 1e-3,
-) -> tuple[FitState, TrialPoses]:
-    """Judge trials at a softness and make one damped Gauss-Newton step from each: (where they were, where they go)."""
+) -> tuple[FitState, Array]:
+    """Trials with their cost, information and gradient (K, 7) at a softness."""
     gate = soft_gate(settings, softness)
     gap_sd, wrench_sd = whitening(touches, settings, softness)
     chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
@@ -170,8 +202,29 @@ def step(
     information = information + np.einsum("kt,ktri,ktrj->kij", weight, jacobian, jacobian)
     gradient = gradient + np.einsum("kt,ktri,ktr->ki", weight, jacobian, residual)
     cost = cost + robust_cost(chosen.cost, gate).sum(axis=1)
-    diagonal = np.einsum("kii->ki", information)
-    damped = information + damping * diagonal[:, :, None] * np.eye(7)
-    move = -np.linalg.solve(damped, gradient[..., None])[..., 0]
-    move = move / np.maximum(1.0, np.max(np.abs(move) / LARGEST_STEP, axis=1))[:, None]
-    return FitState(trials, cost, chosen.cost, information, chosen), trials.moved(move)
+    return FitState(trials, cost, chosen.cost, information, chosen), gradient
+
+
+def descend(
+    tables: PairTables,
+    trials: TrialPoses,
+    touches: TouchBatch,
+    prior: PosePrior,
+    settings: EstimatorSettings,
+    softness: float,
+    iterations: int,
+) -> FitState:
+    """Levenberg-Marquardt from every trial at one softness; a step that does not lower a trial's cost is not taken."""
+    here, gradient = judge(tables, trials, touches, prior, settings, softness)
+    damping = np.full(len(here.cost), 1e-3)
+    for _ in range(iterations):
+        diagonal = np.einsum("kii->ki", here.information)
+        damped = here.information + (damping[:, None] * diagonal)[:, :, None] * np.eye(7)
+        move = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+        move = move / np.maximum(1.0, np.max(np.abs(move) / LARGEST_STEP, axis=1))[:, None]
+        there, slope = judge(tables, here.trials.moved(move), touches, prior, settings, softness)
+        better = there.cost < here.cost
+        damping = np.where(better, np.maximum(damping / 5.0, 1e-6), np.minimum(damping * 10.0, 1e3))
+        here = here.replaced(there, better)
+        gradient = np.where(better[:, None], slope, gradient)
+    return here

@@ -1,7 +1,9 @@
 """Contact hypotheses: which features of peg and hole touched in each push, judged at many trial poses at once.
 
-For a trial pose of the hole every pair of convex pieces offers one contact: the features that would meet first along the
-push. A hypothesis is one or two of these. Its wrench is a nonnegative sum of their bases (Eqs. 21-24), its gaps ought to
+For a trial pose of the hole every pair of convex pieces offers one contact: the features that would meet first along
+the
+push. A hypothesis is one or two of these. Its wrench is a nonnegative sum of their bases (Eqs. 21-24), its gaps ought
+to
 be zero, and no other pair may overlap. The hypothesis of least cost is kept; nothing is assumed to be a wall contact.
 """
 
@@ -86,7 +88,8 @@ class ChosenContacts:
 
 
 def relative_poses(trials: TrialPoses, touches: TouchBatch) -> tuple[Array, Array, Array]:
-    """Peg in hole for every (trial, touch): rotation (K, T, 3, 3), translation (K, T, 3) m, motion in the hole frame."""
+    """Peg in hole for every (trial, touch): rotation (K, T, 3, 3), translation (K, T, 3) m, motion in the hole
+    frame."""
     inverse = np.swapaxes(trials.rotation, -1, -2)[:, None]
     rotation = inverse @ touches.rotation[None]
     offset = touches.translation_m[None] - trials.translation_m[:, None]
@@ -95,9 +98,7 @@ def relative_poses(trials: TrialPoses, touches: TouchBatch) -> tuple[Array, Arra
     return rotation, translation, motion
 
 
-def contact_basis(
-    features: ContactFeatures, trials: TrialPoses, touches: TouchBatch
-) -> tuple[Array, Array, Array]:
+def contact_basis(features: ContactFeatures, trials: TrialPoses, touches: TouchBatch) -> tuple[Array, Array, Array]:
     """Gap (K, T, Q) m, wrench basis (K, T, Q, 6) and contact point (K, T, Q, 3) m of candidate contacts (K, T, Q)."""
     rotation, translation, _ = relative_poses(trials, touches)
     geometry = contact_geometry(features, rotation[:, :, None], translation[:, :, None])
@@ -118,9 +119,7 @@ def choose_contacts(
     """The least-cost hypothesis for every trial pose and touch. wrench_sd (T, 6), gap_sd_m: the whitening to use."""
     k, t = len(trials.rotation), len(touches.wrench)
     rotation, translation, motion = relative_poses(trials, touches)
-    pairs = first_contacts(
-        tables, rotation.reshape(-1, 3, 3), translation.reshape(-1, 3), motion.reshape(-1, 3)
-    )
+    pairs = first_contacts(tables, rotation.reshape(-1, 3, 3), translation.reshape(-1, 3), motion.reshape(-1, 3))
     q = pairs.travel_m.shape[1]
     shape = (k, t, q)
     source = pairs.features

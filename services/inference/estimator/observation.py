@@ -15,8 +15,8 @@ class TouchObservation:
     """One guarded push, averaged while it still creeps.
 
     pose_base_peg: motor-side pose of the peg, as the joints say, at the middle of the averaging. wrench_peg (6,): force
-    on the peg and moment about the F/T origin, N and Nm, peg frame, averaged. wrench_sd (6,): standard deviation of that
-    average. compliance_peg (6, 6): twist of the peg frame (x, y, z, rx, ry, rz), peg frame, per wrench on the peg.
+    on the peg and moment about the F/T origin, N and Nm, peg frame, averaged. wrench_sd (6,): standard deviation of
+    that average. compliance_peg (6, 6): twist of the peg frame (x, y, z, rx, ry, rz), peg frame, per wrench on the peg.
     motion_direction_base (3,): unit direction in which the peg was driven. informative: False where the push is known
     to say nothing simple (jammed in the body, no contact); the estimator then leaves it out.
     """
@@ -73,8 +73,8 @@ class EstimatorSettings:
 
     gap_sd_m: how far from exact contact a touching pair may be (calibration of arm and compliance). force_floor_n,
     moment_floor_nm and relative_floor: added to the wrench's sd. gate: cost (a sum of squares over 6 + 1 residuals)
-    beyond which a touch is left out. friction_mean, friction_sd: prior of the friction coefficient. starts, samples:
-    size of the search; retries: further searches while some touch stays unexplained.
+    beyond which a touch is left out. friction_mean, friction_sd: prior of the friction coefficient. starts, finalists,
+    samples: size of the search; retries: further searches while some touch stays unexplained.
     """
 
     gap_sd_m: float = 3e-5
@@ -84,7 +84,8 @@ class EstimatorSettings:
     gate: float = 60.0
     friction_mean: float = 0.1
     friction_sd: float = 0.1
-    starts: int = 6
+    starts: int = 8
+    finalists: int = 4
     samples: int = 240
     retries: int = 2
 

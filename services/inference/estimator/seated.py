@@ -1,4 +1,5 @@
-"""The hole's pose once the peg sits in it: the peg's own pose, within the clearance, fused with what was known before."""
+"""The hole's pose once the peg sits in it: the peg's own pose, within the clearance, fused with what was known
+before."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ def final_estimate(
 
     pose_base_hole, covariance: the posterior before. pose_base_peg: motor-side pose of the seated peg; wrench_peg (6,)
     and compliance_peg (6, 6) give its deflection. At the rim and at the body's leading end the peg lies anywhere within
-    the clearance, uniformly, unless the wrench says which wall it leans on; that makes a lateral, a tilt and a turn, and
-    says nothing of the depth.
+    the clearance, uniformly, unless the wrench says which wall it leans on; that makes a lateral, a tilt and a turn,
+    and says nothing of the depth.
     Raises ValueError when the peg's body is not in the hole.
     """
     twist = np.asarray(compliance_peg, float) @ np.asarray(wrench_peg, float)
@@ -39,11 +40,12 @@ def final_estimate(
     entered = peg.taper_start_m - rim_z - hole.chamfer_m
     if entered <= 0.0:
         raise ValueError(
-            f"the peg's body is {-entered * 1e3:.1f} mm short of the bore: push it in before asking for the final estimate"
+            f"the peg's body is {-entered * 1e3:.1f} mm short of the bore: "
+            "push it in before asking for the final estimate"
         )
     clearance = hole.half_width_m - peg.half_width_m
     wrench = np.asarray(wrench_peg, float)
-    rim_end, leading_end = rim_z + hole.chamfer_m, peg.taper_start_m
+    rim_end, _leading_end = rim_z + hole.chamfer_m, peg.taper_start_m
     force_leading = (np.array([wrench[4], -wrench[3]]) - rim_end * wrench[:2]) / entered
     force_rim = wrench[:2] - force_leading
     # The rest of the moment about z, as a force at the ends of the arms.
@@ -65,8 +67,8 @@ def final_estimate(
 def _play(force_n: Array, clearance_m: float) -> tuple[Array, Array]:
     """Offset of the hole against the peg (m) and its variance, for each direction with a force from a wall.
 
-    Without a force the offset is anywhere in +-clearance. A wall that presses the peg towards + is touched on the - side,
-    so that the hole sits a whole clearance to the +.
+    Without a force the offset is anywhere in +-clearance. A wall that presses the peg towards + is touched on the -
+    side, so that the hole sits a whole clearance to the +.
     """
     touching = force_n**2 / (force_n**2 + TOUCHING_FORCE_N**2)
     offset = np.sign(force_n) * touching * clearance_m

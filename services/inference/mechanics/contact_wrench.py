@@ -65,9 +65,7 @@ def _stuck_force(point_peg_m: Array, motion_peg: Array, compliance_peg: Array | 
         return np.broadcast_to(-motion_peg, np.broadcast_shapes(motion_peg.shape, point_peg_m.shape))
     x, y, z = np.moveaxis(point_peg_m, -1, 0)
     zero = np.zeros_like(x)
-    lever = np.stack(
-        [np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2
-    )
+    lever = np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
     c = compliance_peg
     back = np.swapaxes(lever, -1, -2)
     # Velocity of the point is v + w x p = v - p x w; the wrench of a force there is (f, p x f).
@@ -77,14 +75,14 @@ def _stuck_force(point_peg_m: Array, motion_peg: Array, compliance_peg: Array | 
     return np.asarray(-np.einsum("...ij,...j->...i", cofactor, motion_peg))
 
 
-def equal_arms_axial_share(taper_slope: float, arms: int) -> float:
-    """n_z0 when 1 to 4 neighbouring arms of an aligned, frictionless peg press equally with the same sense (Table 2-5).
+def equal_arms_axial_share(axial_over_lateral: ArrayLike, arms: int) -> Array:
+    """n_z0 when 1 to 4 neighbouring arms press equally and in the same sense (Tables 2-5), any shape.
 
-    Each arm's force stands on its taper edge and on the rim it slides along, so its axial part is `taper_slope` times
-    its lateral part plus nothing: (tangential 1, axial taper_slope); arms at 90 degrees add their lateral parts.
+    axial_over_lateral: of one arm's force. The axial parts add up; of the lateral ones, at 90 degrees to one another,
+    1, sqrt 2, 1 and 0 times one arm's remain.
     """
     if not 1 <= arms <= 4:
-        raise ValueError("arms wants 1 to 4")
-    angles = np.arange(arms) * np.pi / 2
-    lateral = np.array([-np.sin(angles).sum(), np.cos(angles).sum()])
-    return float(axial_share([*lateral, -arms * taper_slope]))
+        raise ValueError(f"arms wants 1 to 4, got {arms}")
+    ratio = np.asarray(axial_over_lateral, float)
+    lateral = (1.0, np.sqrt(2.0), 1.0, 0.0)[arms - 1]
+    return np.asarray(arms * ratio / np.hypot(lateral, arms * ratio))

@@ -61,7 +61,7 @@ def contact_geometry(
     inverse = np.swapaxes(rotation_hole_peg, -1, -2)
 
     def to_peg(vectors: Array) -> Array:
-        return np.einsum("...ij,...j->...i", inverse, vectors)
+        return np.asarray(np.einsum("...ij,...j->...i", inverse, vectors))
 
     a, b = features.peg_point_m, to_peg(features.hole_point_m - translation_hole_peg_m)
     peg_direction, hole_direction = features.peg_direction, to_peg(features.hole_direction)

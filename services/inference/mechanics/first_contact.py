@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
 from services.inference.mechanics.features import EDGE_ON_EDGE, PEG_CORNER_ON_FACE, PEG_FACE_ON_CORNER, ContactFeatures
@@ -66,8 +67,7 @@ def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array
     n = shift.shape[1]
     pegs, corners, _ = tables.peg_corners_m.shape
     holes, hole_corners, _ = tables.hole_corners_m.shape
-    hole_faces, hole_edges = tables.hole_normals.shape[1], tables.hole_edges.shape[1]
-    peg_edges = tables.peg_edges.shape[1]
+    hole_edges, peg_edges = tables.hole_edges.shape[1], tables.peg_edges.shape[1]
 
     def spread(values: Array) -> Array:
         return np.broadcast_to(values, (values.shape[0], pegs, holes, n)).reshape(values.shape[0], pegs * holes, n)
@@ -95,9 +95,7 @@ def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array
     edges, which = _distinct(tables.hole_edges)
     turned = np.einsum("pej,ijn->iepn", tables.peg_edges, to_hole)
     arms = np.cross(tables.hole_edges[:, :, None], tables.hole_corners_m[:, None]).transpose(2, 1, 0, 3)
-    on_hole = (arms.reshape(-1, 3) @ turned.reshape(3, -1)).reshape(
-        hole_corners, hole_edges, holes, peg_edges, pegs, n
-    )
+    on_hole = (arms.reshape(-1, 3) @ turned.reshape(3, -1)).reshape(hole_corners, hole_edges, holes, peg_edges, pegs, n)
     hole_low, hole_high = (x.transpose(2, 0, 3, 1, 4) for x in (on_hole.min(axis=0), on_hole.max(axis=0)))
     edges_peg = np.einsum("ui,ijn->jun", edges, to_hole).reshape(3, -1)
     arms = np.cross(tables.peg_corners_m[:, None], tables.peg_edges[:, :, None]).transpose(2, 1, 0, 3)
@@ -110,7 +108,6 @@ def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array
         ]
     )
     length = np.sqrt((axes * axes).sum(axis=0))
-    usable = length > 1e-7
     scale = 1.0 / np.maximum(length, 1e-7)
     own = np.einsum("iepun,in->epun", axes, shift)
 
@@ -121,7 +118,7 @@ def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array
     factor = per_block(scale)
     forth = (per_block(on_peg.min(axis=0) + own) - hole_high) * factor
     back = (hole_low - per_block(on_peg.max(axis=0) + own)) * factor
-    dead = ~per_block(usable)
+    dead = per_block(np.where(length > 1e-7, 0.0, 1.0)) > 0.5
     forth[dead], back[dead] = -np.inf, -np.inf
     edge_closing = per_block(-np.einsum("iepun,in->epun", axes, motion) * scale)
     crossed = (-1, pegs * holes, n)
@@ -131,14 +128,13 @@ def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array
     closing = [
         spread(hole_closing), spread(peg_closing), edge_closing.reshape(crossed), -edge_closing.reshape(crossed),
     ]  # fmt: skip
-    assert hole_faces == hole_separation.shape[0]
     return np.concatenate(separation), np.concatenate(closing)
 
 
-def _distinct(vectors: Array) -> tuple[Array, Array]:
+def _distinct(vectors: Array) -> tuple[Array, NDArray[np.intp]]:
     """The distinct rows (U, 3) of vectors (H, F, 3), and which of them each is (H, F)."""
     rows, which = np.unique(np.round(vectors.reshape(-1, 3), 12), axis=0, return_inverse=True)
-    return rows, np.asarray(which).reshape(vectors.shape[:-1])
+    return rows, np.asarray(which, dtype=np.intp).reshape(vectors.shape[:-1])
 
 
 def _name_features(tables: PairTables, rotation: Array, best: Array) -> ContactFeatures:

@@ -15,7 +15,8 @@ class PairTables:
     """Corners, face normals and edge directions of the peg's P pieces (peg frame) and the hole's H pieces (hole frame).
 
     Pieces with fewer corners, faces or edges than the largest repeat one of theirs, which changes no maximum.
-    Corners (P, V, 3) and (H, W, 3), m; normals (P, Fp, 3) and (H, Fh, 3); edge directions (P, Ep, 3) and (H, Eh, 3), unit.
+    Corners (P, V, 3) and (H, W, 3), m; normals (P, Fp, 3) and (H, Fh, 3); edge directions (P, Ep, 3) and (H, Eh, 3),
+    unit.
     """
 
     peg_corners_m: Array

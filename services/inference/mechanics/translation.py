@@ -26,9 +26,10 @@ def solve_translation(
 ) -> tuple[Array, float]:
     """Translation (3,) of the hole's rim in the peg frame, m, that explains a single contact's wrench; and its cost.
 
-    angles_rad (3,): alpha, beta, gamma of the hole in the peg frame. wrench_peg (6,). rim_ahead_m: where along z the rim
-    was believed to be. The peg is pushed along its own axis; for each (x, y) first contact gives z, the contact point and
-    the direction of its force, and least squares over x and y fits the wrench. Starts on a grid of +-reach_m.
+    angles_rad (3,): alpha, beta, gamma of the hole in the peg frame. wrench_peg (6,). rim_ahead_m: where along z the
+    rim
+    was believed to be. The peg is pushed along its own axis; for each (x, y) first contact gives z, the contact point
+    and the direction of its force, and least squares over x and y fits the wrench. Starts on a grid of +-reach_m.
     The cost is the sum of squares in units of 0.2 N and 0.01 Nm.
     """
     rotation_peg_hole = rotation_from_error_angles(angles_rad)
@@ -57,12 +58,15 @@ def solve_translation(
         force = np.maximum(white @ target / np.einsum("ni,ni->n", white, white), 0.0)
         return target - force[:, None] * white, rim_ahead_m - travel
 
+    def residual(xy: Array) -> Array:
+        return np.asarray(contact(xy[None])[0][0])
+
     side = np.linspace(-reach_m, reach_m, 25)
     grid = np.array(np.meshgrid(side, side)).reshape(2, -1).T
     costs = np.sum(contact(grid)[0] ** 2, axis=1)
     best: tuple[float, Array] = (np.inf, grid[0])
     for start in np.argsort(costs, kind="stable")[:4]:
-        fit = least_squares(lambda xy: contact(xy[None])[0][0], grid[start], x_scale=1e-3, diff_step=1e-4)
+        fit = least_squares(residual, grid[start], x_scale=1e-3, method="lm")
         if 2.0 * fit.cost < best[0]:
             best = (2.0 * float(fit.cost), np.asarray(fit.x))
     z = float(contact(best[1][None])[1][0])

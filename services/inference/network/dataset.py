@@ -15,7 +15,8 @@ from crosspih_common.geometry.pose import Array
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactDataset:
     """n contacts: wrench (n, 6) on the peg in the peg frame, N and Nm; angles_rad (n, 3) = (alpha, beta, gamma) of the
-    hole in the peg frame; translation_m (n, 3) of the hole's rim against the aligned peg's; state (n,), "1-2-2" and so on."""
+    hole in the peg frame; translation_m (n, 3) of the hole's rim against the aligned peg's; state (n,), "1-2-2" and
+    so on."""
 
     wrench: Array
     angles_rad: Array

@@ -66,7 +66,9 @@ class AngleNetwork:
             if "record" not in metadata:
                 raise ValueError(f"{path} carries no training record: train the network anew")
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
-        scaling = {name: tensors.pop(f"scaling.{name}").numpy() for name in ("low_in", "span_in", "low_out", "span_out")}
+        scaling = {
+            name: tensors.pop(f"scaling.{name}").numpy() for name in ("low_in", "span_in", "low_out", "span_out")
+        }
         network = cls(
             scaling["low_in"],
             scaling["low_in"] + scaling["span_in"],

@@ -12,8 +12,8 @@ class TrainGdx(torch.optim.Optimizer):
     """Gradient descent with momentum and adaptive learning rate over the full batch.
 
     One `step(closure)` is one epoch as in MATLAB's Neural Network Toolbox (R2022b, traingdx): take dX = mc dX_prev +
-    lr (1 - mc) dE/dX. If the error grows by more than `max_perf_inc`, throw the step away, lower the rate by `lr_dec` and
-    forget the momentum; else keep it, and if the error fell raise the rate by `lr_inc`.
+    lr (1 - mc) dE/dX. If the error grows by more than `max_perf_inc`, throw the step away, lower the rate by `lr_dec`
+    and forget the momentum; else keep it, and if the error fell raise the rate by `lr_inc`.
     """
 
     def __init__(

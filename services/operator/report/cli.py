@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from crosspih_common.recording import RecordingError
-from services.operator.report.page import make_report
+from services.operator.report import make_report
 
 
 def report(

@@ -66,6 +66,7 @@ def cards(content: Content) -> list[Card]:
     figures = content.figures
     if figures is None:
         return []
+    pushes = "1 push in all" if figures.pushes == 1 else f"{figures.pushes} pushes in all"
     return [
         Card(
             "duration",
@@ -76,7 +77,7 @@ def cards(content: Content) -> list[Card]:
         ),
         Card("peak force", number(figures.peak_force_n, 1), "N", f"peak moment {number(figures.peak_moment_nm)} Nm"),
         Card("touches", str(figures.touches), "", "times it felt its way"),
-        Card("corrections", str(figures.corrections), "", f"{figures.pushes} pushes in all"),
+        Card("corrections", str(figures.corrections), "", pushes),
         Card(
             "vision error",
             number(figures.vision_error_mm),

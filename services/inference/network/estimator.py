@@ -1,0 +1,47 @@
+"""The paper's correction as one call: a wrench to three angles by the network, then x, y and z by Eq. 24."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from crosspih_common.geometry import Pose, rotation_from_error_angles
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import CrossHole, CrossPeg
+from services.inference.mechanics import PairTables
+from services.inference.mechanics.translation import solve_translation
+
+SHIPPED_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+
+
+class NetworkUnavailable(Exception):
+    """The network's weights are missing or not ours; the message says how to make them."""
+
+
+class NetworkEstimator:
+    """The trained network with the peg and hole that its last step needs.
+
+    weights: a safetensors file; empty: the shipped one. Raises `NetworkUnavailable` when it cannot be read.
+    """
+
+    def __init__(self, weights: str, peg: CrossPeg, hole: CrossHole) -> None:
+        path = Path(weights) if weights else SHIPPED_WEIGHTS
+        if not path.is_file():
+            raise NetworkUnavailable(f"no network weights at {path}: train some, or name their file in `weights`")
+        # torch takes seconds to import: only those who ask for the network pay.
+        from services.inference.network.model import AngleNetwork
+
+        try:
+            self._network = AngleNetwork.load(path)
+        except Exception as error:
+            raise NetworkUnavailable(f"{path} is not a network of ours ({error}): train it anew") from error
+        self._tables = PairTables.of(peg, hole)
+
+    def pose_peg_hole(self, wrench_peg: Array, believed_peg_hole: Pose) -> Pose:
+        """The hole in the peg frame from one contact's wrench (6,); the belief only says where along z to start."""
+        angles = self._network.predict(np.asarray(wrench_peg, float))
+        translation, _ = solve_translation(
+            self._tables, angles, wrench_peg, rim_ahead_m=float(believed_peg_hole.translation_m[2])
+        )
+        return Pose(rotation_from_error_angles(angles), translation)

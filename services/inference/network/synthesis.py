@@ -1,0 +1,70 @@
+"""Contact samples from the mechanics: what the paper collected in its simulation, for training its network."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crosspih_common.geometry import rotation_from_error_angles
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import CrossHole, CrossPeg
+from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
+from services.inference.network.dataset import ContactDataset
+
+
+def single_contact_dataset(
+    peg: CrossPeg,
+    hole: CrossHole,
+    count: int,
+    rng: np.random.Generator,
+    half_range_rad: float = 0.1,
+    half_range_m: float = 0.005,
+    force_n: float = 20.0,
+    friction_coefficient: float = 0.0,
+    noise_sd: tuple[float, float] = (0.0, 0.0),
+) -> ContactDataset:
+    """`count` single contacts of a peg pushed along its own axis to a force of force_n.
+
+    Angles (alpha, beta, gamma) uniform in +-half_range_rad, x and y of the rim uniform in +-half_range_m; z is where
+    first contact puts it. noise_sd: of force (N) and moment (Nm). States are named after the arm that touches and the
+    sense in which it is pushed (1-w2-k). Draws in which nothing touches are drawn anew.
+    """
+    tables = PairTables.of(peg, hole)
+    axis = np.array([0.0, 0.0, 1.0])
+    parts: list[tuple[Array, Array, Array]] = []
+    left = count
+    while left > 0:
+        n = min(max(left, 16), 512)
+        angles = rng.uniform(-half_range_rad, half_range_rad, (n, 3))
+        rim = np.column_stack([rng.uniform(-half_range_m, half_range_m, (n, 2)), np.full(n, peg.tip_m + 0.01)])
+        to_hole = np.swapaxes(rotation_from_error_angles(angles), 1, 2)
+        motion = to_hole @ axis
+        shift = -np.einsum("nij,nj->ni", to_hole, rim)
+        pairs = first_contacts(tables, to_hole, shift, motion)
+        rows, first = np.arange(n), pairs.travel_m.argmin(axis=1)
+        travel = pairs.travel_m[rows, first]
+        touches = np.isfinite(travel)
+        moved = shift + np.where(touches, travel, 0.0)[:, None] * motion
+        geometry = contact_geometry(pairs.features[rows, first], to_hole, moved)
+        basis = contact_wrench_basis(
+            geometry.normal_peg, geometry.point_peg_m, np.broadcast_to(axis, (n, 3)), friction_coefficient
+        )
+        wrench = basis * (force_n / np.linalg.norm(basis[:, :3], axis=1))[:, None]
+        rim[:, 2] -= np.where(touches, travel, 0.0)
+        keep = np.flatnonzero(touches)[:left]
+        parts.append((wrench[keep], angles[keep], rim[keep]))
+        left -= len(keep)
+    wrench, angles, rim = (np.concatenate(column) for column in zip(*parts, strict=True))
+    states = np.array([_state(row) for row in wrench])
+    noise = rng.normal(size=wrench.shape) * np.repeat(noise_sd, 3)
+    return ContactDataset(wrench + noise, angles, rim, states)
+
+
+def _state(wrench: Array) -> str:
+    """1-w2-k: the arm on whose side the force's line passes the axis, and which way round it turns."""
+    fx, fy = wrench[:2]
+    turn = wrench[5]
+    sense = 1 if turn < 0.0 else 2
+    # The arm lies where the lateral force, turned back a quarter, points: u x f has the sign of the turn.
+    lateral = np.array([fy, -fx]) * (1.0 if turn > 0.0 else -1.0)
+    arm = int(np.round(np.arctan2(lateral[1], lateral[0]) / (np.pi / 2))) % 4 + 1
+    return f"1-{sense}-{arm}"

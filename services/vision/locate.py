@@ -1,0 +1,195 @@
+"""From a pair of pictures to the hole's pose, or to the reason why not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import CrossHole
+from services.vision.annotate import annotated
+from services.vision.coarse_fit import coarse_fit
+from services.vision.profile_fit import ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
+from services.vision.refusals import (
+    NotAStereoPair,
+    NotEnoughRim,
+    NotTheDrawing,
+    OutsidePrior,
+    PoorFit,
+    TooDark,
+    VisionRefusal,
+    WrongImage,
+)
+from services.vision.region import Region, find_cross
+from services.vision.rim_model import RimModel
+from services.vision.stereo import StereoModel
+
+# bounds of the refusals; the figures they are compared with stand in the diagnostics of every pose
+DV_MOST_PX = 0.12
+DU_MOST_PX = 0.8
+DRAWING_MOST_M = 0.45e-3
+SUPPORT_LEAST = 0.75
+EDGES_LEAST = 18
+STEP_LEAST_GREY = 12.0
+COST_MOST = 2.0
+ROW_MOST_PX = 12.0
+PRIOR_SLACK = 1.3
+CHAMFER_SHARES = (0.5, 0.0, 1.0)
+# systematic errors, one sd, px: of each edge in each picture, and of all edges that face one way
+EDGE_SD_PX = 0.06
+WALL_SD_PX = 0.06
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame, the figures behind it, and both
+    pictures with what was seen in them."""
+
+    pose_base_hole: Pose
+    covariance: Array
+    diagnostics: dict[str, float]
+    annotated_left: NDArray[np.uint8]
+    annotated_right: NDArray[np.uint8]
+
+
+def as_grey(image: NDArray[np.uint8], stereo: StereoModel, side: str) -> NDArray[np.uint8]:
+    """A grey picture of the camera's size; WrongImage otherwise."""
+    if image.shape[:2] != (stereo.height_px, stereo.width_px) or image.dtype != np.uint8:
+        raise WrongImage(
+            f"{side}: got {image.shape} {image.dtype}, want ({stereo.height_px}, {stereo.width_px}) uint8"
+        )
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+
+def noise_of(grey: NDArray[np.uint8]) -> float:
+    """The pixel noise, grey levels, from the median absolute second difference (Immerkaer 1996 uses the mean)."""
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+    laplace = cv2.filter2D(grey.astype(np.float32), -1, mask)[2:-2, 2:-2]
+    return max(float(np.median(np.abs(laplace))) * 1.4826 / 6.0, 0.5)
+
+
+def find_both(
+    left: NDArray[np.uint8], right: NDArray[np.uint8], stereo: StereoModel, hole: CrossHole, nominal: Pose
+) -> tuple[Region, Region]:
+    """The cross in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
+    pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
+    centre = pose_camera_hole.translation_m
+    scale = stereo.fx_px * stereo.fy_px / centre[2] ** 2
+    width, length = 2 * (hole.half_width_m + hole.chamfer_m / 2), 2 * (hole.half_length_m + hole.chamfer_m / 2)
+    area = (2 * width * length - width**2) * scale
+    expected = stereo.project(centre)
+    regions = find_cross(left, area, expected[0], "left"), find_cross(right, area, expected[1], "right")
+    disparity = float(regions[0].centre_px[0] - regions[1].centre_px[0])
+    rows = float(regions[0].centre_px[1] - regions[1].centre_px[1])
+    if disparity <= 0.0:
+        raise NotAStereoPair(f"disparity {disparity:.1f} px, want above 0: are left and right swapped?")
+    if abs(rows) > ROW_MOST_PX:
+        raise NotAStereoPair(f"the hole's rows differ by {rows:.1f} px, want less than {ROW_MOST_PX:g}: was a camera moved?")
+    return regions
+
+
+def locate_rim(
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    stereo: StereoModel,
+    hole: CrossHole,
+    nominal: Pose,
+    half_ranges: Array,
+) -> Located:
+    """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
+    may be off, m and rad. Raises a VisionRefusal."""
+    grey = np.stack([as_grey(left, stereo, "left"), as_grey(right, stereo, "right")])
+    regions = find_both(grey[0], grey[1], stereo, hole, nominal)
+    step = min(regions[0].face_grey - regions[0].threshold, regions[1].face_grey - regions[1].threshold)
+    if step < 0.5 * STEP_LEAST_GREY:
+        raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
+    noise = max(noise_of(grey[0]), noise_of(grey[1]))
+    images = grey.astype(np.float32)
+    model = RimModel.of(hole)
+    centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
+    rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
+    # where on the chamfer the grey falls most depends on the light; a wrong guess can end in a wrong valley
+    refusal: VisionRefusal | None = None
+    for share in CHAMFER_SHARES:
+        start = coarse_fit(images, model, stereo, Pose(rotation, centre), noise, share)
+        fit = profile_fit(images, model, stereo, start, noise)
+        try:
+            diagnostics = _checked(images, model, stereo, fit, noise)
+            break
+        except VisionRefusal as error:
+            refusal = refusal or error
+    else:
+        assert refusal is not None
+        raise refusal
+    pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
+    _inside_prior(nominal, half_ranges, pose_base_hole)
+    pictures = [annotated(grey[side], regions[side], side, model, stereo, fit.pose_camera_hole) for side in range(2)]
+    return Located(pose_base_hole, covariance_of(fit), diagnostics, pictures[0], pictures[1])
+
+
+def _checked(
+    images: Array, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
+) -> dict[str, float]:
+    support = float(np.mean(fit.support))
+    edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5))
+    step = float(np.median(fit.step_grey))
+    if step < STEP_LEAST_GREY:
+        raise TooDark(f"face against bore {step:.0f} grey levels at the rim, want {STEP_LEAST_GREY:g} or more")
+    if support < SUPPORT_LEAST or edges < EDGES_LEAST:
+        raise NotEnoughRim(
+            f"{support:.0%} of the profiles and {edges} of 24 edges look like the rim, want {SUPPORT_LEAST:.0%} and "
+            f"{EDGES_LEAST}: is something in front of it, or glare on it?"
+        )
+    if fit.cost > COST_MOST:
+        raise PoorFit(f"residual {fit.cost:.1f} times the noise, want less than {COST_MOST:g}")
+    du, dv = right_image_offset_px(images, model, stereo, fit, noise)
+    if abs(dv) > DV_MOST_PX or abs(du) > DU_MOST_PX:
+        raise NotAStereoPair(
+            f"the right picture is off by ({du:.2f}, {dv:.2f}) px, want less than ({DU_MOST_PX:g}, {DV_MOST_PX:g})"
+        )
+    width, length = drawing_offset_m(images, model, stereo, fit, noise)
+    if max(abs(width), abs(length)) > DRAWING_MOST_M:
+        raise NotTheDrawing(
+            f"the cross is larger than the drawing by {width * 1e3:.2f} mm in half-width and {length * 1e3:.2f} mm in "
+            f"half-length, want less than {DRAWING_MOST_M * 1e3:g}"
+        )
+    return {
+        "support": support,
+        "edges": float(edges),
+        "step_grey": step,
+        "noise_grey": noise,
+        "cost": fit.cost,
+        "du_px": du,
+        "dv_px": dv,
+        "width_off_mm": width * 1e3,
+        "length_off_mm": length * 1e3,
+    }
+
+
+def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> None:
+    off = nominal.inverse() @ pose_base_hole
+    error = np.concatenate([off.translation_m, off.rotvec_rad()])
+    worst = int(np.argmax(np.abs(error) / half_ranges))
+    if abs(error[worst]) > PRIOR_SLACK * half_ranges[worst]:
+        name, unit, factor = (("x", "y", "z")[worst], "mm", 1e3) if worst < 3 else (("rx", "ry", "rz")[worst - 3], "rad", 1)
+        raise OutsidePrior(
+            f"{name} is {error[worst] * factor:.3g} {unit} from the nominal hole, want within "
+            f"{half_ranges[worst] * PRIOR_SLACK * factor:.3g}"
+        )
+
+
+def covariance_of(fit: ProfileFit) -> Array:
+    """Noise, and the systematic errors that dominate it: each edge by itself, and all edges that face one way."""
+    inverse = np.linalg.inv(fit.information)
+    edge = EDGE_SD_PX**2 * np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
+    walls = np.zeros((6, 6))
+    # cross outline edges: 0 faces -x, 1 -y, 2 -x, 3 -y, 4 +x, ...: two of three turn with each arm
+    facing = np.array([0, 1, 0, 1, 2, 1, 2, 3, 2, 3, 0, 3])
+    for way in range(4):
+        lever = fit.edge_lever[:, facing == way].sum(axis=(0, 1))
+        walls += WALL_SD_PX**2 * np.outer(lever, lever)
+    return np.asarray(inverse + inverse @ (edge + walls) @ inverse)

@@ -1,0 +1,82 @@
+"""Why no pose is given. A lie is worse than a refusal.
+
+VisionRefusal
+├── WrongImage         not a picture of this camera's size
+├── TooDark            the plate is not bright enough to measure on
+├── NoCross            nothing in the picture has the shape and size of the hole
+├── TwoCrosses         more than one has
+├── CutOff             the hole is at the edge of a picture
+├── NotAStereoPair     the two pictures do not belong together: swapped, or a camera moved
+├── NotTheDrawing      a cross, but not of the drawing's size
+├── NotEnoughRim       too much of the rim cannot be seen: covered, glare
+├── PoorFit            the rim does not look like a rim
+└── OutsidePrior       a hole, but not where the hole can be
+"""
+
+from __future__ import annotations
+
+
+class VisionRefusal(Exception):
+    """No pose. `code` is stable; the text gives what was measured and the bound."""
+
+    code = "vision"
+
+
+class WrongImage(VisionRefusal):
+    """Not a picture of this camera's size."""
+
+    code = "wrong_image"
+
+
+class TooDark(VisionRefusal):
+    """The plate is not bright enough to measure on."""
+
+    code = "too_dark"
+
+
+class NoCross(VisionRefusal):
+    """Nothing in the picture has the shape and size of the hole."""
+
+    code = "no_cross"
+
+
+class TwoCrosses(VisionRefusal):
+    """More than one thing in the picture has the shape and size of the hole."""
+
+    code = "two_crosses"
+
+
+class CutOff(VisionRefusal):
+    """The hole is at the edge of a picture."""
+
+    code = "cut_off"
+
+
+class NotAStereoPair(VisionRefusal):
+    """The two pictures do not belong together: swapped, or a camera was moved."""
+
+    code = "not_a_stereo_pair"
+
+
+class NotTheDrawing(VisionRefusal):
+    """A cross, but not of the drawing's size."""
+
+    code = "not_the_drawing"
+
+
+class NotEnoughRim(VisionRefusal):
+    """Too much of the rim cannot be seen."""
+
+    code = "not_enough_rim"
+
+
+class PoorFit(VisionRefusal):
+    """The rim does not look like a rim."""
+
+    code = "poor_fit"
+
+
+class OutsidePrior(VisionRefusal):
+    """A hole, but not where the hole can be."""
+
+    code = "outside_prior"

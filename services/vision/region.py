@@ -1,0 +1,95 @@
+"""Find the dark cross in the bright plate: Otsu, enclosed regions, and the shape of a Greek cross."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.geometry.pose import Array
+from services.vision.refusals import CutOff, NoCross, TooDark, TwoCrosses
+
+Grey = NDArray[np.uint8]
+
+FACE_GREY_LEAST = 25.0
+BORDER_PX = 3
+# area over convex hull of a Greek cross with arms three times as long as wide: 5/7; perspective and lit walls blur it
+SOLIDITY = (0.60, 0.84)
+ASPECT_MOST = 1.35
+AREA_OFF_MOST = 1.7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """The cross in one picture: its contour (n, 2), bounding box (left, top, width, height), centre (2,), px."""
+
+    contour_px: Array
+    box_px: tuple[int, int, int, int]
+    centre_px: Array
+    threshold: float
+    face_grey: float
+
+
+def _crosses(mask: Grey, expected_area_px: float) -> tuple[list[NDArray[np.int32]], bool]:
+    """Contours of dark regions enclosed in bright ones that look like a cross, and whether one touches the border."""
+    contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    found: list[NDArray[np.int32]] = []
+    cut_off = False
+    height, width = mask.shape
+    if hierarchy is None:
+        return found, cut_off
+    for contour, (_, _, _, parent) in zip(contours, hierarchy[0], strict=True):
+        if parent < 0:
+            continue
+        area = float(cv2.contourArea(contour))
+        if not expected_area_px / AREA_OFF_MOST < area < expected_area_px * AREA_OFF_MOST:
+            continue
+        hull = float(cv2.contourArea(cv2.convexHull(contour)))
+        (_, (side_a, side_b), _) = cv2.minAreaRect(contour)
+        aspect = max(side_a, side_b) / max(min(side_a, side_b), 1.0)
+        if not SOLIDITY[0] < area / hull < SOLIDITY[1] or aspect > ASPECT_MOST:
+            continue
+        left, top, w, h = cv2.boundingRect(contour)
+        if min(left, top, width - left - w, height - top - h) < BORDER_PX:
+            cut_off = True
+            continue
+        found.append(contour.reshape(-1, 2))
+    return found, cut_off
+
+
+def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, side: str) -> Region:
+    """The one cross in a grey picture. `expected_*` only set the scale of what is looked for and what counts as cut off.
+
+    Raises TooDark, NoCross, TwoCrosses, CutOff.
+    """
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)
+    threshold, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    face = float(np.median(smooth[bright > 0])) if np.any(bright) else 0.0
+    if face < FACE_GREY_LEAST:
+        raise TooDark(f"{side}: the bright part is at grey {face:.0f}, want {FACE_GREY_LEAST:.0f} or more")
+    found, cut_off = _crosses(bright, expected_area_px)
+    # lit bore walls can be nearer to the plate's grey than to the background's: look again among the bright
+    if not found:
+        plate = smooth[bright > 0]
+        second, _ = cv2.threshold(plate.reshape(1, -1), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+        for level in (second, 0.5 * (second + face)):
+            mask = (smooth > level).astype(np.uint8) * 255
+            found, cut_here = _crosses(mask, expected_area_px)
+            cut_off = cut_off or cut_here
+            if found:
+                threshold = level
+                break
+    if len(found) > 1:
+        raise TwoCrosses(f"{side}: {len(found)} regions look like the hole, want one")
+    if not found:
+        height, width = grey.shape
+        u, v = expected_centre_px
+        if cut_off or not (0.0 <= u < width and 0.0 <= v < height):
+            raise CutOff(f"{side}: the hole is cut off by the edge of the picture")
+        raise NoCross(f"{side}: no dark region has the shape of the hole and about {expected_area_px:.0f} px of area")
+    contour = found[0]
+    hull_moments = cv2.moments(cv2.convexHull(contour.reshape(-1, 1, 2)))
+    centre = np.array([hull_moments["m10"], hull_moments["m01"]]) / hull_moments["m00"]
+    return Region(contour.astype(float), tuple(cv2.boundingRect(contour)), centre, float(threshold), face)

@@ -1,0 +1,100 @@
+"""Binds the cores to their keys: take a pair, locate, publish what was seen."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.errors import CommandRefused
+from crosspih_common.keys import ANNOTATED_LEFT, ANNOTATED_RIGHT, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT, LOCATE
+from crosspih_common.messages import (
+    CameraCalibration,
+    CaptureStereo,
+    Frame,
+    HoleEstimate,
+    Image,
+    LocateHole,
+    LocateMethod,
+    PoseData,
+    StereoPair,
+    floats,
+)
+from crosspih_common.service import ServiceContext
+from services.vision.config import VisionConfig
+from services.vision.locate import locate_rim
+from services.vision.paper import locate_paper
+from services.vision.refusals import VisionRefusal
+from services.vision.stereo import StereoModel
+
+METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
+
+
+def stereo_model(calibration: CameraCalibration) -> StereoModel:
+    """The core's camera from the message."""
+    return StereoModel(
+        calibration.width_px,
+        calibration.height_px,
+        calibration.fx_px,
+        calibration.fy_px,
+        calibration.cx_px,
+        calibration.cy_px,
+        calibration.baseline_m,
+        calibration.pose_base_camera.pose(),
+    )
+
+
+class VisionShell:
+    """The service on the bus."""
+
+    def __init__(self, context: ServiceContext, config: VisionConfig) -> None:
+        self._bus, self._config = context.bus, config
+        workcell = context.cell.workcell
+        self._hole = workcell.hole.shape(workcell.peg.shape())
+        self._nominal = workcell.hole_prior.pose_base_hole()
+        self._half_ranges = workcell.hole_prior.half_ranges()
+        self._images = self._bus.latest(IMAGE_LEFT, 2), self._bus.latest(IMAGE_RIGHT, 2)
+        self._annotated = self._bus.publisher(ANNOTATED_LEFT), self._bus.publisher(ANNOTATED_RIGHT)
+        self._bus.serve(LOCATE, self._locate)
+
+    def _capture(self) -> tuple[StereoPair, list[NDArray[np.uint8]]]:
+        pair = self._bus.call(CAPTURE, CaptureStereo(), self._config.capture_deadline_s)
+        pictures = []
+        for latest, side in zip(self._images, ("left", "right"), strict=True):
+            image = latest.wait_for(lambda sample: sample.stamp_ns == pair.stamp_ns, self._config.image_deadline_s)
+            if image is None:
+                raise CommandRefused(
+                    "no_image", f"the {side} image of capture {pair.capture_id} did not arrive in time; ask again"
+                )
+            pictures.append(image.pixels)
+        return pair, pictures
+
+    def _locate(self, request: LocateHole) -> HoleEstimate:
+        started = time.perf_counter()
+        pair, (left, right) = self._capture()
+        capture_wall_s = time.perf_counter() - started
+        stereo = stereo_model(pair.calibration)
+        try:
+            found = METHODS[request.method](left, right, stereo, self._hole, self._nominal, self._half_ranges)
+        except VisionRefusal as refusal:
+            raise CommandRefused(refusal.code, str(refusal)) from None
+        for publisher, frame, picture in zip(
+            self._annotated,
+            (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT),
+            (found.annotated_left, found.annotated_right),
+            strict=True,
+        ):
+            publisher.publish(Image(frame.value, picture, pair.stamp_ns))
+        return HoleEstimate(
+            pose_base_hole=PoseData.of(found.pose_base_hole),
+            covariance=floats(found.covariance),
+            method=request.method,
+            orientation_measured=request.method is LocateMethod.RIM,
+            capture_id=pair.capture_id,
+            capture_wall_s=capture_wall_s,
+            diagnostics=found.diagnostics,
+        )
+
+    def close(self) -> None:
+        """Nothing is held open."""
