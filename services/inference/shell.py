@@ -34,7 +34,7 @@ from services.inference.estimator import (
     final_estimate,
 )
 from services.inference.mechanics import PairTables
-from services.inference.network_estimate import NetworkEstimator, NetworkUnavailable
+from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
 from services.inference.next_touch import next_touch
 
 

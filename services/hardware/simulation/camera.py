@@ -33,7 +33,8 @@ from services.hardware.simulation.scene_mesh import Mesh, box_mesh
 GreyImage = NDArray[np.uint8]
 
 NEAR_M, FAR_M = 0.02, 4.0
-PARKED = Pose.from_translation([0.0, 0.0, -50.0])
+PARKED = Pose.from_translation([-50.0, 0.0, 0.0])
+"""Behind both cameras, where a body costs the renderer nothing."""
 NO_FAULTS = Faults()
 
 
@@ -119,7 +120,7 @@ class SimulatedScene:
         self._paint(look, faults)
         glare_at = rng.uniform(-1.0, 1.0, 2) * self.hole.half_length_m
         left, right = (
-            self._expose(self._draw(pose, look), pose, pose_base_hole.apply([*glare_at, 0.0]), look, faults, rng)
+            self._expose(self._draw(pose, look, faults.light_scale), pose, pose_base_hole.apply([*glare_at, 0.0]), look, faults, rng)
             for pose in (self.rig.pose_base_camera, self.rig.pose_base_right())
         )
         return (right, left) if faults.swapped else (left, right)
@@ -209,12 +210,12 @@ class SimulatedScene:
                 level = min(1.0, grey * faults.light_scale) if faults.light_scale < 1.0 else grey
                 self._colour(name, (level, level, level))
 
-    def _draw(self, pose_base_camera: Pose, look: Appearance) -> Array:
+    def _draw(self, pose_base_camera: Pose, look: Appearance, light_scale: float) -> Array:
         """The noise-free picture (height, width), grey levels; background where nothing is."""
         pose_camera_base = pose_base_camera.inverse()
         boxes = [(pose_camera_base @ body.pose).apply(body.box_m) for body in self._bodies.values()]
         window = window_around(self.rig, boxes, NEAR_M)
-        background = 255.0 * look.background_grey
+        background = 255.0 * look.background_grey * min(1.0, light_scale)
         picture = np.full((self.rig.height, self.rig.width), background, dtype=np.float32)
         if not window.empty:
             picture[window.top : window.bottom, window.left : window.right] = self._draw_window(
