@@ -88,7 +88,8 @@ class AssemblyResult(Message):
     vision_pose_base_hole: PoseData | None
     motion_s: float = Field(description="cell clock")
     thinking_s: float = Field(description="wall time of the services between motions")
-    touches: int
+    touches: int = Field(description="guarded moves that felt something on the way in")
+    presses: int = Field(description="presses against the bore's walls once seated, for the exact pose")
     corrections: int
     pushes: int
     peak_force_n: float

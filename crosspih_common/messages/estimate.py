@@ -57,6 +57,7 @@ class NextTouch(Message):
     belief: PosePrior
     touches_made: int = Field(ge=0)
     failed_pushes: int = Field(ge=0)
+    last_touch_used: bool = Field(default=True, description="False where the estimate could not explain the last touch")
 
 
 class TouchPlan(Message):

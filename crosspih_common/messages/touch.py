@@ -13,6 +13,7 @@ class Touch(Message):
 
     frame: Frame = Frame.PEG
     index: int = Field(ge=0)
+    seated: bool = Field(default=False, description="pressed against a wall of the bore, the peg already in")
     pose_base_peg: PoseData = Field(description="mean pose over the samples of the wrench")
     pose_base_peg_first_contact: PoseData | None = None
     travel_first_contact_m: float | None = None

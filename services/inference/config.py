@@ -12,7 +12,7 @@ class InferenceConfig(Section):
 
     seed: int = Field(default=0, ge=0, description="of the estimator's own draws; the same touches, the same answer")
     samples: int = Field(default=240, ge=40, description="starts drawn from the prior")
-    starts: int = Field(default=6, ge=1, description="starts that are fitted to the end")
+    starts: int = Field(default=8, ge=1, description="starts that are fitted to the end")
     friction_sd: float = Field(default=0.1, gt=0.0)
     prior_tail_degrees: float = Field(default=5.0, gt=0.0, description="how easily touches overrule vision")
     weights: str = Field(default="", description="the network's safetensors file; empty: the shipped one")

@@ -112,6 +112,7 @@ class InferenceShell:
             np.asarray(request.belief.covariance).reshape(6, 6),
             request.failed_pushes,
             request.touches_made,
+            last_touch_used=request.last_touch_used,
         )
         return TouchPlan(
             pose_base_peg_start=PoseData.of(plan.pose_base_peg_start),

@@ -60,6 +60,7 @@ class TrialFigures(BaseModel):
     duration_s: float
     wall_s: float
     touches: int
+    presses: int
     corrections: int
     pushes: int
     peak_force_n: float
@@ -105,6 +106,7 @@ def score(
         duration_s=round(result.motion_s + result.thinking_s, 4),
         wall_s=round(wall_s, 3),
         touches=result.touches,
+        presses=result.presses,
         corrections=result.corrections,
         pushes=result.pushes,
         peak_force_n=result.peak_force_n,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from crosspih_common.messages import AssemblyPhase, Event, Phase, Severity, Touch
 from services.operator.scoring import TrialFigures
@@ -53,6 +54,7 @@ class Story:
                 f"[dim]{'':10}  {'':12} F ({fx:+.2f}, {fy:+.2f}, {fz:+.2f}) N  "
                 f"M ({mx:+.3f}, {my:+.3f}, {mz:+.3f}) Nm[/dim]",
                 highlight=False,
+                soft_wrap=True,
             )
 
     def event(self, event: Event) -> None:
@@ -78,7 +80,7 @@ def summary(figures: TrialFigures) -> Table:
     table.add_column()
 
     def row(name: str, text: str) -> None:
-        table.add_row(name, text)
+        table.add_row(name, Text.from_markup(text, overflow="fold"))
 
     verdict = "[bold green]inserted[/bold green]" if figures.inserted else f"[bold red]{figures.failure}[/bold red]"
     row("result", verdict + (f"  {figures.failure_detail}" if figures.failure_detail else ""))

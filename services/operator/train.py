@@ -98,7 +98,7 @@ def collect_one(session: Session, seed: int, angle_rad: float, lateral_m: float,
         "wrench": np.asarray(reading.wrench),
         "angles_rad": angles,
         "translation_m": pose_peg_hole.translation_m,
-        "seed": np.array(seed),
+        "state": np.array(reading.state.case or "none"),
     }
 
 
@@ -137,7 +137,9 @@ def train(
     data: Annotated[Path, typer.Option(help="Contacts; collected when the file is not there.")] = Path(
         "run/contacts.npz"
     ),
-    weights: Annotated[Path, typer.Option(help="Where the weights go.")] = Path("run/network.safetensors"),
+    weights: Annotated[
+        Path, typer.Option(help="Where the weights go; the cell's file names them as inference.weights.")
+    ] = Path("run/network.safetensors"),
     angle_rad: Annotated[float, typer.Option(help="Half range of each error angle.")] = 0.1,
     lateral_m: Annotated[float, typer.Option(help="Half range of x and y at the rim.")] = 0.001,
     threshold_n: Annotated[float, typer.Option(help="Force at which a contact is read.")] = 15.0,
@@ -153,12 +155,13 @@ def train(
     except (CrosspihError, LauncherError) as error:
         console.print(f"[red]{error}[/red]", highlight=False)
         raise typer.Exit(1) from None
+    weights.parent.mkdir(parents=True, exist_ok=True)
     # a process of its own: only inference and training need torch
     command = f"crosspih train --samples {samples} --seed {seed} --angle-rad {angle_rad} --lateral-m {lateral_m}"
     done = subprocess.run(
         [
-            sys.executable, "-m", "services.inference.network.train",
-            "--data", str(data), "--weights", str(weights), "--seed", str(seed), "--command", command,
+            sys.executable, "-m", "services.inference.network",
+            "--data", str(data), "--out", str(weights), "--seed", str(seed), "--command", command,
         ],
         check=False,
     )  # fmt: skip

@@ -73,15 +73,13 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
         ),
     )
     rest = run.pose_base_peg
-    felt = [
-        touch
-        for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1])
-        if (touch := run.feel(rest, direction)) is not None
-    ]
-    if not felt:
+    run.tell(Phase.SEATED, "pressing against four walls of the bore for the exact pose")
+    for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1]):
+        run.press(rest, direction)
+    if not run.presses:
         return seated
     prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)
-    felt_pose = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(felt)))
+    felt_pose = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.presses)))
     if not any(use.used for use in felt_pose.rests_on):
         run.tell(Phase.ESTIMATING, "the walls felt do not fit one pose: the seat alone counts")
         return seated

@@ -25,10 +25,10 @@ class PlanningConfig(Section):
     touch_threshold_n: float = Field(default=5.0, gt=0.0)
     touch_travel_m: float = Field(default=0.045, gt=0.0, description="felt nothing on this way: the hole is not there")
     touch_clearance_m: float = Field(default=0.002, gt=0.0, description="how far a touch retreats")
-    # once seated the peg feels around in its play: four walls, so that T2 is better than the clearance
-    feel_speed_m_s: float = Field(default=0.003, gt=0.0, le=0.02)
-    feel_force_n: float = Field(default=4.0, gt=0.0)
-    feel_travel_m: float = Field(default=0.002, gt=0.0, le=0.01)
+    # once seated the peg is pressed against four walls of its bore, so that T2 is better than the clearance
+    press_speed_m_s: float = Field(default=0.003, gt=0.0, le=0.02)
+    press_force_n: float = Field(default=4.0, gt=0.0)
+    press_travel_m: float = Field(default=0.002, gt=0.0, le=0.01)
     max_attempts: int = Field(default=8, ge=1, le=50, description="pushes before giving up")
     max_overloads: int = Field(default=3, ge=1, description="stops by the force or moment cap before giving up")
     # the paper's loop: straight push at its own force, no yielding

@@ -75,6 +75,7 @@ class Run:
         self.joints_rad: Array = np.asarray(workcell.home_joints_rad, dtype=float)
         self.pose_base_peg = workcell.pose_base_peg(self.joints_rad)
         self.touches: list[Touch] = []
+        self.presses: list[Touch] = []
         self.attempt = 0
         self.pushes = self.corrections = self.overloads = 0
         self.motion_s = self.peak_force_n = self.peak_moment_nm = 0.0
@@ -209,6 +210,8 @@ class Run:
                 gravity_base=calibration.gravity_base,
             ),
         )
+        # before it knew the payload the arm took the tool's weight for contact
+        self.peak_force_n = self.peak_moment_nm = 0.0
 
     # ---------------------------------------------------------------------------------------------- before the hole
 
@@ -264,6 +267,7 @@ class Run:
     def touch(self, pose_base_peg_start: Pose, direction: Array, speed_m_s: float, threshold_n: float) -> Touch | None:
         """Guarded move from a start pose in free air; the touch as felt, or None when nothing was there."""
         self.slide_to(pose_base_peg_start)
+        self.tell(Phase.TOUCHING, f"touch {len(self.touches) + 1}")
         command = GuardedMove(
             direction_base=floats(direction),
             speed_m_s=speed_m_s,
@@ -272,24 +276,36 @@ class Run:
             travel_limit_m=self.config.touch_travel_m,
             retreat_m=self.config.touch_clearance_m,
         )
-        return self._felt(command, pose_base_peg_start)
+        touch = self._felt(command, pose_base_peg_start)
+        if touch is not None:
+            self.touches.append(touch)
+            self.tell(
+                Phase.TOUCHING,
+                f"felt {np.linalg.norm(touch.wrench[:3]):.1f} N, contact state "
+                + (touch.state.case or f"none of the 26 ({touch.state.reason})"),
+                force_n=float(np.linalg.norm(touch.wrench[:3])),
+                moment_nm=float(np.linalg.norm(touch.wrench[3:])),
+                travel_mm=(touch.travel_first_contact_m or 0.0) * 1e3,
+                confidence=touch.state.confidence,
+            )
+        return touch
 
-    def feel(self, pose_base_peg_start: Pose, direction: Array) -> Touch | None:
+    def press(self, pose_base_peg_start: Pose, direction: Array) -> None:
         """Press against a wall of the bore from a pose inside it, and come back."""
         command = GuardedMove(
             direction_base=floats(direction),
-            speed_m_s=self.config.feel_speed_m_s,
+            speed_m_s=self.config.press_speed_m_s,
             creep_speed_m_s=self.config.touch_creep_m_s,
-            force_threshold_n=self.config.feel_force_n,
-            travel_limit_m=self.config.feel_travel_m,
+            force_threshold_n=self.config.press_force_n,
+            travel_limit_m=self.config.press_travel_m,
         )
-        touch = self._felt(command, None)
-        self.slide_to(pose_base_peg_start, self.config.feel_speed_m_s)
-        return touch
+        press = self._felt(command, None)
+        if press is not None:
+            self.presses.append(press)
+        self.slide_to(pose_base_peg_start, self.config.press_speed_m_s)
 
     def _felt(self, command: GuardedMove, free_at: Pose | None) -> Touch | None:
         """Do a guarded move and keep what it felt; `free_at` is where its first samples were in free air, if they were."""
-        self.tell(Phase.TOUCHING, f"touch {len(self.touches) + 1}")
         outcome = self.ports.ask(GUARDED_MOVE, command)
         self._account(outcome)
         if outcome.wrench_observed_raw is None or outcome.pose_base_peg_observed is None:
@@ -307,7 +323,8 @@ class Run:
         )
         touch = Touch(
             stamp_ns=outcome.stamp_ns,
-            index=len(self.touches),
+            index=len(self.touches) + len(self.presses),
+            seated=free_at is None,
             pose_base_peg=outcome.pose_base_peg_observed,
             pose_base_peg_first_contact=outcome.pose_base_peg_first_contact,
             travel_first_contact_m=outcome.travel_first_contact_m,
@@ -317,18 +334,7 @@ class Run:
             wrench_sd=reading.wrench_sd,
             state=reading.state,
         )
-        self.touches.append(touch)
         self.ports.tell_touch(touch)
-        state = touch.state.case or f"none of the 26 ({touch.state.reason})"
-        force = float(np.linalg.norm(touch.wrench[:3]))
-        self.tell(
-            Phase.TOUCHING,
-            f"felt {force:.1f} N, contact state {state}",
-            force_n=force,
-            moment_nm=float(np.linalg.norm(touch.wrench[3:])),
-            travel_mm=(touch.travel_first_contact_m or 0.0) * 1e3,
-            confidence=touch.state.confidence,
-        )
         return touch
 
     def back_off(self) -> bool:

@@ -138,6 +138,7 @@ class PlanningShell:
             motion_s=run.motion_s,
             thinking_s=max(time.monotonic() - started - ports.hardware_wall_s, 0.0),
             touches=len(run.touches),
+            presses=len(run.presses),
             corrections=run.corrections,
             pushes=run.pushes,
             peak_force_n=run.peak_force_n,

@@ -84,6 +84,7 @@ def fused(run: Run) -> PosePrior:
     seen = locate(run, LocateMethod.RIM)
     prior = PosePrior(pose_base_hole=seen.pose_base_hole, covariance=seen.covariance)
     belief = prior
+    explained = True
     run.approach(seen.pose_base_hole.pose())
     for attempt in range(run.config.max_attempts):
         run.attempt = attempt
@@ -101,6 +102,7 @@ def fused(run: Run) -> PosePrior:
             continue
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
         _tell_estimate(run, estimate)
+        explained = estimate.rests_on[-1].used
         if not any(use.used for use in estimate.rests_on):
             # nothing explains what was felt: no correction, and the next touch is another arm's
             continue

@@ -1,4 +1,4 @@
-"""The pictures as the paper's Figure 6: the cross region in a red rectangle, its centre a red dot; ours adds the rim."""
+"""The pictures as the paper's Figure 6: the cross region in a red rectangle, its centre a red dot; ours adds a rim."""
 
 from __future__ import annotations
 
@@ -40,7 +40,14 @@ def annotated(
     cv2.circle(picture, _pixel(centre), 2, RED, -1, cv2.LINE_AA)
     u, v = centre
     cv2.putText(
-        picture, f"{('left', 'right')[side]} ({u:.1f}, {v:.1f})", (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, RED, 1, cv2.LINE_AA
+        picture,
+        f"{('left', 'right')[side]} ({u:.1f}, {v:.1f})",
+        (8, 20),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        0.5,
+        RED,
+        1,
+        cv2.LINE_AA,
     )
     return np.asarray(picture, dtype=np.uint8)
 

@@ -22,14 +22,17 @@ def sample(image: NDArray[np.float32], points_px: Array) -> Array:
     flat = points_px.reshape(-1, 2).astype(np.float32)
     # remap wants its maps below 32768 in each direction
     rows = flat.reshape(-1, 240, 2) if len(flat) % 240 == 0 else flat.reshape(1, -1, 2)
-    grey = cv2.remap(
-        image, rows[..., 0], rows[..., 1], interpolation=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-    )
+    grey = cv2.remap(image, rows[..., 0], rows[..., 1], interpolation=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(grey, dtype=float).reshape(points_px.shape[:-1])
 
 
 def coarse_fit(
-    images: Array, model: RimModel, stereo: StereoModel, start: Pose, noise_grey: float, chamfer_share: float = 0.5
+    images: NDArray[np.float32],
+    model: RimModel,
+    stereo: StereoModel,
+    start: Pose,
+    noise_grey: float,
+    chamfer_share: float = 0.5,
 ) -> Pose:
     """`pose_camera_hole` after the gradient fit of both images (2, height, width), float32, from a start.
 

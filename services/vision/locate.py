@@ -59,9 +59,7 @@ class Located:
 def as_grey(image: NDArray[np.uint8], stereo: StereoModel, side: str) -> NDArray[np.uint8]:
     """A grey picture of the camera's size; WrongImage otherwise."""
     if image.shape[:2] != (stereo.height_px, stereo.width_px) or image.dtype != np.uint8:
-        raise WrongImage(
-            f"{side}: got {image.shape} {image.dtype}, want ({stereo.height_px}, {stereo.width_px}) uint8"
-        )
+        raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want ({stereo.height_px}, {stereo.width_px}) uint8")
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
@@ -88,7 +86,9 @@ def find_both(
     if disparity <= 0.0:
         raise NotAStereoPair(f"disparity {disparity:.1f} px, want above 0: are left and right swapped?")
     if abs(rows) > ROW_MOST_PX:
-        raise NotAStereoPair(f"the hole's rows differ by {rows:.1f} px, want less than {ROW_MOST_PX:g}: was a camera moved?")
+        raise NotAStereoPair(
+            f"the hole's rows differ by {rows:.1f} px, want less than {ROW_MOST_PX:g}: was a camera moved?"
+        )
     return regions
 
 
@@ -108,7 +108,7 @@ def locate_rim(
     if step < 0.5 * STEP_LEAST_GREY:
         raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
     noise = max(noise_of(grey[0]), noise_of(grey[1]))
-    images = grey.astype(np.float32)
+    images = np.asarray(grey, dtype=np.float32)
     model = RimModel.of(hole)
     centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
     rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
@@ -132,7 +132,7 @@ def locate_rim(
 
 
 def _checked(
-    images: Array, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
+    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
 ) -> dict[str, float]:
     support = float(np.mean(fit.support))
     edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5))
@@ -175,7 +175,8 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
     error = np.concatenate([off.translation_m, off.rotvec_rad()])
     worst = int(np.argmax(np.abs(error) / half_ranges))
     if abs(error[worst]) > PRIOR_SLACK * half_ranges[worst]:
-        name, unit, factor = (("x", "y", "z")[worst], "mm", 1e3) if worst < 3 else (("rx", "ry", "rz")[worst - 3], "rad", 1)
+        name = ("x", "y", "z", "rx", "ry", "rz")[worst]
+        unit, factor = ("mm", 1e3) if worst < 3 else ("rad", 1.0)
         raise OutsidePrior(
             f"{name} is {error[worst] * factor:.3g} {unit} from the nominal hole, want within "
             f"{half_ranges[worst] * PRIOR_SLACK * factor:.3g}"

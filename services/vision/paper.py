@@ -18,7 +18,7 @@ ROTATION_CAMERA_HOLE = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1
 
 
 def hole_from_centres(left_px: Array, right_px: Array, stereo: StereoModel) -> Pose:
-    """T1 (Eqs. 4-7) from the cross's centre (2,) in both pictures, px: `pose_base_hole` with the printed orientation."""
+    """T1 (Eqs. 4-7) from the cross's centre (2,) in both pictures, px: `pose_base_hole`, printed orientation."""
     return stereo.pose_base_camera @ Pose(ROTATION_CAMERA_HOLE, stereo.triangulate(left_px, right_px))
 
 
@@ -35,7 +35,8 @@ def locate_paper(
     grey = [as_grey(left, stereo, "left"), as_grey(right, stereo, "right")]
     regions = find_both(grey[0], grey[1], stereo, hole, nominal)
     # the paper takes the centre of the region's bounding box
-    centres = [np.array([box[0] + 0.5 * (box[2] - 1), box[1] + 0.5 * (box[3] - 1)]) for box in (r.box_px for r in regions)]
+    boxes = [region.box_px for region in regions]
+    centres = [np.array([box[0] + 0.5 * (box[2] - 1), box[1] + 0.5 * (box[3] - 1)]) for box in boxes]
     pose = hole_from_centres(centres[0], centres[1], stereo)
     diagnostics = {
         "disparity_px": float(centres[0][0] - centres[1][0]),

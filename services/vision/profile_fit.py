@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from crosspih_common.geometry import Pose
@@ -34,7 +35,7 @@ PRIOR_SD = np.array([0.03, 0.03, 0.04, 0.2, 0.2, 0.2])
 class ProfileFit:
     """The fine fit's end.
 
-    information (6, 6) of the pose, by the noise alone; cost: weighted mean square of the residual grey over the noise's;
+    information (6, 6) of the pose, by the noise alone; cost: mean square of the residual grey over the noise's;
     support (2, 12, S): whether a profile looks like a rim; step_grey (2, 12): face minus bore; edge_information
     (12, 6, 6): each edge's share; edge_lever (2, 12, 6): pull on the pose of a whole edge of one picture, per pixel.
     """
@@ -59,13 +60,15 @@ class _Normal:
     edge_lever: Array
 
 
-def _profiles(images: Array, rim: ProjectedRim, reach_px: float, blur_px: float) -> tuple[Array, Array]:
+def _profiles(images: NDArray[np.float32], rim: ProjectedRim, reach_px: float, blur_px: float) -> tuple[Array, Array]:
     offsets = np.arange(-FACE_SIDE_PX - 0.5 * blur_px, reach_px + BORE_SIDE_PX + 0.5 * blur_px + 1e-9, STEP_PX)
     points = rim.outer_px[..., None, :] + offsets[:, None] * rim.normal[..., None, :]
     return offsets, np.stack([sample(images[side], points[side]) for side in range(2)])
 
 
-def _system(images: Array, rim: ProjectedRim, jacobian: Array, noise_grey: float, blur_px: float = 0.0) -> _Normal:
+def _system(
+    images: NDArray[np.float32], rim: ProjectedRim, jacobian: Array, noise_grey: float, blur_px: float = 0.0
+) -> _Normal:
     """Normal equations in the parameters of `jacobian` (2, 12, S, P): shift of the outer line along its normal, px."""
     parameters = jacobian.shape[-1]
     chamfer = np.maximum(rim.chamfer_px, 0.0)
@@ -73,7 +76,10 @@ def _system(images: Array, rim: ProjectedRim, jacobian: Array, noise_grey: float
     spread = float(np.hypot(SPREAD_PX, blur_px))
     first = ndtr(offsets / spread) * np.ones_like(grey)
     second = ndtr((offsets - chamfer[..., None]) / spread)
-    slope = lambda x: np.exp(-0.5 * (x / spread) ** 2) / (spread * np.sqrt(2.0 * np.pi))  # noqa: E731
+
+    def slope(x: Array) -> Array:
+        return np.asarray(np.exp(-0.5 * (x / spread) ** 2) / (spread * np.sqrt(2.0 * np.pi)))
+
     first_slope, second_slope = slope(offsets) * np.ones_like(grey), slope(offsets - chamfer[..., None])
     information, gradient = np.zeros((parameters, parameters)), np.zeros(parameters)
     edge_information = np.zeros((12, parameters, parameters))
@@ -85,7 +91,10 @@ def _system(images: Array, rim: ProjectedRim, jacobian: Array, noise_grey: float
     # what lies inside the inner rim differs from profile to profile (lit wall, shadow, far side): its step is free in
     # each, and is projected out first
     into_bore = second / np.linalg.norm(second, axis=-1, keepdims=True)
-    without = lambda values: values - into_bore * np.sum(into_bore * values, axis=-1, keepdims=True)  # noqa: E731
+
+    def without(values: Array) -> Array:
+        return np.asarray(values - into_bore * np.sum(into_bore * values, axis=-1, keepdims=True))
+
     flat, plain = without(np.ones_like(grey)), without(grey)
     outer_step = without(first)
     for edge in range(12):
@@ -126,7 +135,9 @@ def _system(images: Array, rim: ProjectedRim, jacobian: Array, noise_grey: float
     return _Normal(information, gradient, squares / counted, support, step_grey, edge_information, edge_lever)
 
 
-def profile_fit(images: Array, model: RimModel, stereo: StereoModel, start: Pose, noise_grey: float) -> ProfileFit:
+def profile_fit(
+    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, start: Pose, noise_grey: float
+) -> ProfileFit:
     """The fine fit from a start, both images (2, height, width) float32."""
     pose = start
     damping = np.diag(PRIOR_SD**-2)
@@ -135,7 +146,7 @@ def profile_fit(images: Array, model: RimModel, stereo: StereoModel, start: Pose
         for _ in range(iterations):
             rim = project(model, stereo, pose)
             system = _system(seen, rim, normal_shift_jacobian(model, stereo, pose, rim), noise_grey, blur)
-            step = np.linalg.solve(system.information + damping, system.gradient)
+            step = np.asarray(np.linalg.solve(system.information + damping, system.gradient), dtype=float)
             # far from the rim the profile is flat and a step means nothing: never more than the coarse fit may be off
             step *= min(1.0, 0.002 / max(float(np.linalg.norm(step[:3])), 1e-12))
             pose = perturbed(pose, step)
@@ -155,7 +166,7 @@ def profile_fit(images: Array, model: RimModel, stereo: StereoModel, start: Pose
 
 
 def right_image_offset_px(
-    images: Array, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
+    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
 ) -> tuple[float, float]:
     """(du, dv), px: how far the right picture lies off its rows and off its disparity, by the size of the drawing."""
     rim = project(model, stereo, fit.pose_camera_hole)
@@ -165,7 +176,7 @@ def right_image_offset_px(
 
 
 def drawing_offset_m(
-    images: Array, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
+    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
 ) -> tuple[float, float]:
     """(half-width, half-length), m: how much larger the cross in the pictures is than the drawing's."""
     rim = project(model, stereo, fit.pose_camera_hole)
@@ -181,15 +192,13 @@ def drawing_offset_m(
 
 
 def _extra(
-    images: Array, model: RimModel, stereo: StereoModel, fit: ProfileFit, rim: ProjectedRim, shift: Array,
+    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, rim: ProjectedRim, shift: Array,
     noise_grey: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Two more parameters beside the pose, one Gauss-Newton step from the converged fit."""
     jacobian = normal_shift_jacobian(model, stereo, fit.pose_camera_hole, rim)
     system = _system(images, rim, np.concatenate([jacobian, shift], axis=-1), noise_grey)
     scale = np.sqrt(np.maximum(np.diag(system.information), 1e-12))
-    step = np.linalg.solve(
-        system.information / np.outer(scale, scale) + 1e-9 * np.eye(8), system.gradient / scale
-    )
+    step = np.linalg.solve(system.information / np.outer(scale, scale) + 1e-9 * np.eye(8), system.gradient / scale)
     step = step / scale
     return float(step[6]), float(step[7])

@@ -38,7 +38,7 @@ def _crosses(mask: Grey, expected_area_px: float) -> tuple[list[NDArray[np.int32
     found: list[NDArray[np.int32]] = []
     cut_off = False
     height, width = mask.shape
-    if hierarchy is None:
+    if not contours:
         return found, cut_off
     for contour, (_, _, _, parent) in zip(contours, hierarchy[0], strict=True):
         if parent < 0:
@@ -55,12 +55,12 @@ def _crosses(mask: Grey, expected_area_px: float) -> tuple[list[NDArray[np.int32
         if min(left, top, width - left - w, height - top - h) < BORDER_PX:
             cut_off = True
             continue
-        found.append(contour.reshape(-1, 2))
+        found.append(np.asarray(contour, dtype=np.int32).reshape(-1, 2))
     return found, cut_off
 
 
 def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, side: str) -> Region:
-    """The one cross in a grey picture. `expected_*` only set the scale of what is looked for and what counts as cut off.
+    """The one cross in a grey picture. `expected_*` set only the scale looked for and what counts as cut off.
 
     Raises TooDark, NoCross, TwoCrosses, CutOff.
     """
@@ -69,7 +69,7 @@ def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, s
     face = float(np.median(smooth[bright > 0])) if np.any(bright) else 0.0
     if face < FACE_GREY_LEAST:
         raise TooDark(f"{side}: the bright part is at grey {face:.0f}, want {FACE_GREY_LEAST:.0f} or more")
-    found, cut_off = _crosses(bright, expected_area_px)
+    found, cut_off = _crosses(np.asarray(bright, dtype=np.uint8), expected_area_px)
     # lit bore walls can be nearer to the plate's grey than to the background's: look again among the bright
     if not found:
         plate = smooth[bright > 0]
@@ -92,4 +92,5 @@ def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, s
     contour = found[0]
     hull_moments = cv2.moments(cv2.convexHull(contour.reshape(-1, 1, 2)))
     centre = np.array([hull_moments["m10"], hull_moments["m01"]]) / hull_moments["m00"]
-    return Region(contour.astype(float), tuple(cv2.boundingRect(contour)), centre, float(threshold), face)
+    left, top, w, h = cv2.boundingRect(contour)
+    return Region(contour.astype(float), (left, top, w, h), centre, float(threshold), face)

@@ -1,8 +1,8 @@
 """The simulated stereo camera: pictures of the cell on a PyBullet client of its own, which never steps.
 
-TinyRenderer draws hard, aliased, noise-free facets. Here a picture is drawn at `samples` x `samples` sub-pixels, averaged
-over each pixel as a sensor does, blurred by the lens and given noise. Only the window that holds something is drawn; the
-rest is the plain background, so the picture is the same as a full one.
+TinyRenderer draws hard, aliased, noise-free facets. Here a picture is drawn at `samples` x `samples` sub-pixels,
+averaged over each pixel as a sensor does, blurred by the lens and given noise. Only the window that holds something is
+drawn; the rest is the plain background, so the picture is the same as a full one.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from services.hardware.simulation.scene_appearance import Appearance, Faults
 from services.hardware.simulation.scene_mesh import Mesh, box_mesh
 
 GreyImage = NDArray[np.uint8]
+FloatImage = NDArray[np.float32]
 
 NEAR_M, FAR_M = 0.02, 4.0
 PARKED = Pose.from_translation([-50.0, 0.0, 0.0])
@@ -119,8 +120,9 @@ class SimulatedScene:
         self._arrange(pose_base_hole, joints_rad, faults)
         self._paint(look, faults)
         glare_at = rng.uniform(-1.0, 1.0, 2) * self.hole.half_length_m
+        glare_base = pose_base_hole.apply([*glare_at, 0.0])
         left, right = (
-            self._expose(self._draw(pose, look, faults.light_scale), pose, pose_base_hole.apply([*glare_at, 0.0]), look, faults, rng)
+            self._expose(self._draw(pose, look, faults.light_scale), pose, glare_base, look, faults, rng)
             for pose in (self.rig.pose_base_camera, self.rig.pose_base_right())
         )
         return (right, left) if faults.swapped else (left, right)
@@ -166,9 +168,7 @@ class SimulatedScene:
             rgbaColor=[1.0, 1.0, 1.0, 1.0],
             physicsClientId=self._client,
         )
-        index = pybullet.createMultiBody(
-            0.0, -1, shape, PARKED.translation_m.tolist(), physicsClientId=self._client
-        )
+        index = pybullet.createMultiBody(0.0, -1, shape, PARKED.translation_m.tolist(), physicsClientId=self._client)
         self._bodies[name] = _Body(index, mesh.corners_m(), PARKED)
 
     def _place(self, name: str, pose: Pose) -> None:
@@ -181,9 +181,7 @@ class SimulatedScene:
         )
 
     def _colour(self, name: str, rgb: tuple[float, float, float]) -> None:
-        pybullet.changeVisualShape(
-            self._bodies[name].index, -1, rgbaColor=[*rgb, 1.0], physicsClientId=self._client
-        )
+        pybullet.changeVisualShape(self._bodies[name].index, -1, rgbaColor=[*rgb, 1.0], physicsClientId=self._client)
 
     def _arrange(self, pose_base_hole: Pose, joints_rad: Array | None, faults: Faults) -> None:
         beside = pose_base_hole @ Pose.from_translation([0.0, -2.15 * self.hole.plate_half_size_m, 0.0])
@@ -210,7 +208,7 @@ class SimulatedScene:
                 level = min(1.0, grey * faults.light_scale) if faults.light_scale < 1.0 else grey
                 self._colour(name, (level, level, level))
 
-    def _draw(self, pose_base_camera: Pose, look: Appearance, light_scale: float) -> Array:
+    def _draw(self, pose_base_camera: Pose, look: Appearance, light_scale: float) -> FloatImage:
         """The noise-free picture (height, width), grey levels; background where nothing is."""
         pose_camera_base = pose_base_camera.inverse()
         boxes = [(pose_camera_base @ body.pose).apply(body.box_m) for body in self._bodies.values()]
@@ -223,7 +221,7 @@ class SimulatedScene:
             )
         return picture
 
-    def _draw_window(self, pose_base_camera: Pose, window: Window, look: Appearance, background: float) -> Array:
+    def _draw_window(self, pose_base_camera: Pose, window: Window, look: Appearance, background: float) -> FloatImage:
         samples = self.quality.samples
         columns, rows = window.right - window.left, window.bottom - window.top
         _, _, rgba, depth, _ = pybullet.getCameraImage(
@@ -247,7 +245,7 @@ class SimulatedScene:
         return np.asarray(blocks.sum(axis=3).sum(axis=1) / np.float32(samples * samples), dtype=np.float32)
 
     def _expose(
-        self, picture: Array, pose_base_camera: Pose, glare_at_m: Array, look: Appearance, faults: Faults,
+        self, picture: FloatImage, pose_base_camera: Pose, glare_at_m: Array, look: Appearance, faults: Faults,
         rng: np.random.Generator,
     ) -> GreyImage:  # fmt: skip
         rows = np.arange(self.rig.height, dtype=np.float32)[:, None]
@@ -262,4 +260,4 @@ class SimulatedScene:
             light += faults.glare * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2.0 * 9.0**2))
         noise = rng.standard_normal(light.shape, dtype=np.float32)
         noise *= self.quality.noise_grey
-        return np.clip(np.rint(light + noise), 0.0, 255.0).astype(np.uint8)
+        return np.asarray(np.clip(np.rint(light + noise), 0.0, 255.0), dtype=np.uint8)

@@ -42,7 +42,8 @@ def arm_meshes(arm: ArmModel, peg: CrossPeg) -> list[Mesh]:
         previous = elbow - d * np.array([0.0, np.sin(alpha), np.cos(alpha)])
         parts = [capsule_mesh(previous, elbow, radius), capsule_mesh(elbow, np.zeros(3), radius)]
         meshes.append(Mesh.merged(parts))
-    sensor = capsule_mesh(np.array([0.0, 0.0, -FLANGE_TO_PEG_M + 0.02]), np.array([0.0, 0.0, peg.body_start_m - 0.02]), 0.03)
+    back, front = np.array([0.0, 0.0, -FLANGE_TO_PEG_M + 0.02]), np.array([0.0, 0.0, peg.body_start_m - 0.02])
+    sensor = capsule_mesh(back, front, 0.03)
     return [*meshes, sensor, convex_mesh(peg.pieces())]
 
 
@@ -62,9 +63,7 @@ def obstacle_pose(pose_base_hole: Pose, hole: CrossHole, arm_index: int) -> Pose
     """The obstacle 15 mm in front of the outer part of one arm of the cross."""
     angle = arm_index * np.pi / 2
     out = hole.half_length_m - 0.006
-    return pose_base_hole @ Pose.from_rotvec(
-        [0.0, 0.0, 0.3], [out * np.cos(angle), out * np.sin(angle), -0.015]
-    )
+    return pose_base_hole @ Pose.from_rotvec([0.0, 0.0, 0.3], [out * np.cos(angle), out * np.sin(angle), -0.015])
 
 
 def pocket_mesh() -> Mesh:

@@ -11,7 +11,7 @@ from crosspih_common.geometry.pose import Array
 
 
 def paper_camera_pose() -> Pose:
-    """`pose_base_camera` of the left camera: the paper's Eq. 8 with its signs restored. z looks ahead, x right, y down."""
+    """`pose_base_camera` of the left camera: the paper's Eq. 8, signs restored. z looks ahead, x right, y down."""
     return Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.array([0.1310, -0.2406, 0.2225]))
 
 

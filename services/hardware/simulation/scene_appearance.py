@@ -47,8 +47,8 @@ class Faults:
 
     light_scale: factor on all light (0.05: a dark cell). glare: height in grey levels of a bright round reflection near
     the rim, placed by the seed, in both images. covered_arm: which arm of the cross (0..3 for +x, +y, -x, -y) a flat
-    obstacle hides, or None. hole: False draws a blank plate. square: a dark square pocket drawn on the plate. second_cross:
-    the same fixture once more beside the first. swapped: left and right images exchanged.
+    obstacle hides, or None. hole: False draws a blank plate. square: a dark square pocket drawn on the plate.
+    second_cross: the same fixture once more beside the first. swapped: left and right images exchanged.
     """
 
     light_scale: float = 1.0

@@ -15,7 +15,7 @@ FacetFilter = Callable[[Array, float], bool]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles for a renderer: vertices (n, 3) m, unit normals (n, 3), indices (3 k,), counter-clockwise from outside."""
+    """Triangles for a renderer: vertices (n, 3) m, unit normals (n, 3), indices (3 k,), anticlockwise from outside."""
 
     vertices_m: Array
     normals: Array
@@ -59,9 +59,7 @@ def convex_mesh(pieces: Sequence[ConvexPiece], keep: FacetFilter | None = None) 
 def box_mesh(half_sizes_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
     """A box about a centre, m."""
     half, centre = np.asarray(half_sizes_m, float), np.asarray(centre_m, float)
-    planes = [
-        ((axis == 0) * sign, (axis == 1) * sign, (axis == 2) * sign) for axis in range(3) for sign in (1.0, -1.0)
-    ]
+    planes = [((axis == 0) * sign, (axis == 1) * sign, (axis == 2) * sign) for axis in range(3) for sign in (1.0, -1.0)]
     normals = np.array(planes, dtype=float)
     return convex_mesh([ConvexPiece(normals, np.abs(normals) @ half + normals @ centre)])
 

@@ -1,0 +1,115 @@
+"""The real simulated cell and the real services over the in-memory bus; only vision is played, from the truth plus
+noise, so that a test decides how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from crosspih_common.bus import Bus, MemoryHub
+from crosspih_common.config import load_cell
+from crosspih_common.errors import CommandRefused
+from crosspih_common.geometry import Pose
+from crosspih_common.keys import ASSEMBLE, LOCATE, PHASE, RESET, TRUTH
+from crosspih_common.messages import (
+    Assemble,
+    AssemblyPhase,
+    AssemblyResult,
+    HoleEstimate,
+    LocateHole,
+    PoseData,
+    ResetCell,
+    SimulationTruth,
+    floats,
+)
+from crosspih_common.service.lifecycle import ServiceContext
+from services.force_torque.config import ForceTorqueConfig
+from services.force_torque.shell import ForceTorqueShell
+from services.hardware.config import HardwareConfig
+from services.hardware.drivers import open_cell
+from services.hardware.shell import HardwareShell
+from services.inference.config import InferenceConfig
+from services.inference.shell import InferenceShell
+from services.planning.config import PlanningConfig
+from services.planning.shell import PlanningShell
+
+# one standard deviation of the played vision: m and rad, in the hole frame
+VISION_SD = np.array([5e-5, 5e-5, 1.5e-4, 3e-3, 3e-3, 5e-4])
+
+
+class CellInMemory:
+    """A cell; `vision_scale` multiplies the played vision's error, None makes it refuse."""
+
+    def __init__(self, folder: Path, *, with_inference: bool = True) -> None:
+        self.hub = MemoryHub()
+        self.cell = load_cell("deploy/cells/default.yaml")
+        self.vision_scale: float | None = 1.0
+        self.contexts: list[ServiceContext] = []
+        self.phases: list[AssemblyPhase] = []
+        self.on_phase: Callable[[AssemblyPhase], None] = lambda phase: None
+        hardware = self.context("hardware")
+        self._shells = [
+            HardwareShell(open_cell(self.cell.workcell, HardwareConfig(), False), hardware, False),
+            ForceTorqueShell(
+                self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))
+            ),
+            PlanningShell(self.context("planning"), PlanningConfig(service_patience_s=0.5)),
+        ]
+        if with_inference:
+            self._shells.append(InferenceShell(self.context("inference"), InferenceConfig()))
+        self.bus = self.context("operator").bus
+        self.context("vision").bus.serve(LOCATE, self._locate)
+        self._latest_truth = self.bus.latest(TRUTH)
+        # taken on the planner's own thread, so that a test can act between two steps
+        self.hub.transport().subscribe(PHASE.key(self.cell.workcell.name), self._take_phase, recover=False)
+
+    def context(self, service: str) -> ServiceContext:
+        """A service's place on the bus."""
+        bus = Bus(self.hub.transport(), self.cell.workcell.name, service)
+        self.contexts.append(ServiceContext(service, self.cell, bus))
+        return self.contexts[-1]
+
+    def _take_phase(self, key: str, payload: bytes, label: str) -> None:
+        phase = AssemblyPhase.model_validate_json(payload)
+        self.phases.append(phase)
+        self.on_phase(phase)
+
+    def _locate(self, request: LocateHole) -> HoleEstimate:
+        if self.vision_scale is None:
+            raise CommandRefused("no_cross", "left: no dark region has the shape of the hole")
+        rng = np.random.default_rng(self.truth().seed)
+        sd = VISION_SD * self.vision_scale
+        error = rng.normal(size=6) * sd
+        pose = self.truth().pose_base_hole.pose() @ Pose.from_rotvec(error[3:], error[:3])
+        return HoleEstimate(
+            pose_base_hole=PoseData.of(pose),
+            covariance=floats(np.diag(np.maximum(sd, 1e-6) ** 2)),
+            method=request.method,
+            orientation_measured=True,
+            capture_id=1,
+            capture_wall_s=0.0,
+        )
+
+    def truth(self) -> SimulationTruth:
+        """What the simulator knows now."""
+        truth = self._latest_truth.value()
+        assert truth is not None
+        return truth
+
+    def reset(self, seed: int, **overrides: object) -> SimulationTruth:
+        """A new trial."""
+        return self.bus.call(RESET, ResetCell(seed=seed, **overrides), 30.0)  # type: ignore[arg-type]
+
+    def assemble(self) -> AssemblyResult:
+        """One assembly."""
+        self.phases.clear()
+        return self.bus.call(ASSEMBLE, Assemble(assembly_id="test"), 120.0)
+
+    def close(self) -> None:
+        """End everything."""
+        for shell in self._shells:
+            shell.close()
+        for context in self.contexts:
+            context.bus.close()

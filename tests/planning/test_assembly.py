@@ -1,0 +1,139 @@
+"""The assembly from end to end in memory: real cell, real estimator, real force/torque service, played vision."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+from crosspih_common.keys import ABORT
+from crosspih_common.messages import AbortAssembly, AssemblyPhase, AssemblyResult, Failure, Phase
+from services.operator.scoring import insertion_depth_m, pose_error
+from tests.planning.cell_in_memory import CellInMemory
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One calibration file for all tests: the first assembly makes it."""
+    return tmp_path_factory.mktemp("cell")
+
+
+@pytest.fixture(scope="module")
+def shared(folder: Path) -> Iterator[CellInMemory]:
+    cell = CellInMemory(folder)
+    yield cell
+    cell.close()
+
+
+@pytest.fixture
+def cell(shared: CellInMemory) -> CellInMemory:
+    shared.vision_scale = 1.0
+    shared.on_phase = lambda phase: None
+    return shared
+
+
+def assert_backed_off(cell: CellInMemory, result: AssemblyResult) -> None:
+    assert result.backed_off
+    truth = cell.truth()
+    tip = truth.pose_base_peg.pose().apply([0.0, 0.0, cell.cell.workcell.peg.shape().tip_m])
+    assert truth.pose_base_hole.pose().inverse().apply(tip)[2] < -0.02
+    assert np.linalg.norm(truth.wrench_contact) == 0.0
+
+
+def test_the_first_assembly_calibrates_and_inserts(cell: CellInMemory) -> None:
+    cell.reset(1)
+    result = cell.assemble()
+    assert result.inserted and result.failure is None
+    assert Phase.CALIBRATING in {phase.phase for phase in cell.phases}
+    truth = cell.truth()
+    assert result.pose_base_hole is not None
+    error = pose_error(result.pose_base_hole.pose(), truth.pose_base_hole.pose())
+    assert error.lateral_mm < 0.15 and error.rotation_deg < 0.6
+    depth = insertion_depth_m(cell.cell.workcell, truth.pose_base_peg.pose(), truth.pose_base_hole.pose())
+    assert depth > cell.cell.workcell.insertion_depth_m
+    assert result.peak_force_n < 60.0 and result.peak_moment_nm < 6.0
+
+
+def test_the_second_assembly_does_not_calibrate_again(cell: CellInMemory) -> None:
+    cell.reset(2)
+    result = cell.assemble()
+    assert result.inserted
+    assert Phase.CALIBRATING not in {phase.phase for phase in cell.phases}
+
+
+def test_poor_vision_is_mended_by_touching(cell: CellInMemory) -> None:
+    """Twenty times the default error: more than a yielding push can swallow."""
+    cell.vision_scale = 20.0
+    touches = 0
+    for seed in (3, 4, 5):
+        cell.reset(seed)
+        result = cell.assemble()
+        touches += result.touches
+        assert result.inserted or result.backed_off
+        if result.inserted:
+            assert result.pose_base_hole is not None
+            error = pose_error(result.pose_base_hole.pose(), cell.truth().pose_base_hole.pose())
+            assert error.lateral_mm < 0.25 and error.rotation_deg < 1.2
+    assert touches > 0
+
+
+def test_vision_that_refuses_ends_with_a_name(cell: CellInMemory) -> None:
+    cell.reset(6)
+    cell.vision_scale = None
+    result = cell.assemble()
+    assert result.failure is Failure.NOT_SEEN
+    assert "no_cross" in result.failure_detail
+    assert_backed_off(cell, result)
+
+
+def test_abort_ends_with_the_peg_backed_off(cell: CellInMemory) -> None:
+    cell.reset(7)
+
+    def end_it(phase: AssemblyPhase) -> None:
+        if phase.phase is Phase.SEATED:
+            cell.bus.call(ABORT, AbortAssembly(), 5.0)
+
+    cell.on_phase = end_it
+    result = cell.assemble()
+    assert result.failure is Failure.ABORTED
+    assert_backed_off(cell, result)
+
+
+def test_a_hole_out_of_reach_ends_with_a_name(cell: CellInMemory) -> None:
+    cell.reset(8, offset_hole=(0.0, 0.0, 0.4, 0.0, 0.0, 0.0))
+    result = cell.assemble()
+    assert result.failure is Failure.UNREACHABLE
+    assert_backed_off(cell, result)
+
+
+def test_a_lost_service_ends_with_a_name(folder: Path) -> None:
+    cell = CellInMemory(folder, with_inference=False)
+    try:
+        cell.reset(9)
+        result = cell.assemble()
+        assert result.failure is Failure.SERVICE_LOST
+        assert "inference" in result.failure_detail
+        assert_backed_off(cell, result)
+    finally:
+        cell.close()
+
+
+WALL_TIMES = {"stamp_ns", "seq", "thinking_s"}
+
+
+def test_the_same_seed_gives_the_same_trial_to_the_last_bit(folder: Path, cell: CellInMemory) -> None:
+    cell.reset(10)
+    first = cell.assemble()
+    again = CellInMemory(folder)
+    try:
+        again.reset(10)
+        second = again.assemble()
+        assert first.model_dump_json(exclude=WALL_TIMES) == second.model_dump_json(exclude=WALL_TIMES)
+        assert first.inserted
+        third_truth = again.reset(10)
+        assert third_truth.pose_base_hole == cell.truth().pose_base_hole
+    finally:
+        again.close()
