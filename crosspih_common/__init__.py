@@ -1,1 +1,1 @@
-"""What every crosspih service shares: geometry, shapes, the arm, the message contract, the bus, the service lifecycle."""
+"""What every crosspih service shares: geometry, shapes, the arm, the messages, the bus, the service lifecycle."""

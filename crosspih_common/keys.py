@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Generic, TypeVar, Union
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from crosspih_common.messages import (
     AbortAccepted,
@@ -64,7 +64,7 @@ from crosspih_common.messages import (
 
 ROOT = "crosspih"
 
-Payload = Union[Message, Image]
+Payload: TypeAlias = Message | Image
 PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -104,14 +105,28 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+@dataclass(frozen=True)
+class Router:
+    """A router as a process of its own, on a free loopback port."""
+
+    process: ServiceProcess
+    endpoint: str
+
+
 @pytest.fixture
-def endpoint(spawn: Callable[..., ServiceProcess]) -> str:
-    """The endpoint of a router that runs as a process of its own, on a free loopback port, and listens."""
-    router: ServiceProcess | None = None
+def router(spawn: Callable[..., ServiceProcess]) -> Router:
+    """A router that listens."""
+    process: ServiceProcess | None = None
     for _ in range(3):
         where = f"tcp/127.0.0.1:{_free_port()}"
-        router = spawn("router", "--endpoint", where)
-        if router.wait_for_line("listening on"):
-            return where
-    assert router is not None
-    pytest.fail(f"no router: {''.join(router.output)}")
+        process = spawn("router", "--endpoint", where)
+        if process.wait_for_line("listening on"):
+            return Router(process, where)
+    assert process is not None
+    pytest.fail(f"no router: {''.join(process.output)}")
+
+
+@pytest.fixture
+def endpoint(router: Router) -> str:
+    """The endpoint of a router that listens."""
+    return router.endpoint

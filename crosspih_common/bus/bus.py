@@ -60,7 +60,7 @@ class Publisher(Generic[PayloadT]):
 
 
 class Latest(Generic[PayloadT]):
-    """The newest samples of a topic, at most `depth`; older ones fall out and are counted as dropped only when unread."""
+    """The newest samples of a topic, at most `depth`; older ones fall out."""
 
     def __init__(self, depth: int) -> None:
         self._ring: deque[PayloadT] = deque(maxlen=depth)

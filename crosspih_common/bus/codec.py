@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -19,7 +18,6 @@ PayloadT = TypeVar("PayloadT", bound="Payload")
 ERROR_LABEL = "crosspih.Refusal/1"
 
 
-@lru_cache(maxsize=256)
 def label_of(kind: type[Any]) -> str:
     """What travels beside the payload: type name, slash, version."""
     if issubclass(kind, Image):
@@ -58,7 +56,7 @@ def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> Payloa
     try:
         if issubclass(kind, Image):
             return _decode_image(payload, seq)  # type: ignore[return-value]
-        return kind.model_validate_json(payload)  # type: ignore[attr-defined,no-any-return]
+        return kind.model_validate_json(payload)
     except ValidationError as error:
         problems = "; ".join(
             f"{'.'.join(str(part) for part in problem['loc']) or 'payload'}: {problem['msg']}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import Field
+
 from crosspih_common.messages.base import Message
 
 
@@ -23,4 +25,4 @@ class RecordingStatus(Message):
     messages: int = 0
     channels: int = 0
     bytes_written: int = 0
-    dropped: dict[str, int] = {}
+    dropped: dict[str, int] = Field(default_factory=dict)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection
 
 from crosspih_common.geometry.pose import Array
@@ -30,17 +31,16 @@ class ConvexPiece:
 
     def interior_point_m(self) -> Array:
         """The centre (3,) of the largest ball inside (Chebyshev centre), m; ValueError when the piece is empty."""
-        from scipy.optimize import linprog
-
         result = linprog(
             [0.0, 0.0, 0.0, -1.0],
             A_ub=np.column_stack([self.normals, np.ones(len(self.normals))]),
             b_ub=self.offsets_m,
             bounds=[(None, None)] * 3 + [(0.0, None)],
         )
-        if not result.success or result.x[3] <= 0.0:
+        found = result.x
+        if found is None or found[3] <= 0.0:
             raise ValueError("the half-spaces of this convex piece do not enclose a volume")
-        return np.asarray(result.x[:3], dtype=float)
+        return np.asarray(found[:3], dtype=float)
 
     def vertices_m(self) -> Array:
         """The corners (k, 3), m, sorted so that the same piece always lists them in the same order."""

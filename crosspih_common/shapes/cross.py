@@ -165,7 +165,7 @@ class CrossHole:
                         ((0, sy, 0), size),
                         *slab,
                     ]
-                )  # fmt: skip
+                )
             )
         for axis, sign in ((0, 1), (1, 1), (0, -1), (1, -1)):
             along = [0.0, 0.0, 0.0]
@@ -184,6 +184,6 @@ class CrossHole:
                         ((-bx, -by, 0), w + c),
                         *slab,
                     ]
-                )  # fmt: skip
+                )
             )
         return blocks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,8 +30,8 @@ class Pipeline:
     low_pass: LowPass
     onset_settings: OnsetSettings
     free_settings: FreeAirSettings
-    onset: OnsetState = OnsetState()
-    free: FreeAirState = FreeAirState()
+    onset: OnsetState = field(default_factory=OnsetState)
+    free: FreeAirState = field(default_factory=FreeAirState)
 
     def with_tool(self, tool: ToolParameters) -> Pipeline:
         """After a calibration: new parameters, and what was remembered of free air forgotten."""
@@ -61,7 +61,7 @@ def step(
     stamps = stamp_ns + period_ns * np.arange(len(contact))
     low_pass, filtered = pipeline.low_pass.filtered(contact)
     if accelerating:
-        onset, events = pipeline.onset, []
+        onset, events = pipeline.onset, list[ContactEvent]()
     else:
         onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered)
     # an accelerating arm counts like a contact here: the samples just after it are left out too

@@ -113,4 +113,3 @@ class HardwareShell:
         """Stop all motion and let go of the devices."""
         self._cell.arm.stop()
         self._cell.close()
-

@@ -101,7 +101,9 @@ def calibrate_ft(
         raise typer.Exit(1) from None
     fx, fy, fz, mx, my, mz = found.bias
     x, y, z = (value * 1e3 for value in found.centroid_m)
-    console.print(f"bias      ({fx:+.4f}, {fy:+.4f}, {fz:+.4f}) N  ({mx:+.4f}, {my:+.4f}, {mz:+.4f}) Nm", highlight=False)
+    console.print(
+        f"bias      ({fx:+.4f}, {fy:+.4f}, {fz:+.4f}) N  ({mx:+.4f}, {my:+.4f}, {mz:+.4f}) Nm", highlight=False
+    )
     console.print(f"weight    {found.weight_n:.4f} N", highlight=False)
     console.print(f"centroid  ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm ahead of the sensor", highlight=False)
     console.print(

@@ -63,7 +63,8 @@ def assembly(
                     done.append(figures)
                     if not figures.inserted:
                         progress.console.print(
-                            f"[red]seed {figures.seed}: {figures.failure}[/red] {figures.failure_detail}", highlight=False
+                            f"[red]seed {figures.seed}: {figures.failure}[/red] {figures.failure_detail}",
+                            highlight=False,
                         )
                     inserted = sum(trial.inserted for trial in done)
                     progress.update(task, advance=1, description=f"{strategy.value}: {inserted} in")

@@ -19,7 +19,13 @@ def keys() -> None:
             continue
         rate = "" if topic.rate_hz is None else f"{topic.rate_hz:g}"
         table.add_row(
-            topic.path, topic.type.__name__, topic.kind.value, topic.publisher, ", ".join(topic.readers), rate, topic.doc
+            topic.path,
+            topic.type.__name__,
+            topic.kind.value,
+            topic.publisher,
+            ", ".join(topic.readers),
+            rate,
+            topic.doc,
         )
     for command in commands():
         table.add_row(

@@ -99,7 +99,10 @@ def summary(figures: TrialFigures) -> Table:
             f"(depth {figures.vision_depth_mm:+.2f} mm)",
         )
     if figures.final_error_mm is not None:
-        row("found pose T2 against the truth", f"{figures.final_error_mm:.3f} mm lateral, {figures.final_error_deg:.2f}°")
+        row(
+            "found pose T2 against the truth",
+            f"{figures.final_error_mm:.3f} mm lateral, {figures.final_error_deg:.2f}°",
+        )
     if figures.recording:
         row("recording", figures.recording)
     if figures.report:

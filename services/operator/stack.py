@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import uuid
 from collections.abc import Iterator
@@ -47,8 +48,6 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
             session.wait_for_services(START_DEADLINE_S, needed)
             yield session, True
     finally:
-        try:
+        # when the stack is gone already nothing is left to stop
+        with contextlib.suppress(CrosspihError):
             stop_stack(project)
-        except CrosspihError:
-            # the stack is gone already: nothing is left to stop
-            pass

@@ -62,7 +62,9 @@ def _ready(session: Session) -> None:
     )
 
 
-def collect_one(session: Session, seed: int, angle_rad: float, lateral_m: float, threshold_n: float) -> dict[str, Array]:
+def collect_one(
+    session: Session, seed: int, angle_rad: float, lateral_m: float, threshold_n: float
+) -> dict[str, Array]:
     """One contact: a drawn error, a guarded push along the peg's own axis, the compensated wrench.
 
     Raises CommandRefused when the cell cannot make it; ValueError when nothing was felt.

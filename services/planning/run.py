@@ -305,7 +305,7 @@ class Run:
         self.slide_to(pose_base_peg_start, self.config.press_speed_m_s)
 
     def _felt(self, command: GuardedMove, free_at: Pose | None) -> Touch | None:
-        """Do a guarded move and keep what it felt; `free_at` is where its first samples were in free air, if they were."""
+        """Do a guarded move and keep what it felt; `free_at` is where it began in free air, None when it did not."""
         outcome = self.ports.ask(GUARDED_MOVE, command)
         self._account(outcome)
         if outcome.wrench_observed_raw is None or outcome.pose_base_peg_observed is None:

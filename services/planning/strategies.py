@@ -91,7 +91,15 @@ def fused(run: Run) -> PosePrior:
         if run.push(belief.pose_base_hole.pose()):
             return belief
         run.slide_to(run.before_hole(belief.pose_base_hole.pose(), run.config.standoff_m))
-        plan = run.ports.ask(NEXT_TOUCH, NextTouch(belief=belief, touches_made=len(run.touches), failed_pushes=attempt + 1))
+        plan = run.ports.ask(
+            NEXT_TOUCH,
+            NextTouch(
+                belief=belief,
+                touches_made=len(run.touches),
+                failed_pushes=attempt + 1,
+                last_touch_used=explained,
+            ),
+        )
         touch = run.touch(
             plan.pose_base_peg_start.pose(),
             np.asarray(plan.direction_base),

@@ -32,7 +32,8 @@ def main() -> int:
     except zenoh.ZError as error:
         reason = str(error).splitlines()[0][:200]
         print(
-            f"router: cannot listen on {endpoint}; is another stack up? (`crosspih ps`, or set CROSSPIH_ENDPOINT): {reason}",
+            f"router: cannot listen on {endpoint}; is another stack up? (`crosspih ps`, or set "
+            f"CROSSPIH_ENDPOINT): {reason}",
             file=sys.stderr,
             flush=True,
         )

@@ -30,8 +30,8 @@ from services.vision.stereo import StereoModel
 
 # bounds of the refusals; the figures they are compared with stand in the diagnostics of every pose
 DV_MOST_PX = 0.12
-DU_MOST_PX = 0.8
-DRAWING_MOST_M = 0.45e-3
+DU_MOST_PX = 0.3
+DRAWING_MOST_M = 0.12e-3
 SUPPORT_LEAST = 0.75
 EDGES_LEAST = 18
 STEP_LEAST_GREY = 12.0

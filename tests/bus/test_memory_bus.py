@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Iterator
 
@@ -10,7 +11,7 @@ import pytest
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.bus import NOW_LANE
 from crosspih_common.bus.codec import label_with_seq
-from crosspih_common.errors import CommandRefused, CommandTimeout, NoService
+from crosspih_common.errors import CommandRefused, CommandTimeout, CrosspihError, NoService
 from crosspih_common.keys import CLOCK, DWELL, EVENTS, JOINT_STATE, STOP
 from crosspih_common.messages import (
     CellClock,
@@ -157,6 +158,11 @@ def test_nobody_there_and_too_slow_are_told_apart(hardware: Bus, planning: Bus) 
     gate.set()
 
 
+def _ask_and_ignore(bus: Bus) -> None:
+    with contextlib.suppress(CrosspihError):
+        bus.call(DWELL, Dwell(duration_s=1), 5.0)
+
+
 def test_a_busy_arm_refuses_but_stop_passes(hub: MemoryHub, hardware: Bus, planning: Bus) -> None:
     gate, moving = threading.Event(), threading.Event()
 
@@ -168,7 +174,8 @@ def test_a_busy_arm_refuses_but_stop_passes(hub: MemoryHub, hardware: Bus, plann
     hardware.serve(DWELL, move, lane="arm", refuse_when_busy=True)  # type: ignore[arg-type]
     hardware.serve(STOP, lambda request: StopAccepted(was_moving=True), lane=NOW_LANE)
     with Bus(hub.transport(), "c", "operator") as other:
-        first = threading.Thread(target=lambda: pytest.raises(Exception, planning.call, DWELL, Dwell(duration_s=1), 5.0))
+        # the reply is not of DWELL's type: that is the asker's to see, and not what is tested here
+        first = threading.Thread(target=lambda: _ask_and_ignore(planning))
         first.start()
         assert moving.wait(5.0)
         assert hardware.busy

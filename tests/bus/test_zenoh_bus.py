@@ -21,6 +21,7 @@ from crosspih_common.messages import (
     StopAccepted,
     StopMotion,
 )
+from tests.conftest import Router, ServiceProcess
 
 ZEROS = (0.0,) * 6
 DEADLINE_S = 10.0
@@ -143,7 +144,13 @@ def test_a_server_killed_while_it_thinks_ends_the_wait(pair: tuple[Bus, Bus], en
     with subprocess.Popen([sys.executable, "-c", SERVER, endpoint], stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         wait_until(lambda: "vision" in alive, "the server lives")
-        killer = threading.Thread(target=lambda: (server.stdout.readline(), server.kill()))  # type: ignore[union-attr]
+        asked = server.stdout
+
+        def kill_when_asked() -> None:
+            asked.readline()
+            server.kill()
+
+        killer = threading.Thread(target=kill_when_asked)
         killer.start()
         until = time.monotonic() + DEADLINE_S
         while True:
@@ -159,14 +166,13 @@ def test_a_server_killed_while_it_thinks_ends_the_wait(pair: tuple[Bus, Bus], en
 
 
 def test_everyone_comes_back_after_the_router_died(
-    spawn: Callable[..., object], endpoint: str, pair: tuple[Bus, Bus]
+    spawn: Callable[..., ServiceProcess], router: Router, pair: tuple[Bus, Bus]
 ) -> None:
     hardware, planning = pair
     hardware.serve(STOP, lambda request: StopAccepted(was_moving=True))
     assert ask_until_there(planning).was_moving
-    router = spawn.__closure__[0].cell_contents[0]  # type: ignore[attr-defined]
-    router.kill()
-    spawn("router", "--endpoint", endpoint)
+    router.process.kill()
+    spawn("router", "--endpoint", router.endpoint)
     until = time.monotonic() + 30.0
     while True:
         try:

@@ -67,6 +67,10 @@ def test_error_angles_round_trip(angles: np.ndarray) -> None:
 
 def test_paper_t1_is_the_product_of_its_parts() -> None:
     """Eqs. 6 to 9: the position of T1 from the camera's pose and the hole in the left camera."""
-    pose_base_camera = Pose.from_matrix([[0, 0, 1, 0.1310], [-1, 0, 0, -0.2406], [0, -1, 0, 0.2225], [0, 0, 0, 1]])
-    pose_camera_hole = Pose.from_matrix([[0, 1, 0, 0.0507], [-1, 0, 0, 0.0085], [0, 0, 1, 0.3002], [0, 0, 0, 1]])
+    pose_base_camera = Pose.from_matrix(
+        np.array([[0, 0, 1, 0.1310], [-1, 0, 0, -0.2406], [0, -1, 0, 0.2225], [0, 0, 0, 1]])
+    )
+    pose_camera_hole = Pose.from_matrix(
+        np.array([[0, 1, 0, 0.0507], [-1, 0, 0, 0.0085], [0, 0, 1, 0.3002], [0, 0, 0, 1]])
+    )
     assert np.allclose((pose_base_camera @ pose_camera_hole).translation_m, [0.4312, -0.2913, 0.2140], atol=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -93,7 +95,7 @@ def test_keys_are_distinct_and_below_the_cell() -> None:
     assert all(key.startswith("crosspih/a/") for key in keys)
 
 
-def _services(topic: Topic) -> set[str]:
+def _services(topic: Topic[Any]) -> set[str]:
     return {topic.publisher, *topic.readers} - {"{service}"}
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import ConvexPiece, CrossHole, CrossPeg
 
 PEG = CrossPeg()
 HOLE = CrossHole.around(PEG, 1e-4)
 
 
-def _inside(pieces: list, points: np.ndarray) -> np.ndarray:
-    return np.any([piece.contains(points, -1e-12) for piece in pieces], axis=0)
+def _inside(pieces: list[ConvexPiece], points: Array) -> Array:
+    return np.asarray(np.any([piece.contains(points, -1e-12) for piece in pieces], axis=0))
 
 
 def test_the_default_peg_is_the_one_the_paper_used() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from crosspih_common.messages import (
     SimulationTruth,
     floats,
 )
-from crosspih_common.service.lifecycle import ServiceContext
+from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
 from services.hardware.config import HardwareConfig
@@ -50,11 +51,9 @@ class CellInMemory:
         self.phases: list[AssemblyPhase] = []
         self.on_phase: Callable[[AssemblyPhase], None] = lambda phase: None
         hardware = self.context("hardware")
-        self._shells = [
+        self._shells: list[Closeable] = [
             HardwareShell(open_cell(self.cell.workcell, HardwareConfig(), False), hardware, False),
-            ForceTorqueShell(
-                self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))
-            ),
+            ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))),
             PlanningShell(self.context("planning"), PlanningConfig(service_patience_s=0.5)),
         ]
         if with_inference:
@@ -98,9 +97,9 @@ class CellInMemory:
         assert truth is not None
         return truth
 
-    def reset(self, seed: int, **overrides: object) -> SimulationTruth:
+    def reset(self, seed: int, **overrides: Any) -> SimulationTruth:
         """A new trial."""
-        return self.bus.call(RESET, ResetCell(seed=seed, **overrides), 30.0)  # type: ignore[arg-type]
+        return self.bus.call(RESET, ResetCell(seed=seed, **overrides), 30.0)
 
     def assemble(self) -> AssemblyResult:
         """One assembly."""

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-
 from crosspih_common.keys import ABORT
 from crosspih_common.messages import AbortAssembly, AssemblyPhase, AssemblyResult, Failure, Phase
 from services.operator.scoring import insertion_depth_m, pose_error
