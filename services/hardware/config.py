@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -54,5 +54,8 @@ class SimulatedConfig(Section):
 class HardwareConfig(Section):
     """The `hardware` section of a cell's file."""
 
-    driver: Literal["simulated"] = "simulated"
+    driver: str = Field(
+        default="simulated", description='a name of services/hardware/drivers.py, or your own "package.module:function"'
+    )
+    options: dict[str, Any] = Field(default_factory=dict, description="for your own driver, as it likes")
     simulated: SimulatedConfig = SimulatedConfig()

@@ -14,10 +14,20 @@ DRIVERS = {"simulated": "services.hardware.simulation.cell:open_cell"}
 
 
 def open_cell(workcell: Workcell, config: HardwareConfig, realtime: bool) -> Cell:
-    """Open the cell's devices. Raises ConfigError on an unknown driver."""
-    target = DRIVERS.get(config.driver)
-    if target is None:
-        raise ConfigError(f"hardware.driver: no driver {config.driver!r}; want one of {', '.join(sorted(DRIVERS))}")
-    module, function = target.split(":")
-    cell: Cell = getattr(import_module(module), function)(workcell, config, realtime)
+    """Open the cell's devices by the driver that the configuration names, one of `DRIVERS` or any "module:function".
+
+    Raises ConfigError naming what cannot be found.
+    """
+    target = DRIVERS.get(config.driver, config.driver)
+    module_name, separator, function_name = target.partition(":")
+    if not separator:
+        names = ", ".join(sorted(DRIVERS))
+        raise ConfigError(f'hardware.driver: no driver {config.driver!r}; want {names}, or your own "module:function"')
+    try:
+        function = getattr(import_module(module_name), function_name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"hardware.driver: {target} cannot be loaded ({error}); is it installed beside crosspih?"
+        ) from None
+    cell: Cell = function(workcell, config, realtime)
     return cell

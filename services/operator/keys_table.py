@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
 from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.keys import ROOT, commands, topics
 
+HEADINGS = ("key", "message", "kind", "sent by", "read by", "Hz", "what")
 
-def keys() -> None:
-    """Print every key: what travels, who sends it, who may read it."""
-    table = Table(title=f"{ROOT}/<cell>/…", title_justify="left")
-    for name in ("key", "message", "kind", "sent by", "read by", "Hz", "what"):
-        table.add_column(name, no_wrap=name == "key")
+
+def rows() -> list[tuple[str, ...]]:
+    """One row a key, in `HEADINGS` order; the echoes of commands are left out."""
     echoes = {f"{command.path}/{end}" for command in commands() for end in ("request", "reply")}
-    for topic in topics():
-        if topic.path in echoes:
-            continue
-        rate = "" if topic.rate_hz is None else f"{topic.rate_hz:g}"
-        table.add_row(
+    table = [
+        (
             topic.path,
             topic.type.__name__,
             topic.kind.value,
             topic.publisher,
             ", ".join(topic.readers),
-            rate,
+            "" if topic.rate_hz is None else f"{topic.rate_hz:g}",
             topic.doc,
         )
-    for command in commands():
-        table.add_row(
+        for topic in topics()
+        if topic.path not in echoes
+    ]
+    table += [
+        (
             command.path,
             f"{command.request.__name__} -> {command.reply.__name__}",
             "command",
@@ -37,4 +39,37 @@ def keys() -> None:
             "",
             command.doc,
         )
+        for command in commands()
+    ]
+    return table
+
+
+def markdown() -> str:
+    """The table as a page of the documentation."""
+    lines = [
+        "# Keys",
+        "",
+        f"Every key below `{ROOT}/<cell>/`. Made by `crosspih keys --markdown` from `crosspih_common/keys.py`; a test",
+        "holds it to that table. A command is a query on its key; its server repeats what it was asked on",
+        "`<key>/request` and what it answered on `<key>/reply`. Beside each payload travels `type/version seq`.",
+        "",
+        "| " + " | ".join(HEADINGS) + " |",
+        "|" + "---|" * len(HEADINGS),
+    ]
+    lines += ["| " + " | ".join([f"`{row[0]}`", f"`{row[1]}`", *row[2:]]) + " |" for row in rows()]
+    return "\n".join(lines) + "\n"
+
+
+def keys(
+    as_markdown: Annotated[bool, typer.Option("--markdown", help="As docs/keys.md has it.")] = False,
+) -> None:
+    """Print every key: what travels, who sends it, who may read it."""
+    if as_markdown:
+        print(markdown(), end="")
+        return
+    table = Table(title=f"{ROOT}/<cell>/…", title_justify="left")
+    for name in HEADINGS:
+        table.add_column(name, no_wrap=name == "key")
+    for row in rows():
+        table.add_row(*row)
     Console().print(table)
