@@ -27,12 +27,7 @@ def _run(
 ) -> tuple[TrialFigures, AssemblyResult]:
     story = Story(console)
     session.follow_events(story.phase, story.touch, story.event)
-    try:
-        return session.trial(seed, strategy, record, on_begin=story.begin)
-    except KeyboardInterrupt:
-        console.print("[red]interrupted: taking the peg out[/red]")
-        session.abort()
-        raise
+    return session.trial(seed, strategy, record, on_begin=story.begin)
 
 
 def assemble(
@@ -62,6 +57,7 @@ def assemble(
         console.print(f"[red]{error}[/red]", highlight=False)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
+        console.print("[red]interrupted: the peg was taken out[/red]")
         raise typer.Exit(130) from None
     if figures.recording is not None:
         page = Path(figures.recording).with_suffix(".html")

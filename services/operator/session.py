@@ -31,6 +31,7 @@ from crosspih_common.messages import (
     CalibrateFt,
     Event,
     FtCalibration,
+    Phase,
     ResetCell,
     SimulationTruth,
     StartRecording,
@@ -44,6 +45,7 @@ from services.operator.scoring import TrialFigures, score
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
 ASSEMBLY_DEADLINE_S = 900.0
 RECORDER_DEADLINE_S = 15.0
+BACK_OFF_DEADLINE_S = 30.0
 
 
 def cell_path() -> str:
@@ -67,6 +69,7 @@ class Session:
         self.bus.watch_alive(self._on_alive)
         self._truth = self.bus.latest(TRUTH)
         self._clock = self.bus.latest(CLOCK)
+        self._phase = self.bus.latest(PHASE)
 
     def __enter__(self) -> Session:
         return self
@@ -152,6 +155,14 @@ class Session:
         started = time.monotonic()
         try:
             result = self.bus.call(ASSEMBLE, Assemble(strategy=strategy, assembly_id=name), ASSEMBLY_DEADLINE_S)
+        except KeyboardInterrupt:
+            # the planner takes the peg out; the stack must live until it has
+            began_ns = self.bus.clock.now_ns()
+            self.abort()
+            self._phase.wait_for(
+                lambda phase: phase.phase is Phase.DONE and phase.stamp_ns >= began_ns, BACK_OFF_DEADLINE_S
+            )
+            raise
         finally:
             wall_s = time.monotonic() - started
             if record:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -104,10 +106,18 @@ def summary(figures: TrialFigures) -> Table:
             f"{figures.final_error_mm:.3f} mm lateral, {figures.final_error_deg:.2f}°",
         )
     if figures.recording:
-        row("recording", figures.recording)
+        row("recording", _near(figures.recording))
     if figures.report:
-        row("report", figures.report)
+        row("report", _near(figures.report))
     return table
+
+
+def _near(path: str) -> str:
+    """A path as short as it can be said from here."""
+    try:
+        return str(Path(path).relative_to(Path.cwd()))
+    except ValueError:
+        return path
 
 
 def pose_lines(title: str, matrix: list[list[float]]) -> str:
