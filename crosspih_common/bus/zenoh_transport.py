@@ -24,6 +24,9 @@ from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, No
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
 LEASE_MS = 5000
+# Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
+# 50 ms on a busy machine lost samples.
+QUEUE_BATCHES = 16
 
 _open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
 
@@ -37,6 +40,7 @@ def router_config(endpoint: str) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
@@ -53,6 +57,7 @@ def client_config(endpoint: str, connect_timeout_s: float) -> zenoh.Config:
         "connect/exit_on_failure": True,
         "scouting/multicast/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))

@@ -16,7 +16,7 @@ HEADINGS = ("key", "message", "kind", "sent by", "read by", "Hz", "what")
 def rows() -> list[tuple[str, ...]]:
     """One row a key, in `HEADINGS` order; the echoes of commands are left out."""
     echoes = {f"{command.path}/{end}" for command in commands() for end in ("request", "reply")}
-    table = [
+    table: list[tuple[str, ...]] = [
         (
             topic.path,
             topic.type.__name__,
