@@ -9,7 +9,7 @@ import torch
 from crosspih_common.geometry import Pose, rotation_to_error_angles
 from crosspih_common.shapes import CrossHole, CrossPeg
 from services.inference.network.dataset import ContactDataset
-from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
+from services.inference.network.estimator import SHIPPED_WEIGHTS, NetworkEstimator, NetworkUnavailable
 from services.inference.network.model import AngleNetwork, train
 from services.inference.network.synthesis import single_contact_dataset
 from services.inference.network.traingdx import TrainGdx
@@ -83,3 +83,10 @@ def test_synthetic_contacts_are_named_as_the_paper_names_them() -> None:
     assert {str(state)[:2] for state in dataset.state} == {"1-"}
     same = single_contact_dataset(peg, CrossHole.around(peg, 1e-4), 200, np.random.default_rng(2))
     assert same.sha256() == dataset.sha256()
+
+
+def test_shipped_weights_name_the_command_and_seed_that_made_them() -> None:
+    record = AngleNetwork.load(SHIPPED_WEIGHTS).record
+    assert record.command.startswith("crosspih train --samples 1000 --seed 1")
+    assert record.seed == 1 and record.samples == 1000
+    assert len(record.dataset_sha256) == 64
