@@ -30,8 +30,8 @@ PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 
-# how many samples a publisher keeps for late and unlucky readers
-HISTORY = {Kind.STATE: 1, Kind.EVENT: 64, Kind.STREAM: 0}
+# how many samples a publisher keeps for unlucky readers; a late one is given the newest alone
+HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import threading
 
+# A stamp further ahead of the newest tick is no news of this cell: it was given before the cell was started again.
+AHEAD_NS = 1_000_000_000
+
 
 class BusClock:
     """Cell time, ns. It moves only by what comes over the bus; the wall clock has no part in it."""
@@ -11,6 +14,7 @@ class BusClock:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._now_ns = 0
+        self._tick_ns = 0
         self._boot_id = ""
 
     def now_ns(self) -> int:
@@ -18,10 +22,17 @@ class BusClock:
         return self._now_ns
 
     def observe(self, stamp_ns: int, boot_id: str | None = None) -> None:
-        """Learn a stamp. A new boot id starts the clock anew: the cell was started again."""
+        """Learn a stamp; with `boot_id`, a tick of the clock itself. A new boot id starts the clock anew.
+
+        Between ticks any message's stamp moves the clock, but not one that is far ahead of the newest tick: what a
+        service said before the cell was started again is still told to those who come late.
+        """
         with self._lock:
-            if boot_id is not None and boot_id != self._boot_id:
-                self._boot_id = boot_id
-                self._now_ns = stamp_ns
-            elif stamp_ns > self._now_ns:
-                self._now_ns = stamp_ns
+            if boot_id is not None:
+                if boot_id != self._boot_id:
+                    self._boot_id = boot_id
+                    self._now_ns = self._tick_ns = stamp_ns
+                self._tick_ns = max(self._tick_ns, stamp_ns)
+            elif self._boot_id and stamp_ns > self._tick_ns + AHEAD_NS:
+                return
+            self._now_ns = max(self._now_ns, stamp_ns)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Callable
+from typing import TypeVar
 
 from crosspih_common.bus.bus import NOW_LANE
 from crosspih_common.keys import (
@@ -28,6 +30,7 @@ from crosspih_common.messages import (
     CellClock,
     Frame,
     Image,
+    Message,
     PayloadAccepted,
     ResetCell,
     SetPayload,
@@ -38,6 +41,9 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service import ServiceContext
 from services.hardware.protocols import Cell, Simulation
+
+RequestT = TypeVar("RequestT", bound=Message)
+ReplyT = TypeVar("ReplyT", bound=Message)
 
 ARM_LANE = "arm"  # one motion at a time: a second one is refused, never queued
 
@@ -62,11 +68,11 @@ class HardwareShell:
         cell.clock.on_tick(self._tick)
         self._tick(cell.clock.now_ns())
         self._calibration.publish(cell.camera.calibration())
-        bus.serve(FOLLOW, arm.follow, lane=ARM_LANE, refuse_when_busy=True)
-        bus.serve(MOVE_LINEAR, arm.move_linear, lane=ARM_LANE, refuse_when_busy=True)
-        bus.serve(GUARDED_MOVE, arm.guarded_move, lane=ARM_LANE, refuse_when_busy=True)
-        bus.serve(ADMITTANCE_MOVE, arm.admittance_move, lane=ARM_LANE, refuse_when_busy=True)
-        bus.serve(DWELL, arm.dwell, lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(FOLLOW, self._ticked(arm.follow), lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(MOVE_LINEAR, self._ticked(arm.move_linear), lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(GUARDED_MOVE, self._ticked(arm.guarded_move), lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(ADMITTANCE_MOVE, self._ticked(arm.admittance_move), lane=ARM_LANE, refuse_when_busy=True)
+        bus.serve(DWELL, self._ticked(arm.dwell), lane=ARM_LANE, refuse_when_busy=True)
         bus.serve(CAPTURE, self._capture, lane=ARM_LANE)
         bus.serve(SET_PAYLOAD, self._set_payload, lane=ARM_LANE)
         bus.serve(STOP, self._stop, lane=NOW_LANE)
@@ -75,10 +81,20 @@ class HardwareShell:
             bus.serve(RESET, lambda command: self._reset(simulation, command), lane=ARM_LANE)
 
     def _tick(self, now_ns: int) -> None:
-        self._bus.clock.observe(now_ns)
+        self._bus.clock.observe(now_ns, self._boot_id)
         self._clock.publish(CellClock(stamp_ns=now_ns, boot_id=self._boot_id, realtime=self._realtime))
         if self._truth is not None and self._cell.simulation is not None:
             self._truth.publish(self._cell.simulation.truth())
+
+    def _ticked(self, move: Callable[[RequestT], ReplyT]) -> Callable[[RequestT], ReplyT]:
+        """A motion that ends with a tick: what is true at the instant of its outcome can be heard, not only guessed."""
+
+        def moved(command: RequestT) -> ReplyT:
+            outcome = move(command)
+            self._tick(self._cell.clock.now_ns())
+            return outcome
+
+        return moved
 
     def _capture(self, command: CaptureStereo) -> StereoPair:
         stamp_ns, exposure_s, left, right = self._cell.camera.capture()

@@ -32,6 +32,7 @@ from services.inference.estimator import (
     TouchVerdict,
     estimate_pose,
     final_estimate,
+    pressed_estimate,
 )
 from services.inference.mechanics import PairTables
 from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
@@ -82,6 +83,8 @@ class InferenceShell:
     def _estimate(self, request: EstimatePose) -> PoseErrorEstimate:
         started = time.perf_counter()
         observations = [self._observation(touch) for touch in request.touches]
+        if all(touch.seated for touch in request.touches):
+            return self._pressed(request, observations, started)
         found = estimate_pose(
             self._tables,
             self._prior(request.prior),
@@ -101,6 +104,32 @@ class InferenceShell:
             method="fused",
             rests_on=tuple(
                 _use(touch.index, verdict) for touch, verdict in zip(request.touches, found.touches, strict=True)
+            ),
+            compute_s=time.perf_counter() - started,
+        )
+
+    def _pressed(
+        self, request: EstimatePose, observations: list[TouchObservation], started: float
+    ) -> PoseErrorEstimate:
+        """Nothing but presses against the bore, the peg in it: many contacts at once, but all linear."""
+        try:
+            found = pressed_estimate(self._peg, self._hole, self._prior(request.prior), observations)
+        except ValueError as error:
+            raise CommandRefused("not_seated", str(error)) from None
+        return PoseErrorEstimate(
+            pose_base_hole=PoseData.of(found.pose_base_hole),
+            covariance=floats(found.covariance),
+            **_error_in_peg(observations[-1].deflected_pose_base_peg(), found.pose_base_hole),
+            rank=5 if any(found.used) else 0,
+            residual_cost=_finite(float(np.mean(found.costs))),
+            friction=self._settings.friction_mean,
+            friction_sd=self._settings.friction_sd,
+            method="pressed",
+            rests_on=tuple(
+                TouchUse(
+                    index=touch.index, used=used, hypothesis="walls of the bore", residual_sigma=float(np.sqrt(cost))
+                )
+                for touch, used, cost in zip(request.touches, found.used, found.costs, strict=True)
             ),
             compute_s=time.perf_counter() - started,
         )

@@ -54,7 +54,7 @@ def assemble(
             figures, result = _run(session, console, seed, strategy, record)
             truth = session.truth()
     except (CrosspihError, LauncherError) as error:
-        console.print(f"[red]{error}[/red]", highlight=False)
+        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
         console.print("[red]interrupted: the peg was taken out[/red]")
@@ -93,7 +93,7 @@ def calibrate_ft(
             story.begin(session.bus.clock.now_ns())
             found = session.calibrate_ft(samples_s)
     except (CrosspihError, LauncherError) as error:
-        console.print(f"[red]{error}[/red]", highlight=False)
+        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     fx, fy, fz, mx, my, mz = found.bias
     x, y, z = (value * 1e3 for value in found.centroid_m)

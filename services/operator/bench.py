@@ -69,7 +69,8 @@ def assembly(
                     inserted = sum(trial.inserted for trial in done)
                     progress.update(task, advance=1, description=f"{strategy.value}: {inserted} in")
     except CrosspihError as error:
-        console.print(f"[red]bench ended after {len(done)} trials: {error}[/red]", highlight=False)
+        said = f"bench ended after {len(done)} trials: {error}"
+        console.print(said, style="red", markup=False, highlight=False, soft_wrap=True)
         if not done:
             raise typer.Exit(1) from None
     except KeyboardInterrupt:

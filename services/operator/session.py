@@ -174,6 +174,6 @@ class Session:
         if truth is not None:
             # the peg's pose at the end, not at the reset
             now_ns = self.bus.clock.now_ns()
-            latest = self._truth.wait_for(lambda sample: sample.stamp_ns >= now_ns - 40_000_000, 2.0)
-            truth = latest or truth
+            latest = self._truth.wait_for(lambda sample: sample.stamp_ns >= now_ns, 2.0)
+            truth = latest or self._truth.value() or truth
         return score(self.cell.workcell, result, truth, wall_s=wall_s, recording=recording), result

@@ -155,7 +155,7 @@ def train(
             count = collect(samples, seed, angle_rad, lateral_m, threshold_n, data)
             console.print(f"{count} contacts in {data}", highlight=False)
     except (CrosspihError, LauncherError) as error:
-        console.print(f"[red]{error}[/red]", highlight=False)
+        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     weights.parent.mkdir(parents=True, exist_ok=True)
     # a process of its own: only inference and training need torch

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
@@ -11,17 +13,26 @@ from crosspih_common.keys import COMPENSATE, ESTIMATE, SEATED
 from crosspih_common.messages import (
     Assemble,
     CompensateWrench,
+    ContactReading,
     EstimatePose,
     EstimateSeated,
     Failure,
+    MotionOutcome,
     Phase,
     PoseErrorEstimate,
     PosePrior,
+    Touch,
 )
 from services.planning.config import PlanningConfig
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.run import Run
 from services.planning.strategies import STRATEGIES
+
+RELAXATIONS = 3
+AT_REST_N = 3.0
+AT_REST_NM = 0.15
+PRESS_ROUNDS = 3
+WELL_EXPLAINED_SIGMA = 1.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +52,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     run = Run(workcell, config, ports, request.assembly_id)
     try:
         run.dwell(0.05)
+        run.home()
         run.use_calibration()
         belief = STRATEGIES[request.strategy](run)
         final = _seated_pose(run, belief)
@@ -59,31 +71,65 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
 
 def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
     """T2: the seated peg's own pose, then better than the clearance by pressing against four walls of the bore."""
-    outcome = run.dwell(0.1)
-    reading = run.ports.ask(
-        COMPENSATE,
-        CompensateWrench(
-            pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
-        ),
-    )
+    outcome, reading = _at_rest(run)
     seated = run.ports.ask(
         SEATED,
         EstimateSeated(
             prior=belief, pose_base_peg=outcome.pose_base_peg, joints_rad=outcome.joints_rad, wrench=reading.wrench
         ),
     )
+    found = seated
+    for press_round in range(PRESS_ROUNDS):
+        if press_round > 0:
+            run.tell(Phase.SEATED, "the walls felt do not fit well: aligned with what they said, and once more")
+            _align(run, found.pose_base_hole.pose())
+        presses = _press_walls(run)
+        if not presses:
+            continue
+        prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)
+        felt = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=presses))
+        if any(use.used for use in felt.rests_on):
+            found = felt
+        if all(use.used and use.residual_sigma < WELL_EXPLAINED_SIGMA for use in felt.rests_on):
+            break
+    if found is seated:
+        run.tell(Phase.ESTIMATING, "the walls felt do not fit one pose: the seat alone counts")
+    return found
+
+
+def _press_walls(run: Run) -> tuple[Touch, ...]:
+    """Press against four walls of the bore and come back each time."""
     rest = run.pose_base_peg
+    known = len(run.presses)
     run.tell(Phase.SEATED, "pressing against four walls of the bore for the exact pose")
     for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1]):
         run.press(rest, direction)
-    if not run.presses:
-        return seated
-    prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)
-    felt_pose = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.presses)))
-    if not any(use.used for use in felt_pose.rests_on):
-        run.tell(Phase.ESTIMATING, "the walls felt do not fit one pose: the seat alone counts")
-        return seated
-    return felt_pose
+    return tuple(run.presses[known:])
+
+
+def _align(run: Run, pose_base_hole: Pose) -> None:
+    """The peg onto the hole's axis, at the depth where it is."""
+    depth_m = float((pose_base_hole.inverse() @ run.pose_base_peg).translation_m[2])
+    run.slide_to(pose_base_hole @ Pose.from_translation([0.0, 0.0, depth_m]), run.config.press_speed_m_s)
+
+
+def _at_rest(run: Run) -> tuple[MotionOutcome, ContactReading]:
+    """Hold still and feel. A push in askew leaves the arm bent against the bore: it goes to where the peg already is
+    until little is felt, for the friction of a wedged peg says nothing about its walls."""
+    for left in range(RELAXATIONS, -1, -1):
+        outcome = run.dwell(0.1)
+        reading = run.ports.ask(
+            COMPENSATE,
+            CompensateWrench(
+                pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
+            ),
+        )
+        wrench = np.asarray(reading.wrench)
+        if left == 0 or (np.linalg.norm(wrench[:3]) < AT_REST_N and np.linalg.norm(wrench[3:]) < AT_REST_NM):
+            break
+        twist = run.workcell.compliance_peg(outcome.joints_rad) @ wrench
+        run.slide_to(run.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), run.config.press_speed_m_s)
+    return outcome, reading
 
 
 def _depth_m(run: Run, pose_base_hole: Pose) -> float:

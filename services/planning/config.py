@@ -17,7 +17,7 @@ class PlanningConfig(Section):
     standoff_m: float = Field(default=0.004, gt=0.0, description="tip to face before a push or a touch")
     push_speed_m_s: float = Field(default=0.015, gt=0.0, le=0.1)
     push_force_n: float = Field(default=12.0, gt=0.0)
-    push_timeout_s: float = Field(default=6.0, gt=0.0)
+    push_timeout_s: float = Field(default=15.0, gt=0.0, description="a peg far askew creeps in for ten seconds")
     push_stall_s: float = Field(default=0.5, gt=0.0)
     extra_depth_m: float = Field(default=0.010, ge=0.0, description="beyond the wanted depth: vision's depth is vague")
     touch_speed_m_s: float = Field(default=0.01, gt=0.0, le=0.1)

@@ -46,6 +46,8 @@ from services.planning.config import PlanningConfig
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.trajectory import TrajectoryError, move_joints, move_line, scaled_limits
 
+AT_HOME_RAD = 0.02
+NEAR_HOLE_M = 0.06  # from the axis of the nominal hole: half the cross, the hole's range, and some
 CAPPED = (StopReason.FORCE_CAP, StopReason.MOMENT_CAP)
 
 
@@ -337,19 +339,38 @@ class Run:
         self.ports.tell_touch(touch)
         return touch
 
+    def withdraw(self, pose_base_hole: Pose, distance_m: float) -> float:
+        """Back along the peg's own axis until the tip is that far before the face; how far before it is, m.
+
+        A push leaves the peg askew in the hole, and any other way out would press it against the walls.
+        """
+        tip_m = self.workcell.peg.shape().tip_m
+
+        def before_m() -> float:
+            return -float(pose_base_hole.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, tip_m]))[2])
+
+        if before_m() < distance_m:
+            self.slide_to(self.pose_base_peg @ Pose.from_translation([0.0, 0.0, before_m() - distance_m]))
+        return before_m()
+
+    def home(self) -> None:
+        """To the home position from wherever the last assembly left the arm; a peg in the hole is taken out first."""
+        home = np.asarray(self.workcell.home_joints_rad, dtype=float)
+        if np.abs(self.joints_rad - home).max() < AT_HOME_RAD:
+            return
+        nominal = self.workcell.hole_prior.pose_base_hole()
+        x, y, z = nominal.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, self.workcell.peg.shape().tip_m]))
+        if np.hypot(x, y) < NEAR_HOLE_M and z > -self.config.approach_m and not self.back_off():
+            raise AssemblyFailed(Failure.UNREACHABLE, "the arm is not at home, and the peg cannot be taken out")
+        self.joints_to(home)
+
     def back_off(self) -> bool:
         """Out of the hole along the peg's own axis and clear of the face; whether that was done."""
         self.tell(Phase.BACKING_OFF, "taking the peg out")
         try:
             self.dwell(0.02)
             aim = self.believed or self.workcell.hole_prior.pose_base_hole()
-            tip_m = self.workcell.peg.shape().tip_m
-            tip = aim.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, tip_m]))
-            want = -self.config.approach_m
-            if tip[2] > want:
-                self.slide_to(self.pose_base_peg @ Pose.from_translation([0.0, 0.0, want - float(tip[2])]))
-                tip = aim.inverse().apply(self.pose_base_peg.apply([0.0, 0.0, tip_m]))
-            return bool(tip[2] <= want + 0.005)
+            return self.withdraw(aim, self.config.approach_m) >= self.config.approach_m - 0.005
         except (AssemblyFailed, CommandRefused) as error:
             self.tell(Phase.BACKING_OFF, f"could not back off: {error}")
             return False

@@ -13,6 +13,7 @@ from crosspih_common.keys import (
     ABORT,
     ASSEMBLE,
     CALIBRATE_FT,
+    CLOCK,
     FT_CALIBRATION,
     PHASE,
     STOP,
@@ -51,10 +52,15 @@ class BusPorts:
     def __init__(self, shell: PlanningShell, config: PlanningConfig) -> None:
         self._shell, self._config, self._bus = shell, config, shell.bus
         self._heed_abort = True
+        self._boot_id: str | None = None
         self.hardware_wall_s = 0.0
 
     def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
-        """Ask; again while the service is away, up to the patience. A motion is never asked for twice."""
+        """Ask; again while the service is away, up to the patience.
+
+        A motion that may have begun is never asked for twice, and none at all of a cell that was started again since
+        the first: its arm stands elsewhere and knows no payload. Only backing off deals with such a cell.
+        """
         moves = command.server == "hardware"
         deadline_s = self._config.motion_deadline_s if moves else self._config.answer_deadline_s
         give_up_at = time.monotonic() + self._config.service_patience_s
@@ -62,22 +68,37 @@ class BusPorts:
         while True:
             if self._heed_abort and self._shell.abort.is_set():
                 raise AssemblyFailed(Failure.ABORTED, "somebody ended the assembly")
+            if moves:
+                self._require_same_cell()
             started = time.monotonic()
             try:
                 reply = self._bus.call(command, request, deadline_s)
             except BusError as error:
                 timeouts += isinstance(error, CommandTimeout)
-                sent_for_good = moves and time.monotonic() - started > RETRY_S
+                begun = self._boot_id is not None and self._heed_abort
+                sent_for_good = moves and (begun or time.monotonic() - started > RETRY_S)
                 if sent_for_good or timeouts > 1 or time.monotonic() > give_up_at:
                     raise AssemblyFailed(Failure.SERVICE_LOST, f"{command.server}: {error}") from None
                 self._shell.closing.wait(RETRY_S)
                 continue
             elapsed = time.monotonic() - started
             if moves:
+                self._remember_cell()
                 self.hardware_wall_s += elapsed
             elif isinstance(reply, HoleEstimate):
                 self.hardware_wall_s += reply.capture_wall_s
             return reply
+
+    def _remember_cell(self) -> None:
+        tick = self._shell.clock.value()
+        if self._boot_id is None and tick is not None:
+            self._boot_id = tick.boot_id
+        self._require_same_cell()
+
+    def _require_same_cell(self) -> None:
+        tick = self._shell.clock.value()
+        if self._heed_abort and self._boot_id is not None and tick is not None and tick.boot_id != self._boot_id:
+            raise AssemblyFailed(Failure.SERVICE_LOST, "hardware: it was started again during the assembly")
 
     def ft_calibration(self) -> FtCalibration | None:
         """As last published; waits a little for a service that has just started."""
@@ -106,6 +127,7 @@ class PlanningShell:
         self.closing = threading.Event()
         self._running = False
         self.calibration = self.bus.latest(FT_CALIBRATION)
+        self.clock = self.bus.latest(CLOCK)
         self.phases = self.bus.publisher(PHASE)
         self.touches = self.bus.publisher(TOUCH)
         self.bus.serve(ASSEMBLE, self._assemble, refuse_when_busy=True)
@@ -152,6 +174,7 @@ class PlanningShell:
         try:
             run = Run(self._context.cell.workcell, self._config, BusPorts(self, self._config), "")
             run.dwell(0.05)
+            run.home()
             return run.calibrate(request.samples_s)
         except AssemblyFailed as error:
             raise CommandRefused(error.failure.value, error.detail) from None

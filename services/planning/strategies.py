@@ -90,7 +90,7 @@ def fused(run: Run) -> PosePrior:
         run.attempt = attempt
         if run.push(belief.pose_base_hole.pose()):
             return belief
-        run.slide_to(run.before_hole(belief.pose_base_hole.pose(), run.config.standoff_m))
+        run.withdraw(belief.pose_base_hole.pose(), run.config.standoff_m)
         plan = run.ports.ask(
             NEXT_TOUCH,
             NextTouch(
@@ -108,6 +108,7 @@ def fused(run: Run) -> PosePrior:
         )
         if touch is None:
             continue
+        run.withdraw(belief.pose_base_hole.pose(), run.config.standoff_m)
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
         _tell_estimate(run, estimate)
         explained = estimate.rests_on[-1].used

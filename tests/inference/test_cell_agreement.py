@@ -1,8 +1,8 @@
 """Single contacts in the whole simulated cell against the mechanics: elastic arm, sensor, guarded move, compensation.
 
-Friction apart, direction agrees to 0.05 degrees and travel to 0.02 mm. With friction the engine's own falls short of
-the law: it points up to some degrees off the direction of sliding, for it solves two tangential directions one after
-the other in one step; of the whole force that is a few tenths of a degree.
+Without friction the force's direction agrees to 0.05 degrees and the travel to 0.02 mm. With friction the engine's
+friction has the size that the law says to half a percent, but points up to 6 degrees off the direction of sliding; of
+the whole force that is up to 0.6 degrees, and of the moment up to 6 mNm at 9 N. The travel does not care.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
+import pytest
 
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
@@ -32,12 +32,14 @@ TABLES = PairTables.of(PEG, HOLE)
 
 @dataclass(frozen=True)
 class Agreement:
-    """One single contact: angle between felt and modelled force, of their friction parts, gap, moment left over."""
+    """One single contact: angle between felt and modelled force and between their friction parts; gap at the deflected
+    pose, and travel from the start to the onset against the model's; moment left over."""
 
     direction_deg: float
     friction_deg: float
     friction_coefficient: float
     gap_mm: float
+    onset_mm: float
     moment_mnm: float
     force_n: float
 
@@ -84,19 +86,29 @@ def agreements(friction_coefficient: float, count: int) -> list[Agreement]:
             if outcome.stop_reason is not StopReason.CONTACT or len(simulation.truth().contacts) != 1:
                 continue
             assert outcome.pose_base_peg_observed is not None and outcome.wrench_observed_raw is not None
-            assert outcome.joints_observed_rad is not None
+            assert outcome.joints_observed_rad is not None and outcome.travel_first_contact_m is not None
             commanded = outcome.pose_base_peg_observed.pose()
             wrench = compensated(outcome.wrench_observed_raw, commanded.rotation, tool)
             compliance = WORKCELL.compliance_peg(outcome.joints_observed_rad)
             twist = compliance @ wrench
             pose = pose_base_hole.inverse() @ commanded @ Pose.from_rotvec(twist[3:], twist[:3])
-            found.append(_compared(pose, wrench, compliance, friction_coefficient))
+            onset_m = outcome.travel_first_contact_m - _travel_m(start)
+            found.append(_compared(pose, wrench, compliance, friction_coefficient, onset_m))
     finally:
         cell.close()
     return found
 
 
-def _compared(pose_hole_peg: Pose, wrench: Array, compliance: Array, friction_coefficient: float) -> Agreement:
+def _travel_m(pose_hole_peg: Pose) -> float:
+    """How far the rigid peg goes along the hole's axis until it touches, by the mechanics."""
+    along = np.array([[0.0, 0.0, 1.0]])
+    pairs = first_contacts(TABLES, pose_hole_peg.rotation[None], pose_hole_peg.translation_m[None], along)
+    return float(pairs.travel_m.min())
+
+
+def _compared(
+    pose_hole_peg: Pose, wrench: Array, compliance: Array, friction_coefficient: float, onset_m: float
+) -> Agreement:
     """What was felt at the deflected pose against the first contact that the mechanics sees from there."""
     along = np.array([0.0, 0.0, 1.0])
     rotation, translation = pose_hole_peg.rotation, pose_hole_peg.translation_m
@@ -115,6 +127,7 @@ def _compared(pose_hole_peg: Pose, wrench: Array, compliance: Array, friction_co
         _between_deg(tangential, modelled) if friction_coefficient > 0.0 else 0.0,
         float(np.linalg.norm(tangential)) / normal_n,
         float(pairs.travel_m[0, first]) * 1e3,
+        onset_m * 1e3,
         float(np.linalg.norm((wrench - force * basis)[3:])) * 1e3,
         float(np.linalg.norm(wrench[:3])),
     )
@@ -130,12 +143,17 @@ def test_without_friction_direction_travel_and_moment_agree() -> None:
     for found in agreements(0.0, 12):
         assert found.force_n > 5.0
         assert found.direction_deg < 0.05
-        assert abs(found.gap_mm) < 0.02
+        assert abs(found.gap_mm) < 0.02 and abs(found.onset_mm) < 0.02
         assert found.moment_mnm < 2.0
 
 
-def test_with_friction_travel_agrees_and_the_direction_to_half_a_degree() -> None:
-    """At 0.1: the travel as before, friction's size within the cone, its direction within some degrees."""
+def test_with_friction_travel_and_size_agree_and_the_direction_within_the_engines_own_error() -> None:
+    """At 0.1: travel and coefficient as tight as without; the direction within 0.7 degrees, friction's own within 7."""
     found = agreements(0.1, 12)
-    assert max(abs(one.gap_mm) for one in found) < 0.02
-    print(found)
+    for one in found:
+        assert abs(one.gap_mm) < 0.02 and abs(one.onset_mm) < 0.02
+        assert one.friction_coefficient == pytest.approx(0.1, abs=0.002)
+        assert one.direction_deg < 0.7
+        assert one.friction_deg < 7.0
+        assert one.moment_mnm < 8.0
+    assert np.median([one.direction_deg for one in found]) < 0.3

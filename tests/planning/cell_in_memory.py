@@ -43,7 +43,8 @@ VISION_SD = np.array([5e-5, 5e-5, 1.5e-4, 3e-3, 3e-3, 5e-4])
 class CellInMemory:
     """A cell; `vision_scale` multiplies the played vision's error, None makes it refuse."""
 
-    def __init__(self, folder: Path, *, with_inference: bool = True) -> None:
+    def __init__(self, folder: Path, *, with_inference: bool = True, planning: PlanningConfig | None = None) -> None:
+        planning = planning or PlanningConfig(service_patience_s=0.5)
         self.hub = MemoryHub()
         self.cell = load_cell("deploy/cells/default.yaml")
         self.vision_scale: float | None = 1.0
@@ -54,7 +55,7 @@ class CellInMemory:
         self._shells: list[Closeable] = [
             HardwareShell(open_cell(self.cell.workcell, HardwareConfig(), False), hardware, False),
             ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))),
-            PlanningShell(self.context("planning"), PlanningConfig(service_patience_s=0.5)),
+            PlanningShell(self.context("planning"), planning),
         ]
         if with_inference:
             self._shells.append(InferenceShell(self.context("inference"), InferenceConfig()))

@@ -195,7 +195,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=100)
     parser.add_argument("--each", action="store_true", help="a line a trial")
-    parser.add_argument("--phases", action="store_true", help="the phases of trials that failed or needed over 2 touches")
+    parser.add_argument(
+        "--phases", action="store_true", help="the phases of trials that failed or needed over 2 touches"
+    )
     options = parser.parse_args()
     cases = [(f"vision x {scale:g}", VISION_SD * scale) for scale in options.scale]
     if options.force_alone:
@@ -214,7 +216,9 @@ def main() -> None:
                     done = trial(cell, seed)
                     trials.append(done)
                     if options.each:
-                        final = f"{done.final.lateral_mm:.3f} mm {done.final.rotation_deg:.2f} deg" if done.final else ""
+                        final = (
+                            f"{done.final.lateral_mm:.3f} mm {done.final.rotation_deg:.2f} deg" if done.final else ""
+                        )
                         seat = f"{done.seat.lateral_mm:.3f} mm {done.seat.rotation_deg:.2f} deg" if done.seat else ""
                         print(
                             f"{name} seed {seed}: {done.failure or 'inserted'} {done.detail}; {done.touches} touches, "
@@ -230,7 +234,10 @@ def main() -> None:
                 seats.append(seat_row(name, trials))
         finally:
             cell.close()
-    print("\n| case | inserted | touches | corrections | peak force N | motion s | final mm | final deg | estimate s | failures |")
+    print(
+        "\n| case | inserted | touches | corrections | peak force N | motion s | final mm | final deg | estimate s "
+        "| failures |"
+    )
     print("\n".join(tables))
     print("\n| case | seat mm | seat deg | NEES (5) | pressed mm | pressed deg | NEES (5) | presses used: trials |")
     print("\n".join(seats))

@@ -220,6 +220,7 @@ def result(inserted: bool) -> AssemblyResult:
             "motion_s": 12.4,
             "thinking_s": 0.31,
             "touches": 2,
+            "presses": 0,
             "corrections": 1,
             "pushes": 2,
             "peak_force_n": 15.31,

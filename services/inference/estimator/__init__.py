@@ -9,6 +9,7 @@ from services.inference.estimator.observation import (
     TouchObservation,
     TouchVerdict,
 )
+from services.inference.estimator.pressed import PressedEstimate, PressSettings, pressed_estimate
 from services.inference.estimator.seated import final_estimate
 
 __all__ = [
@@ -16,8 +17,11 @@ __all__ = [
     "EstimatorSettings",
     "PoseErrorEstimate",
     "PosePrior",
+    "PressSettings",
+    "PressedEstimate",
     "TouchObservation",
     "TouchVerdict",
     "estimate_pose",
     "final_estimate",
+    "pressed_estimate",
 ]

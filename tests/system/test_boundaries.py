@@ -1,0 +1,118 @@
+"""Who may know what, read from the source: the truth, other services, torch, and the spelling of keys."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from crosspih_common.keys import commands, topics
+
+ROOT = Path(__file__).resolve().parents[2]
+SERVICES = sorted(folder.name for folder in (ROOT / "services").iterdir() if (folder / "__main__.py").exists())
+PRODUCT = sorted(path for top in ("crosspih_common", "services", "deploy") for path in (ROOT / top).rglob("*.py"))
+KEY_TABLE = ROOT / "crosspih_common" / "keys.py"
+KNOW_THE_TRUTH = ("hardware", "operator")
+NAMED_FUNCTION = re.compile(r"(services|deploy)(\.\w+)+:\w+")
+A_FILES_KIND = "crosspih/ft-calibration"  # stands in the calibration file; no key
+OTHERS_ALLOWED = {"operator": ("deploy",)}
+
+
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def imported(tree: ast.Module, path: Path) -> Iterator[str]:
+    """Every module that a file imports, wherever in it: relative ones in full, and those named "module:function"."""
+    package = path.relative_to(ROOT).with_suffix("").parts[:-1]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            module = ".".join(part for part in (base, node.module) if part)
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and NAMED_FUNCTION.fullmatch(node.value):
+            yield node.value.split(":")[0]
+
+
+def text_of(tree: ast.Module) -> Iterator[str]:
+    """Every string of a file, the parts of f-strings included, docstrings left out."""
+    described = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in described:
+            yield node.value
+
+
+def names_of(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.alias):
+            yield node.name.rsplit(".", 1)[-1]
+
+
+def files_of(service: str) -> list[Path]:
+    return [path for path in PRODUCT if path.is_relative_to(ROOT / "services" / service)]
+
+
+def test_the_services_are_found() -> None:
+    assert {"hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator"} <= set(SERVICES)
+
+
+@pytest.mark.parametrize("service", [name for name in SERVICES if name not in KNOW_THE_TRUTH])
+def test_the_truth_is_known_to_scoring_only(service: str) -> None:
+    for path in files_of(service):
+        tree = parsed(path)
+        assert not {"TRUTH", "SimulationTruth"} & set(names_of(tree)), path
+        assert not [text for text in text_of(tree) if "simulation/truth" in text or "SimulationTruth" in text], path
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_no_service_imports_another(service: str) -> None:
+    allowed = ("crosspih_common", f"services.{service}", *OTHERS_ALLOWED.get(service, ()))
+    own = ("crosspih_common", "services", "deploy", "tests")
+    for path in files_of(service):
+        for module in imported(parsed(path), path):
+            if module.split(".")[0] in own:
+                assert any(module == name or module.startswith(f"{name}.") for name in allowed), (path, module)
+
+
+def test_what_all_share_imports_no_service() -> None:
+    for path in PRODUCT:
+        if path.is_relative_to(ROOT / "crosspih_common"):
+            for module in imported(parsed(path), path):
+                assert module.split(".")[0] not in ("services", "deploy", "tests"), (path, module)
+
+
+def test_torch_is_imported_by_inference_only() -> None:
+    for path in PRODUCT:
+        if not path.is_relative_to(ROOT / "services" / "inference"):
+            modules = {module.split(".")[0] for module in imported(parsed(path), path)}
+            assert not modules & {"torch", "safetensors"}, path
+
+
+def test_keys_are_spelled_in_the_table_only() -> None:
+    for path in PRODUCT:
+        if path != KEY_TABLE:
+            spelled = [text for text in text_of(parsed(path)) if "crosspih/" in text and text != A_FILES_KIND]
+            assert not spelled, (path, spelled)
+
+
+def test_no_path_of_the_table_is_spelled_elsewhere() -> None:
+    paths = {path for path in [*(one.path for one in topics()), *(one.path for one in commands())] if "/" in path}
+    for path in PRODUCT:
+        if path != KEY_TABLE:
+            assert not paths & set(text_of(parsed(path))), path

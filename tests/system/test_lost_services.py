@@ -1,0 +1,88 @@
+"""kill -9 of one service after the other while an assembly runs: it comes back, and the assembly ends in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from crosspih_common.errors import CommandRefused, NoService
+from crosspih_common.keys import DWELL, JOINT_STATE, PHASE
+from crosspih_common.messages import AssemblyPhase, Dwell, Failure, Phase, Strategy
+from services.operator.session import Session
+from tests.system.running_cell import DEADLINE_S, KillOnPhase, RunningCell, wait_until
+
+SEED = 1000
+
+
+def assert_inserts(session: Session, seed: int | None) -> None:
+    figures, result = session.trial(seed, Strategy.FUSED, record=False)
+    assert figures.inserted, (figures.failure, figures.failure_detail, result)
+
+
+def looking(phase: AssemblyPhase) -> bool:
+    return phase.phase is Phase.LOCATING
+
+
+def pushing(phase: AssemblyPhase) -> bool:
+    return phase.phase is Phase.PUSHING and phase.text.startswith("compliant push")
+
+
+@pytest.mark.parametrize(("service", "when"), [("vision", looking), ("inference", pushing), ("force_torque", pushing)])
+def test_an_assembly_outlives_a_service_that_only_computes(
+    cell: RunningCell, session: Session, service: str, when: Callable[[AssemblyPhase], bool]
+) -> None:
+    restarts = cell.row(service).restarts
+    kill = KillOnPhase(cell, service, when)
+    session.bus.subscribe(PHASE, kill)
+    figures, result = session.trial(SEED, Strategy.FUSED, record=False)
+    assert kill.killed_pid is not None
+    cell.wait_restarted(service, kill.killed_pid)
+    assert cell.row(service).restarts == restarts + 1
+    if not figures.inserted:
+        assert result.failure is not None and result.failure_detail
+        assert result.backed_off
+    if service == "vision" or not figures.inserted:
+        session.wait_for_services(DEADLINE_S)
+        assert_inserts(session, SEED + 1)
+
+
+def test_hardware_that_is_lost_in_motion_ends_the_assembly_by_name(cell: RunningCell, session: Session) -> None:
+    kill = KillOnPhase(cell, "hardware", pushing)
+    session.bus.subscribe(PHASE, kill)
+    figures, result = session.trial(SEED, Strategy.FUSED, record=False)
+    assert kill.killed_pid is not None
+    assert not figures.inserted
+    assert result.failure is Failure.SERVICE_LOST
+    assert "hardware" in result.failure_detail
+    assert result.backed_off
+    cell.wait_restarted("hardware", kill.killed_pid)
+    session.wait_for_services(DEADLINE_S)
+    assert_inserts(session, SEED + 1)
+
+
+def test_planning_that_is_lost_is_told_and_the_arm_comes_to_rest(cell: RunningCell, session: Session) -> None:
+    kill = KillOnPhase(cell, "planning", pushing)
+    session.bus.subscribe(PHASE, kill)
+    with pytest.raises(NoService, match=r"planning/assemble: nobody answers"):
+        session.trial(SEED, Strategy.FUSED, record=False)
+    assert kill.killed_pid is not None
+
+    def idle() -> bool:
+        try:
+            session.bus.call(DWELL, Dwell(duration_s=0.2), 30.0)
+        except CommandRefused as refusal:
+            assert refusal.code == "busy"
+            return False
+        return True
+
+    joints = session.bus.latest(JOINT_STATE)
+    wait_until(idle, "the arm takes a new command")
+    state = joints.wait_for(lambda _: True, 5.0)
+    assert state is not None
+    assert np.abs(state.speeds_rad_s).max() < 0.01
+    cell.wait_restarted("planning", kill.killed_pid)
+    session.wait_for_services(DEADLINE_S)
+    # where the arm was left, in the hole, and on the same hole: it goes home first
+    assert_inserts(session, None)
