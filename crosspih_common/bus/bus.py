@@ -241,6 +241,8 @@ class Bus:
                 refusal = CommandRefused("contract", str(error))
             except CommandRefused as error:
                 refusal = error
+            except BusClosed:
+                refusal = CommandRefused("stopping", f"{self.service} was stopped while it carried this out")
             except CrosspihError as error:
                 refusal = CommandRefused(type(error).__name__, str(error))
             except Exception as error:

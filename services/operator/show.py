@@ -40,7 +40,7 @@ class Story:
 
     def phase(self, phase: AssemblyPhase) -> None:
         """One step."""
-        if not self.telling or self._start_ns is None:
+        if not self.telling or self._start_ns is None or phase.stamp_ns <= self._start_ns:
             return
         seconds = (phase.stamp_ns - self._start_ns) * 1e-9
         colour = COLOURS.get(phase.phase, "white")
