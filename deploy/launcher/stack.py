@@ -5,6 +5,7 @@ state = start_stack(StackRequest(project="trial"), wait_healthy=True)
 stop_stack("trial")
 """
 
+import atexit
 import json
 import os
 import signal
@@ -198,6 +199,10 @@ def stop_stack(
 def _reap() -> None:
     for pid in [pid for pid, child in _children.items() if child.poll() is not None]:
         del _children[pid]
+
+
+# Whoever took the stack down from another process left us its supervisor to wait for.
+atexit.register(_reap)
 
 
 def _supervisor_pid(directory: StateDirectory) -> int:
