@@ -14,15 +14,19 @@ from crosspih_common.messages.base import Vector3, Vector6
 from crosspih_common.shapes import CrossHole, CrossPeg
 
 
+# the shapes' own defaults: the peg that the paper used
+_PEG = CrossPeg()
+
+
 class PegDrawing(Section):
     """The peg's drawing, metres from the F/T origin along the peg axis."""
 
-    half_width_m: float = 0.009
-    half_length_m: float = 0.027
-    body_start_m: float = 0.012
-    taper_slope: float = 0.25
-    apex_m: float = 0.0897
-    tip_half_width_m: float = 0.0025
+    half_width_m: float = _PEG.half_width_m
+    half_length_m: float = _PEG.half_length_m
+    body_start_m: float = _PEG.body_start_m
+    taper_slope: float = _PEG.taper_slope
+    apex_m: float = _PEG.apex_m
+    tip_half_width_m: float = _PEG.tip_half_width_m
 
     def shape(self) -> CrossPeg:
         """The shape that simulator, vision and mechanics share."""
