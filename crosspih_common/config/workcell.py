@@ -13,7 +13,6 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
 from crosspih_common.shapes import CrossHole, CrossPeg
 
-
 # the shapes' own defaults: the peg that the paper used
 _PEG = CrossPeg()
 
