@@ -12,6 +12,9 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, SimulationTruth
 
+# a peg in its bore is off by its clearance; one that is off by more than this is deep, but not in the hole
+BESIDE_LEAST_M = 0.002
+
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
@@ -42,6 +45,12 @@ def insertion_depth_m(workcell: Workcell, pose_base_peg: Pose, pose_base_hole: P
     hole = workcell.hole.shape(peg)
     shoulder = pose_base_hole.inverse().apply(pose_base_peg.apply([0.0, 0.0, peg.taper_start_m]))
     return float(shoulder[2]) - hole.chamfer_m
+
+
+def beside_m(workcell: Workcell, pose_base_peg: Pose, pose_base_hole: Pose) -> float:
+    """How far the peg's shoulder is from the hole's axis."""
+    shoulder = pose_base_hole.inverse().apply(pose_base_peg.apply([0.0, 0.0, workcell.peg.shape().taper_start_m]))
+    return float(np.hypot(shoulder[0], shoulder[1]))
 
 
 class TrialFigures(BaseModel):
@@ -90,7 +99,9 @@ def score(
         if result.inserted and result.pose_base_hole is not None:
             final = pose_error(result.pose_base_hole.pose(), true_hole)
         depth_m = insertion_depth_m(workcell, truth.pose_base_peg.pose(), true_hole)
-        if inserted and depth_m < workcell.insertion_depth_m:
+        if inserted and beside_m(workcell, truth.pose_base_peg.pose(), true_hole) > BESIDE_LEAST_M:
+            inserted, failure = False, "beside_the_hole"
+        elif inserted and depth_m < workcell.insertion_depth_m:
             inserted, failure = False, "not_deep_enough"
     elif result.inserted:
         depth_m = result.insertion_depth_m

@@ -47,6 +47,9 @@ from services.planning.ports import AssemblyFailed, Ports
 from services.planning.trajectory import TrajectoryError, move_joints, move_line, scaled_limits
 
 AT_HOME_RAD = 0.02
+BACK_OFF_TRIES = 3  # a wedged peg may be stopped by the cell's caps on its way out
+IN_RANGE = 2.0  # times the half ranges of the drawing
+IN_RANGE_RAD = 0.5
 NEAR_HOLE_M = 0.06  # from the axis of the nominal hole: half the cross, the hole's range, and some
 CAPPED = (StopReason.FORCE_CAP, StopReason.MOMENT_CAP)
 
@@ -221,6 +224,13 @@ class Run:
         """`pose_base_peg` aligned with the hole, the tip that far before the face."""
         return pose_base_hole @ Pose.from_translation([0.0, 0.0, -self.workcell.peg.shape().tip_m - distance_m])
 
+    def can_be(self, pose_base_hole: Pose) -> bool:
+        """Whether the hole can be there at all; an estimate that says otherwise must not be driven to."""
+        off = self.workcell.hole_prior.pose_base_hole().inverse() @ pose_base_hole
+        reach_m = IN_RANGE * self.workcell.hole_prior.half_ranges()[:3]
+        near = bool(np.all(np.abs(off.translation_m) < reach_m))
+        return near and float(np.linalg.norm(off.rotvec_rad())) < IN_RANGE_RAD
+
     def approach(self, pose_base_hole: Pose) -> None:
         """From wherever the arm is in free space to before the hole: quintic in joints, then straight."""
         start = self.before_hole(pose_base_hole, self.config.approach_m)
@@ -369,8 +379,12 @@ class Run:
         self.tell(Phase.BACKING_OFF, "taking the peg out")
         try:
             self.dwell(0.02)
-            aim = self.believed or self.workcell.hole_prior.pose_base_hole()
-            return self.withdraw(aim, self.config.approach_m) >= self.config.approach_m - 0.005
+            # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
+            aims = [self.workcell.hole_prior.pose_base_hole(), *([] if self.believed is None else [self.believed])]
+            for _ in range(BACK_OFF_TRIES):
+                if all([self.withdraw(aim, self.config.approach_m) >= self.config.approach_m - 0.005 for aim in aims]):
+                    return True
+            return False
         except (AssemblyFailed, CommandRefused) as error:
             self.tell(Phase.BACKING_OFF, f"could not back off: {error}")
             return False

@@ -112,7 +112,7 @@ def fused(run: Run) -> PosePrior:
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
         _tell_estimate(run, estimate)
         explained = estimate.rests_on[-1].used
-        if not any(use.used for use in estimate.rests_on):
+        if not any(use.used for use in estimate.rests_on) or not run.can_be(estimate.pose_base_hole.pose()):
             # nothing explains what was felt: no correction, and the next touch is another arm's
             continue
         belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
@@ -143,6 +143,8 @@ def paper(run: Run) -> PosePrior:
         estimate = run.ports.ask(NETWORK, EstimateByNetwork(touch=touch, pose_base_hole_believed=PoseData.of(belief)))
         _tell_estimate(run, estimate)
         belief = estimate.pose_base_hole.pose()
+        if not run.can_be(belief):
+            raise AssemblyFailed(Failure.NOT_CONVERGED, "the network's correction leaves where the hole can be")
         run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, -0.03]))
         _correct(run, belief)
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.paper_attempts} contacts did not lead in")

@@ -94,6 +94,15 @@ def test_what_only_believes_to_be_in_is_not() -> None:
     assert figures.failure == "not_deep_enough"
 
 
+def test_what_slid_past_the_plate_is_not_in_the_hole() -> None:
+    result, truth = _result(0.030)
+    beside = truth.pose_base_peg.pose() @ Pose.from_translation([0.1, 0.0, 0.0])
+    truth = truth.model_copy(update={"pose_base_peg": PoseData.of(beside)})
+    figures = score(Workcell(), result, truth, wall_s=7.0, recording=None)
+    assert not figures.inserted
+    assert figures.failure == "beside_the_hole"
+
+
 def test_without_a_truth_nothing_is_scored_against_it() -> None:
     result, _ = _result(0.016)
     figures = score(Workcell(), result, None, wall_s=7.0, recording=None)
