@@ -37,7 +37,6 @@ class Failure(str, Enum):
 
     NOT_SEEN = "not_seen"  # vision refused
     UNREACHABLE = "unreachable"  # no joint angles inside the limits
-    NO_CONTACT = "no_contact"  # a guarded move felt nothing where the hole should be
     NOT_CONVERGED = "not_converged"  # the attempts are used up
     OVERLOAD = "overload"  # the cell's force or moment cap stopped the arm once too often
     NOT_CALIBRATED = "not_calibrated"  # the F/T calibration was refused
