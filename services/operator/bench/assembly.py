@@ -1,4 +1,4 @@
-"""`crosspih bench`: many seeds over the running stack."""
+"""`crosspih bench assembly`: many seeds over the running stack."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from services.operator.scoring import TrialFigures
 from services.operator.stack import cell_session
 from services.operator.statistics import BenchResult, summarise
 
-app = typer.Typer(no_args_is_help=True, help="Measured distributions over seeds that anyone can repeat.")
-
 
 def _table(result: BenchResult) -> Table:
     table = Table(
@@ -35,7 +33,6 @@ def _table(result: BenchResult) -> Table:
     return table
 
 
-@app.command()
 def assembly(
     trials: Annotated[int, typer.Option(min=1, help="How many seeds.")] = 50,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,

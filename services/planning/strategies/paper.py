@@ -1,0 +1,46 @@
+"""The published loop: position-only vision, one wrench through the network to a correction."""
+
+from __future__ import annotations
+
+from crosspih_common.geometry import Pose
+from crosspih_common.keys import NETWORK
+from crosspih_common.messages import (
+    EstimateByNetwork,
+    Failure,
+    LocateMethod,
+    PoseData,
+    PosePrior,
+)
+from services.planning.ports import AssemblyFailed
+from services.planning.run import Run
+from services.planning.strategies.steps import correct, locate, tell_estimate
+
+
+def paper(run: Run) -> PosePrior:
+    """The published loop: position-only vision, straight push; one wrench -> network -> correct, and again."""
+    seen = locate(run, LocateMethod.PAPER)
+    belief = seen.pose_base_hole.pose()
+    run.approach(belief)
+    for attempt in range(run.config.paper_attempts):
+        run.attempt = attempt
+        run.pushes += 1
+        touch = run.touch(
+            run.before_hole(belief, run.config.standoff_m),
+            belief.rotation[:, 2],
+            run.config.paper_speed_m_s,
+            run.config.paper_threshold_n,
+        )
+        if touch is None and run.push(belief):
+            # nothing was felt all along the taper: the body is at its bore, and the rest is the slide-in
+            return PosePrior(pose_base_hole=PoseData.of(belief), covariance=seen.covariance)
+        if touch is None:
+            run.slide_to(run.before_hole(belief, run.config.standoff_m))
+            continue
+        estimate = run.ports.ask(NETWORK, EstimateByNetwork(touch=touch, pose_base_hole_believed=PoseData.of(belief)))
+        tell_estimate(run, estimate)
+        belief = estimate.pose_base_hole.pose()
+        if not run.can_be(belief):
+            raise AssemblyFailed(Failure.NOT_CONVERGED, "the network's correction leaves where the hole can be")
+        run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, -0.03]))
+        correct(run, belief)
+    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.paper_attempts} contacts did not lead in")
