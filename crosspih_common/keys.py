@@ -16,6 +16,7 @@ from crosspih_common.messages import (
     AbortAccepted,
     AbortAssembly,
     AdmittanceMove,
+    AdviseInsertion,
     Assemble,
     AssemblyPhase,
     AssemblyResult,
@@ -29,6 +30,7 @@ from crosspih_common.messages import (
     ContactWrench,
     Dwell,
     EstimateByNetwork,
+    EstimateBySequence,
     EstimatePose,
     EstimateSeated,
     Event,
@@ -39,6 +41,7 @@ from crosspih_common.messages import (
     HoleEstimate,
     IdentifyPayload,
     Image,
+    InsertionAdvice,
     JointState,
     LocateHole,
     Message,
@@ -209,6 +212,18 @@ SEATED = Command(
 )
 NETWORK = Command(
     "inference/network", EstimateByNetwork, PoseErrorEstimate, "inference", ("planning", "operator"), "the paper's way"
+)
+SEQUENCE_NETWORK = Command(
+    "inference/sequence_network",
+    EstimateBySequence,
+    PoseErrorEstimate,
+    "inference",
+    ("planning", "operator"),
+    "touches to pose, learned",
+)
+
+ADVISE_INSERTION = Command(
+    "inference/advise_insertion", AdviseInsertion, InsertionAdvice, "inference", ("planning", "operator"), "a stall"
 )
 
 # planning -------------------------------------------------------------------------------------------------------------

@@ -4,44 +4,14 @@ simulator are here: on a real cell these are the data sheet, the CAD drawing and
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from crosspih_common.arm import ArmModel, xb4
+from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.section import Section
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
-from crosspih_common.shapes import CrossHole, CrossPeg
-
-# the shapes' own defaults: the peg that the paper used
-_PEG = CrossPeg()
-
-
-class PegDrawing(Section):
-    """The peg's drawing, metres from the F/T origin along the peg axis."""
-
-    half_width_m: float = _PEG.half_width_m
-    half_length_m: float = _PEG.half_length_m
-    body_start_m: float = _PEG.body_start_m
-    taper_slope: float = _PEG.taper_slope
-    apex_m: float = _PEG.apex_m
-    tip_half_width_m: float = _PEG.tip_half_width_m
-
-    def shape(self) -> CrossPeg:
-        """The shape that simulator, vision and mechanics share."""
-        return CrossPeg(**self.model_dump())
-
-
-class HoleDrawing(Section):
-    """The hole's drawing: the peg's section and a clearance on every side."""
-
-    clearance_m: float = Field(default=0.0001, gt=0.0, le=0.002)
-    chamfer_m: float = Field(default=0.001, ge=0.0, le=0.01)
-
-    def shape(self, peg: CrossPeg) -> CrossHole:
-        """The hole around a peg."""
-        return CrossHole.around(peg, self.clearance_m, self.chamfer_m)
-
 
 class HolePrior(Section):
     """Where the hole is put, roughly: the nominal pose and how far it may be off, about the nominal hole's axes."""
@@ -83,6 +53,11 @@ class Workcell(Section):
     friction_expected: float = Field(default=0.1, ge=0.0, le=1.0)
     # how deep the body must be in its bore to count as inserted
     insertion_depth_m: float = Field(default=0.015, gt=0.0)
+
+    @model_validator(mode="after")
+    def _hole_can_be_made(self) -> Workcell:
+        self.hole.shape(self.peg.shape())
+        return self
 
     def arm(self) -> ArmModel:
         """The arm's kinematics and limits."""

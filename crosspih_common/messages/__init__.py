@@ -27,6 +27,7 @@ from crosspih_common.messages.clock import CellClock
 from crosspih_common.messages.contact import ContactState
 from crosspih_common.messages.estimate import (
     EstimateByNetwork,
+    EstimateBySequence,
     EstimatePose,
     EstimateSeated,
     NextTouch,
@@ -37,6 +38,7 @@ from crosspih_common.messages.estimate import (
 )
 from crosspih_common.messages.hole import HoleEstimate, LocateHole, LocateMethod
 from crosspih_common.messages.images import Image
+from crosspih_common.messages.insertion import AdviseInsertion, BoreContact, InsertionAction, InsertionAdvice
 from crosspih_common.messages.joints import JointState
 from crosspih_common.messages.motion import (
     AdmittanceMove,
@@ -47,6 +49,7 @@ from crosspih_common.messages.motion import (
     JointKnot,
     MotionOutcome,
     MoveLinear,
+    PathKnot,
     PayloadAccepted,
     SetPayload,
     StopAccepted,
@@ -54,7 +57,7 @@ from crosspih_common.messages.motion import (
     StopReason,
 )
 from crosspih_common.messages.recording import RecordingStatus, StartRecording, StopRecording
-from crosspih_common.messages.simulation import ResetCell, SimulationTruth, TrueContact
+from crosspih_common.messages.simulation import ResetCell, SceneFaults, SimulationTruth, TrueContact
 from crosspih_common.messages.status import Event, KeyTraffic, ServiceState, ServiceStatus, Severity
 from crosspih_common.messages.touch import Touch
 from crosspih_common.messages.wrench import (
@@ -71,9 +74,11 @@ __all__ = [
     "AbortAccepted",
     "AbortAssembly",
     "AdmittanceMove",
+    "AdviseInsertion",
     "Assemble",
     "AssemblyPhase",
     "AssemblyResult",
+    "BoreContact",
     "CalibrateFt",
     "CameraCalibration",
     "CaptureStereo",
@@ -85,6 +90,7 @@ __all__ = [
     "Covariance6",
     "Dwell",
     "EstimateByNetwork",
+    "EstimateBySequence",
     "EstimatePose",
     "EstimateSeated",
     "Event",
@@ -97,6 +103,8 @@ __all__ = [
     "HoleEstimate",
     "IdentifyPayload",
     "Image",
+    "InsertionAction",
+    "InsertionAdvice",
     "JointKnot",
     "JointState",
     "KeyTraffic",
@@ -107,6 +115,7 @@ __all__ = [
     "MoveLinear",
     "NextTouch",
     "Part",
+    "PathKnot",
     "PayloadAccepted",
     "Phase",
     "PoseData",
@@ -117,6 +126,7 @@ __all__ = [
     "RawWrenchBatch",
     "RecordingStatus",
     "ResetCell",
+    "SceneFaults",
     "ServiceState",
     "ServiceStatus",
     "SetPayload",

@@ -14,6 +14,14 @@ class Strategy(str, Enum):
 
     FUSED = "fused"  # 6-DoF vision, compliant push, touches fused by the estimator
     PAPER = "paper"  # the paper's loop: position-only vision, one wrench -> network -> correct
+    # what fused is compared with; each says in its module what it does
+    STRAIGHT = "straight"  # vision, one straight push that stops when it feels more than a limit
+    VISION_ONLY = "vision_only"  # vision, position-controlled insertion
+    SPIRAL = "spiral"  # vision, compliant push, Archimedean spiral where that does not enter
+    TILT = "tilt"  # vision, compliant push, random tilts about the rim where that does not enter
+    ADMITTANCE = "admittance"  # vision, compliant pushes alone
+    NETWORK_SPIRAL = "network_spiral"  # vision, the paper's network, and a spiral after each correction
+    SEQUENCE = "sequence"  # vision, touches through a recurrent network to the pose
 
 
 class Phase(str, Enum):
@@ -94,6 +102,13 @@ class AssemblyResult(Message):
     peak_force_n: float
     peak_moment_nm: float
     insertion_depth_m: float = Field(description="body past the inner rim, by the final estimate")
+    # sums over the motions, as in MotionOutcome; 0 where the driver does not tell
+    tip_path_m: float = Field(default=0.0, ge=0.0)
+    moving_s: float = Field(default=0.0, ge=0.0)
+    jerk_integral_m_s2: float = Field(default=0.0, ge=0.0)
+    contact_s: float = Field(default=0.0, ge=0.0)
+    contact_impulse_n_s: float = Field(default=0.0, ge=0.0)
+    over_20_n_s: float = Field(default=0.0, ge=0.0)
 
 
 class CalibrateFt(Message):

@@ -22,7 +22,13 @@ class CameraCalibration(Message):
 
 
 class CaptureStereo(Message):
-    """Take a pair now. The two images come on their own keys, stamped like the reply."""
+    """Take a pair now. The two images come on their own keys, stamped like the reply.
+
+    Another light is for a picture that was refused: a driver that cannot change it may ignore both fields.
+    """
+
+    exposure_scale: float = Field(default=1.0, gt=0.0, le=64.0, description="factor on the camera's usual exposure")
+    lamp: int = Field(default=0, ge=0, le=7, description="which of the cell's lamps is lit; 0 is the usual one")
 
 
 class StereoPair(Message):

@@ -76,6 +76,13 @@ class EstimateByNetwork(Message):
     pose_base_hole_believed: PoseData
 
 
+class EstimateBySequence(Message):
+    """A learned way: all touches so far, in their order, through a recurrent network to the pose."""
+
+    prior: PosePrior
+    touches: tuple[Touch, ...] = Field(min_length=1)
+
+
 class EstimateSeated(Message):
     """The peg sits in the hole: its own pose is now the best measurement of the hole's, within the clearance."""
 

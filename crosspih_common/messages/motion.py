@@ -57,6 +57,16 @@ class GuardedMove(Message):
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
 
 
+class PathKnot(Part):
+    """A place of a path that is moved along while pushing, about where the move began, in the peg frame of then."""
+
+    time_s: float = Field(gt=0.0, le=60.0)
+    offset_m: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="of the centre; what of it is along the push is left"
+    )
+    turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector, about the centre")
+
+
 class AdmittanceMove(Message):
     """Push along a direction while yielding to lateral force and to moment, under a force cap.
 
@@ -64,6 +74,9 @@ class AdmittanceMove(Message):
     `centre_peg_m` (a point in the peg frame). Along the direction it advances at `speed_m_s`, slower as the axial force
     nears `axial_force_n`. It ends when it has travelled `travel_m` (seated), when it no longer advances, or at
     `timeout_s`.
+
+    With a `path` the peg searches while it pushes: the path (straight between its knots, from no offset and no turn at
+    0 s) is moved along on top of the yielding, and the move ends when the path does (completed) instead of stalling.
     """
 
     direction_base: Vector3
@@ -77,6 +90,7 @@ class AdmittanceMove(Message):
     rotational_speed_limit_rad_s: float = Field(default=0.05, gt=0.0)
     stall_s: float = Field(default=0.6, gt=0.0)
     timeout_s: float = Field(default=8.0, gt=0.0, le=60.0)
+    path: tuple[PathKnot, ...] = ()
 
 
 class MoveLinear(Message):
@@ -125,6 +139,13 @@ class MotionOutcome(Message):
     wrench_sd: Vector6
     peak_force_n: float
     peak_moment_nm: float
+    # what scoring sums up; a driver that does not know them leaves them out
+    tip_path_m: float = Field(default=0.0, ge=0.0, description="length of the tip's way")
+    moving_s: float = Field(default=0.0, ge=0.0, description="time in which the tip was faster than 10 mm/s")
+    jerk_integral_m_s2: float = Field(default=0.0, ge=0.0, description="of the tip's |jerk| over that time")
+    contact_s: float = Field(default=0.0, ge=0.0, description="time in which |F| was above 2 N")
+    contact_impulse_n_s: float = Field(default=0.0, ge=0.0, description="integral of |F| over that time")
+    over_20_n_s: float = Field(default=0.0, ge=0.0, description="time in which |F| was above 20 N")
 
 
 class GuardedMoveOutcome(MotionOutcome):

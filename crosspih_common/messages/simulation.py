@@ -7,16 +7,31 @@ from pydantic import Field
 from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
 
 
+class SceneFaults(Part):
+    """What is wrong in front of the simulated cameras. The default is a sound scene."""
+
+    light_scale: float = Field(default=1.0, ge=0.0, le=4.0, description="factor on all light")
+    glare: float = Field(default=0.0, ge=0.0, le=500.0, description="grey levels of a round reflection near the rim")
+    covered_arm: int | None = Field(default=None, ge=0, le=3, description="an obstacle hides the +x, +y, -x or -y side")
+    hole: bool = Field(default=True, description="False: a blank plate")
+    square: bool = Field(default=False, description="a dark square pocket on the plate")
+    second_cross: bool = Field(default=False, description="the same fixture once more beside the first")
+    swapped: bool = Field(default=False, description="left and right pictures exchanged")
+    right_rows_px: float = Field(default=0.0, ge=-20.0, le=20.0, description="the right camera tilted: rows it is off by")
+
+
 class ResetCell(Message):
     """Start a new trial: hole, light and noise drawn from the seed, the arm at home.
 
     `offset_hole` overrides the draw (m and rad about the nominal hole: x, y, z, rx, ry, rz); `place_peg` puts the peg
-    in front of the hole at that pose in the hole frame, so that training contacts need no drive.
+    in front of the hole at that pose in the hole frame, so that training contacts need no drive. `scene` puts faults in
+    front of the cameras.
     """
 
     seed: int = Field(ge=0)
     offset_hole: Vector6 | None = None
     place_peg: PoseData | None = None
+    scene: SceneFaults | None = None
 
 
 class TrueContact(Part):

@@ -12,12 +12,15 @@ that an inserted peg has its axes parallel to the hole's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.convex import ConvexPiece
+from crosspih_common.shapes.hole import Hole
+from crosspih_common.shapes.outline import Outline
+from crosspih_common.shapes.peg import Peg
 
 
 def cross_outline(half_width_m: float, half_length_m: float) -> Array:
@@ -31,13 +34,9 @@ def cross_outline(half_width_m: float, half_length_m: float) -> Array:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class CrossPeg:
-    """The peg, in the peg frame {J}; all lengths in metres from the F/T origin along z.
-
-    The body's section is constant from `body_start_m` to `taper_start_m`; from there the section shrinks linearly
-    towards an apex, and is cut off at the tip.
-    """
+@dataclass(frozen=True, kw_only=True)
+class CrossPeg(Peg):
+    """The cross-shaped peg by the paper's own numbers, metres, in the peg frame {J}."""
 
     half_width_m: float = 0.009
     half_length_m: float = 0.027
@@ -45,11 +44,20 @@ class CrossPeg:
     taper_slope: float = 0.25
     apex_m: float = 0.0897
     tip_half_width_m: float = 0.0025
+    outline: Outline = field(init=False, repr=False)
+    taper_start_m: float = field(init=False)
+    tip_m: float = field(init=False)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tip_half_width_m < self.half_width_m < self.half_length_m:
             raise ValueError("a cross peg wants 0 < tip_half_width_m < half_width_m < half_length_m")
-        if self.taper_slope <= 0.0 or self.taper_start_m <= self.body_start_m:
+        if self.taper_slope <= 0.0:
+            raise ValueError("a cross peg wants taper_slope > 0 and its taper to start ahead of body_start_m")
+        corners = cross_outline(self.half_width_m, self.half_length_m)
+        object.__setattr__(self, "outline", Outline.of("cross", corners, 4))
+        object.__setattr__(self, "taper_start_m", self.apex_m - self.half_width_m / self.taper_slope)
+        object.__setattr__(self, "tip_m", self.apex_m - self.tip_half_width_m / self.taper_slope)
+        if self.taper_start_m <= self.body_start_m:
             raise ValueError("a cross peg wants taper_slope > 0 and its taper to start ahead of body_start_m")
 
     @property
@@ -57,20 +65,10 @@ class CrossPeg:
         """Half-length over half-width, constant along the taper."""
         return self.half_length_m / self.half_width_m
 
-    @property
-    def taper_start_m(self) -> float:
-        """Where the taper begins, ahead of the F/T origin."""
-        return self.apex_m - self.half_width_m / self.taper_slope
-
-    @property
-    def tip_m(self) -> float:
-        """Where the tip's face lies, ahead of the F/T origin: the TCP of the tool."""
-        return self.apex_m - self.tip_half_width_m / self.taper_slope
-
-    @property
-    def taper_length_m(self) -> float:
-        """The length of the tapered part."""
-        return self.tip_m - self.taper_start_m
+    def hole(self, clearance_m: float, chamfer_m: float) -> CrossHole:
+        """The hole that leaves the body a clearance (m) on every side."""
+        half_width_m, half_length_m = self.half_width_m + clearance_m, self.half_length_m + clearance_m
+        return CrossHole(half_width_m=half_width_m, half_length_m=half_length_m, chamfer_m=chamfer_m)
 
     def half_width_at_m(self, z_m: Array | float) -> Array:
         """The half-width of an arm at height z (any shape), m."""
@@ -80,13 +78,6 @@ class CrossPeg:
         """The section's 12 corners (12, 3) at height z, m, in `cross_outline` order."""
         width = float(self.half_width_at_m(z_m))
         return np.column_stack([cross_outline(width, width * self.length_ratio), np.full(12, z_m)])
-
-    def taper_edges_m(self) -> tuple[Array, Array]:
-        """The 12 edges of the taper: (tip ends N (12, 3), body ends M (12, 3)), m: the paper's lines M1N1.
-
-        In `cross_outline` order; corners 2, 5, 8, 11 are the re-entrant ones, the other eight can touch a rim.
-        """
-        return self.outline_m(self.tip_m), self.outline_m(self.taper_start_m)
 
     def pieces(self) -> list[ConvexPiece]:
         """The two crossing bars whose union is the peg, exactly: [along x, along y]."""
@@ -109,42 +100,27 @@ class CrossPeg:
         ]
 
 
-@dataclass(frozen=True, slots=True)
-class CrossHole:
-    """The hole, in the hole frame {D}: z = 0 at the outer face, z = `chamfer_m` at the inner rim, metres.
-
-    The chamfer is at 45 degrees: on the outer face the opening is wider by `chamfer_m` on every side.
-    """
+@dataclass(frozen=True, kw_only=True)
+class CrossHole(Hole):
+    """The hole for the cross by its own numbers, metres, in the hole frame {D}."""
 
     half_width_m: float = 0.0091
     half_length_m: float = 0.0271
-    chamfer_m: float = 0.001
-    depth_m: float = 0.05
-    plate_half_size_m: float = 0.06
+    outline: Outline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.half_width_m < self.half_length_m < self.plate_half_size_m - self.chamfer_m:
             raise ValueError("a cross hole wants 0 < half_width_m < half_length_m < plate_half_size_m - chamfer_m")
-        if not 0.0 <= self.chamfer_m < self.depth_m:
-            raise ValueError("a cross hole wants 0 <= chamfer_m < depth_m")
+        corners = cross_outline(self.half_width_m, self.half_length_m)
+        object.__setattr__(self, "outline", Outline.of("cross", corners, 4))
+        super().__post_init__()
 
     @classmethod
-    def around(cls, peg: CrossPeg, clearance_m: float, chamfer_m: float = 0.001) -> CrossHole:
-        """The hole that leaves a peg's body a clearance (m) on every side."""
-        return cls(peg.half_width_m + clearance_m, peg.half_length_m + clearance_m, chamfer_m)
-
-    def inner_rim_m(self) -> Array:
-        """The 12 corners (12, 3) of the inner rim (chamfer meets bore), m: the paper's lines D1D2 join neighbours.
-
-        The segment from corner i to corner i + 1; walls 0, 3, 6, 9 are the arm ends.
-        """
-        outline = cross_outline(self.half_width_m, self.half_length_m)
-        return np.column_stack([outline, np.full(12, self.chamfer_m)])
-
-    def outer_rim_m(self) -> Array:
-        """The 12 corners (12, 3) of the outer rim (face meets chamfer), m."""
-        outline = cross_outline(self.half_width_m + self.chamfer_m, self.half_length_m + self.chamfer_m)
-        return np.column_stack([outline, np.zeros(12)])
+    def around(cls, peg: Peg, clearance_m: float, chamfer_m: float = 0.001) -> CrossHole:
+        """The hole that leaves a cross peg's body a clearance (m) on every side. TypeError for another peg."""
+        if not isinstance(peg, CrossPeg):
+            raise TypeError(f"a cross hole is for a cross peg, not for a {peg.outline.name}; use Hole.around")
+        return peg.hole(clearance_m, chamfer_m)
 
     def pieces(self) -> list[ConvexPiece]:
         """The eight convex blocks around the opening, chamfer included, exactly: four corner, then four end blocks."""

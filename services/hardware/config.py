@@ -33,6 +33,22 @@ class CameraConfig(Section):
     samples: int = Field(default=4, ge=1, le=8, description="sub-pixels a side")
     blur_px: float = Field(default=0.7, ge=0.0, le=5.0)
     noise_grey: float = Field(default=3.0, ge=0.0, le=50.0)
+    brightness: float = Field(default=1.0, ge=0.0, le=4.0, description="of the cell's light; 0.3 is a dim cell")
+    glare: float = Field(
+        default=0.0, ge=0.0, le=500.0, description="grey levels of a round reflection near the rim under lamp 0"
+    )
+
+
+class TruthConfig(Section):
+    """How the simulated cell differs from its drawing and its calibrations; the services are not told."""
+
+    taper_slope_factor: float = Field(default=1.0, gt=0.8, lt=1.25, description="of the taper, whose ends stay")
+    clearance_offset_m: float = Field(default=0.0, gt=-0.002, lt=0.002, description="added to the hole's clearance")
+    ft_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the sensor's origin, in the peg frame")
+    ft_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the sensor's axes, a rotation vector")
+    camera_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
+    camera_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
+    joint_stiffness_factor: float = Field(default=1.0, gt=0.05, lt=20.0)
 
 
 class SimulatedConfig(Section):
@@ -49,6 +65,7 @@ class SimulatedConfig(Section):
     moment_cap_nm: float = Field(default=6.0, gt=0.0, le=50.0)
     force_torque: ForceTorqueConfig = ForceTorqueConfig()
     camera: CameraConfig = CameraConfig()
+    truth: TruthConfig = TruthConfig()
 
 
 class HardwareConfig(Section):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from crosspih_common.messages import (
     AdmittanceMove,
     CameraCalibration,
+    CaptureStereo,
     Dwell,
     FollowTrajectory,
     GuardedMove,
@@ -84,7 +85,7 @@ class StereoCamera(Protocol):
     def calibration(self) -> CameraCalibration:
         """What the cameras are and where they stand."""
 
-    def capture(self) -> tuple[int, float, NDArray[np.uint8], NDArray[np.uint8]]:
+    def capture(self, command: CaptureStereo) -> tuple[int, float, NDArray[np.uint8], NDArray[np.uint8]]:
         """Take a pair: (stamp_ns, exposure_s, left, right), each (height, width) or (height, width, 3)."""
 
 

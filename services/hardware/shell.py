@@ -97,7 +97,7 @@ class HardwareShell:
         return moved
 
     def _capture(self, command: CaptureStereo) -> StereoPair:
-        stamp_ns, exposure_s, left, right = self._cell.camera.capture()
+        stamp_ns, exposure_s, left, right = self._cell.camera.capture(command)
         self._bus.clock.observe(stamp_ns)
         self._captures += 1
         for publisher, frame, pixels in zip(

@@ -16,3 +16,4 @@ class InferenceConfig(Section):
     friction_sd: float = Field(default=0.1, gt=0.0)
     prior_tail_degrees: float = Field(default=5.0, gt=0.0, description="how easily touches overrule vision")
     weights: str = Field(default="", description="the network's safetensors file; empty: the shipped one")
+    sequence_weights: str = Field(default="", description="the sequence network's; empty: the shipped one")

@@ -8,11 +8,13 @@ import numpy as np
 
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose, rotation_to_error_angles
-from crosspih_common.keys import ESTIMATE, NETWORK, NEXT_TOUCH, SEATED
+from crosspih_common.keys import ADVISE_INSERTION, ESTIMATE, NETWORK, NEXT_TOUCH, SEATED
 from crosspih_common.messages import (
+    AdviseInsertion,
     EstimateByNetwork,
     EstimatePose,
     EstimateSeated,
+    InsertionAdvice,
     NextTouch,
     PoseData,
     PoseErrorEstimate,
@@ -30,12 +32,14 @@ from services.inference.estimator import (
     PosePrior,
     TouchObservation,
     TouchVerdict,
+    advise_insertion,
     estimate_pose,
     final_estimate,
     pressed_estimate,
 )
 from services.inference.mechanics import PairTables
 from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
+from services.inference.network.shell import SequenceShell
 from services.inference.next_touch import next_touch
 
 
@@ -62,6 +66,8 @@ class InferenceShell:
         context.bus.serve(NEXT_TOUCH, self._next_touch)
         context.bus.serve(SEATED, self._seated)
         context.bus.serve(NETWORK, self._by_network)
+        SequenceShell(context, config.sequence_weights, self._observation)
+        context.bus.serve(ADVISE_INSERTION, self._advise)
 
     def _observation(self, touch: Touch) -> TouchObservation:
         direction = np.asarray(touch.direction_base)
@@ -172,6 +178,34 @@ class InferenceShell:
             method="seated",
             rests_on=(),
             compute_s=time.perf_counter() - started,
+        )
+
+    def _advise(self, request: AdviseInsertion) -> InsertionAdvice:
+        advice = advise_insertion(
+            self._peg,
+            self._hole,
+            request.belief.pose_base_hole.pose(),
+            np.asarray(request.belief.covariance).reshape(6, 6),
+            request.pose_base_peg.pose(),
+            np.asarray(request.wrench),
+            self._workcell.compliance_peg(request.joints_rad),
+            self._workcell.friction_expected if request.friction is None else request.friction,
+            request.push_force_n,
+            request.force_limit_n,
+        )
+        return InsertionAdvice(
+            contact=advice.contact,
+            action=advice.action,
+            reason=advice.reason,
+            entered_m=advice.entered_m,
+            push_force_n=advice.push_force_n,
+            needed_force_n=advice.needed_force_n,
+            rim_force_n=advice.rim_force_n,
+            leading_force_n=advice.leading_force_n,
+            back_off_m=advice.back_off_m,
+            pose_base_peg=PoseData.of(advice.pose_base_peg),
+            pose_base_hole=PoseData.of(advice.pose_base_hole),
+            covariance=floats(advice.covariance),
         )
 
     def _by_network(self, request: EstimateByNetwork) -> PoseErrorEstimate:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, SimulationTruth
+from services.operator.challenge_score import challenge_score
 
 # a peg in its bore is off by its clearance; one that is off by more than this is deep, but not in the hole
 BESIDE_LEAST_M = 0.002
@@ -53,6 +54,12 @@ def beside_m(workcell: Workcell, pose_base_peg: Pose, pose_base_hole: Pose) -> f
     return float(np.hypot(shoulder[0], shoulder[1]))
 
 
+def start_distance_m(workcell: Workcell, pose_base_hole: Pose) -> float:
+    """From the peg's tip at the home position to the hole."""
+    tip = workcell.pose_base_peg(workcell.home_joints_rad).apply([0.0, 0.0, workcell.peg.shape().tip_m])
+    return float(np.linalg.norm(tip - pose_base_hole.translation_m))
+
+
 class TrialFigures(BaseModel):
     """What `crosspih assemble --json` prints. Errors are None where there is no truth or no pose to score."""
 
@@ -74,6 +81,12 @@ class TrialFigures(BaseModel):
     pushes: int
     peak_force_n: float
     peak_moment_nm: float
+    # None where the driver does not tell, and the score where there is no truth
+    mean_force_n: float | None = None
+    over_20_n_s: float | None = None
+    tip_path_m: float | None = None
+    mean_jerk_m_s3: float | None = None
+    challenge_score: float | None = None
     vision_error_mm: float | None
     vision_error_deg: float | None
     vision_tilt_deg: float | None
@@ -105,6 +118,21 @@ def score(
             inserted, failure = False, "not_deep_enough"
     elif result.inserted:
         depth_m = result.insertion_depth_m
+    # a driver that tells nothing of its motions says that the tip never moved
+    told = result.tip_path_m > 0.0
+    mean_jerk_m_s3 = result.jerk_integral_m_s2 / result.moving_s if result.moving_s > 0.0 else 0.0
+    duration_s = round(result.motion_s + result.thinking_s, 4)
+    points = None
+    if told and truth is not None:
+        points = challenge_score(
+            inserted=inserted,
+            failure=failure,
+            duration_s=duration_s,
+            mean_jerk_m_s3=mean_jerk_m_s3,
+            tip_path_m=result.tip_path_m,
+            start_distance_m=start_distance_m(workcell, truth.pose_base_hole.pose()),
+            over_20_n_s=result.over_20_n_s,
+        ).total
     return TrialFigures(
         seed=None if truth is None else truth.seed,
         strategy=result.strategy.value,
@@ -114,7 +142,7 @@ def score(
         backed_off=result.backed_off,
         motion_s=round(result.motion_s, 6),
         thinking_s=round(result.thinking_s, 4),
-        duration_s=round(result.motion_s + result.thinking_s, 4),
+        duration_s=duration_s,
         wall_s=round(wall_s, 3),
         touches=result.touches,
         presses=result.presses,
@@ -122,6 +150,11 @@ def score(
         pushes=result.pushes,
         peak_force_n=result.peak_force_n,
         peak_moment_nm=result.peak_moment_nm,
+        mean_force_n=result.contact_impulse_n_s / result.contact_s if result.contact_s > 0.0 else None,
+        over_20_n_s=result.over_20_n_s if told else None,
+        tip_path_m=result.tip_path_m if told else None,
+        mean_jerk_m_s3=mean_jerk_m_s3 if told else None,
+        challenge_score=points,
         vision_error_mm=None if vision is None else vision.lateral_mm,
         vision_error_deg=None if vision is None else vision.rotation_deg,
         vision_tilt_deg=None if vision is None else vision.tilt_deg,

@@ -43,6 +43,7 @@ from crosspih_common.messages import (
 )
 from services.planning.calibration_poses import choose_calibration_poses
 from services.planning.config import PlanningConfig
+from services.planning.effort import Effort
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.trajectory import TrajectoryError, move_joints, move_line, scaled_limits
 
@@ -84,6 +85,7 @@ class Run:
         self.attempt = 0
         self.pushes = self.corrections = self.overloads = 0
         self.motion_s = self.peak_force_n = self.peak_moment_nm = 0.0
+        self.effort = Effort()
         self.vision_pose: Pose | None = None
         self.believed: Pose | None = None
 
@@ -103,7 +105,9 @@ class Run:
 
     # -------------------------------------------------------------------------------------------------------- moving
 
-    def _account(self, outcome: MotionOutcome) -> None:
+    def account(self, outcome: MotionOutcome) -> None:
+        """Count a motion; AssemblyFailed OVERLOAD when the caps stopped one once too often."""
+        self.effort.add(outcome)
         self.motion_s += outcome.duration_s
         self.peak_force_n = max(self.peak_force_n, outcome.peak_force_n)
         self.peak_moment_nm = max(self.peak_moment_nm, outcome.peak_moment_nm)
@@ -119,13 +123,13 @@ class Run:
     def dwell(self, duration_s: float) -> MotionOutcome:
         """Hold still; also how the run learns where the arm is."""
         outcome = self.ports.ask(DWELL, Dwell(duration_s=duration_s))
-        self._account(outcome)
+        self.account(outcome)
         return outcome
 
     def follow(self, trajectory: JointTrajectory) -> None:
         """Follow a joint trajectory to its end."""
         outcome = self.ports.ask(FOLLOW, knots_of(trajectory))
-        self._account(outcome)
+        self.account(outcome)
         if outcome.stop_reason is not StopReason.COMPLETED:
             raise AssemblyFailed(
                 Failure.OVERLOAD if outcome.stop_reason in CAPPED else Failure.ABORTED,
@@ -168,7 +172,7 @@ class Run:
             )
         except CommandRefused as refusal:
             raise AssemblyFailed(Failure.UNREACHABLE, str(refusal)) from None
-        self._account(outcome)
+        self.account(outcome)
 
     # --------------------------------------------------------------------------------------------------- calibrating
 
@@ -217,6 +221,7 @@ class Run:
         )
         # before it knew the payload the arm took the tool's weight for contact
         self.peak_force_n = self.peak_moment_nm = 0.0
+        self.effort.forget_forces()
 
     # ---------------------------------------------------------------------------------------------- before the hole
 
@@ -265,7 +270,7 @@ class Run:
                 timeout_s=self.config.push_timeout_s,
             ),
         )
-        self._account(outcome)
+        self.account(outcome)
         seated = outcome.stop_reason is StopReason.SEATED
         self.tell(
             Phase.SEATED if seated else Phase.PUSHING,
@@ -319,7 +324,7 @@ class Run:
     def _felt(self, command: GuardedMove, free_at: Pose | None) -> Touch | None:
         """Do a guarded move and keep what it felt; `free_at` is where it began in free air, None when it did not."""
         outcome = self.ports.ask(GUARDED_MOVE, command)
-        self._account(outcome)
+        self.account(outcome)
         if outcome.wrench_observed_raw is None or outcome.pose_base_peg_observed is None:
             self.tell(Phase.TOUCHING, f"felt nothing: {outcome.stop_reason.value}", travel_mm=outcome.travel_m * 1e3)
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from typing import TypeVar
@@ -166,6 +167,7 @@ class PlanningShell:
             peak_force_n=run.peak_force_n,
             peak_moment_nm=run.peak_moment_nm,
             insertion_depth_m=done.insertion_depth_m,
+            **dataclasses.asdict(run.effort),
         )
 
     def _calibrate(self, request: CalibrateFt) -> FtCalibration:

@@ -19,9 +19,8 @@ PRIOR_SD = np.array([0.02, 0.02, 0.03, 0.12, 0.12, 0.12])
 
 def sample(image: NDArray[np.float32], points_px: Array) -> Array:
     """Grey at points (..., 2), px, cubic interpolation; beyond the border the border's grey."""
-    flat = points_px.reshape(-1, 2).astype(np.float32)
-    # remap wants its maps below 32768 in each direction
-    rows = flat.reshape(-1, 240, 2) if len(flat) % 240 == 0 else flat.reshape(1, -1, 2)
+    # remap wants its maps below 32768 in each direction: a row a profile
+    rows = points_px.reshape(-1, points_px.shape[-2], 2).astype(np.float32)
     grey = cv2.remap(image, rows[..., 0], rows[..., 1], interpolation=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(grey, dtype=float).reshape(points_px.shape[:-1])
 
@@ -63,7 +62,7 @@ def coarse_fit(
         weighted = jacobian * weight.reshape(-1, 1)
         to_prior = pose.inverse() @ prior
         pull = np.concatenate([to_prior.translation_m, to_prior.rotvec_rad()])
-        # 480 profiles but far fewer independent ones: a pixel each, one in ten
+        # some 480 profiles but far fewer independent ones: a pixel each, one in ten
         information = 0.1 * weighted.T @ jacobian + np.diag(PRIOR_SD**-2)
         gradient = 0.1 * weighted.T @ residual.ravel() + pull / PRIOR_SD**2
         pose = perturbed(pose, np.linalg.solve(information, gradient))

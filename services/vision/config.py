@@ -7,8 +7,19 @@ from pydantic import Field
 from crosspih_common.config.section import Section
 
 
+class ExtraNoise(Section):
+    """A worse camera than the simulated one: an error added to every pose found, one sd each, about the hole's axes."""
+
+    lateral_m: float = Field(default=0.0, ge=0.0, le=0.02)
+    depth_m: float = Field(default=0.0, ge=0.0, le=0.02)
+    rotation_rad: float = Field(default=0.0, ge=0.0, le=0.5, description="where the method measures it")
+
+
 class VisionConfig(Section):
     """The `vision` section of a cell's file."""
 
     image_deadline_s: float = Field(default=5.0, gt=0.0, description="wall time the two images of a pair may take")
     capture_deadline_s: float = Field(default=30.0, gt=0.0)
+    looks: int = Field(default=3, ge=1, le=8, description="pictures taken, each under another light, before refusing")
+    enabled: bool = Field(default=True, description="false: refuse to look, as a cell without cameras would")
+    extra_noise: ExtraNoise = ExtraNoise()

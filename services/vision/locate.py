@@ -10,22 +10,23 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole
 from services.vision.annotate import annotated
 from services.vision.coarse_fit import coarse_fit
 from services.vision.profile_fit import ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
 from services.vision.refusals import (
+    Doubtful,
     NotAStereoPair,
     NotEnoughRim,
     NotTheDrawing,
     OutsidePrior,
     PoorFit,
+    TooBright,
     TooDark,
     VisionRefusal,
     WrongImage,
 )
-from services.vision.region import Region, find_cross
-from services.vision.rim_model import RimModel
+from services.vision.region import ExpectedRegion, Region, find_hole, solidity_and_aspect
+from services.vision.rim_model import Rimmed, RimModel
 from services.vision.stereo import StereoModel
 
 # bounds of the refusals; the figures they are compared with stand in the diagnostics of every pose
@@ -33,7 +34,13 @@ DV_MOST_PX = 0.12
 DU_MOST_PX = 0.3
 DRAWING_MOST_M = 0.12e-3
 SUPPORT_LEAST = 0.75
-EDGES_LEAST = 18
+EDGES_LEAST = 0.75
+SATURATED_GREY = 250.0
+SATURATED_MOST = 0.05
+# of the four consistency checks, each over its own bound, the sum of squares
+DOUBT_MOST = 1.3
+# a fit better than this many times the noise is no wrong valley
+SURE_COST = 1.0
 STEP_LEAST_GREY = 12.0
 COST_MOST = 2.0
 ROW_MOST_PX = 12.0
@@ -71,16 +78,18 @@ def noise_of(grey: NDArray[np.uint8]) -> float:
 
 
 def find_both(
-    left: NDArray[np.uint8], right: NDArray[np.uint8], stereo: StereoModel, hole: CrossHole, nominal: Pose
+    left: NDArray[np.uint8], right: NDArray[np.uint8], stereo: StereoModel, hole: Rimmed, nominal: Pose
 ) -> tuple[Region, Region]:
-    """The cross in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
+    """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
     pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
     centre = pose_camera_hole.translation_m
     scale = stereo.fx_px * stereo.fy_px / centre[2] ** 2
-    width, length = 2 * (hole.half_width_m + hole.chamfer_m / 2), 2 * (hole.half_length_m + hole.chamfer_m / 2)
-    area = (2 * width * length - width**2) * scale
-    expected = stereo.project(centre)
-    regions = find_cross(left, area, expected[0], "left"), find_cross(right, area, expected[1], "right")
+    # the grey falls on the chamfer
+    x, y = (0.5 * (hole.inner_rim_m() + hole.outer_rim_m())[:, :2]).T
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) * scale
+    solidity, aspect = solidity_and_aspect(hole.inner_rim_m()[:, :2])
+    expected = [ExpectedRegion(area, (float(u), float(v)), solidity, aspect) for u, v in stereo.project(centre)]
+    regions = find_hole(left, expected[0], "left"), find_hole(right, expected[1], "right")
     disparity = float(regions[0].centre_px[0] - regions[1].centre_px[0])
     rows = float(regions[0].centre_px[1] - regions[1].centre_px[1])
     if disparity <= 0.0:
@@ -96,7 +105,7 @@ def locate_rim(
     left: NDArray[np.uint8],
     right: NDArray[np.uint8],
     stereo: StereoModel,
-    hole: CrossHole,
+    hole: Rimmed,
     nominal: Pose,
     half_ranges: Array,
 ) -> Located:
@@ -114,35 +123,48 @@ def locate_rim(
     rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
     # where on the chamfer the grey falls most depends on the light; a wrong guess can end in a wrong valley
     refusal: VisionRefusal | None = None
+    best: tuple[ProfileFit, dict[str, float]] | None = None
     for share in CHAMFER_SHARES:
         start = coarse_fit(images, model, stereo, Pose(rotation, centre), noise, share)
         fit = profile_fit(images, model, stereo, start, noise)
         try:
-            diagnostics = _checked(images, model, stereo, fit, noise)
-            break
+            checked = _checked(images, model, stereo, fit, noise)
         except VisionRefusal as error:
             refusal = refusal or error
-    else:
+            continue
+        if best is None or fit.cost < best[0].cost:
+            best = fit, checked
+        if fit.cost < SURE_COST:
+            break
+    if best is None:
         assert refusal is not None
         raise refusal
+    fit, diagnostics = best
     pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
     pictures = [annotated(grey[side], regions[side], side, model, stereo, fit.pose_camera_hole) for side in range(2)]
-    return Located(pose_base_hole, covariance_of(fit), diagnostics, pictures[0], pictures[1])
+    covariance = covariance_of(fit, model.facing(), half_ranges)
+    return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
 
 
 def _checked(
     images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
 ) -> dict[str, float]:
     support = float(np.mean(fit.support))
-    edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5))
+    edges, all_edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5)), 2 * fit.support.shape[1]
+    saturated = float(np.mean(fit.face_grey > SATURATED_GREY))
+    if saturated > SATURATED_MOST:
+        raise TooBright(
+            f"{saturated:.0%} of the face beside the rim is above grey {SATURATED_GREY:g}, want less than "
+            f"{SATURATED_MOST:.0%}: expose less, or is there glare on it?"
+        )
     step = float(np.median(fit.step_grey))
     if step < STEP_LEAST_GREY:
         raise TooDark(f"face against bore {step:.0f} grey levels at the rim, want {STEP_LEAST_GREY:g} or more")
-    if support < SUPPORT_LEAST or edges < EDGES_LEAST:
+    if support < SUPPORT_LEAST or edges < EDGES_LEAST * all_edges:
         raise NotEnoughRim(
-            f"{support:.0%} of the profiles and {edges} of 24 edges look like the rim, want {SUPPORT_LEAST:.0%} and "
-            f"{EDGES_LEAST}: is something in front of it, or glare on it?"
+            f"{support:.0%} of the profiles and {edges} of {all_edges} edges look like the rim, want "
+            f"{SUPPORT_LEAST:.0%} and {EDGES_LEAST * all_edges:.0f}: is something in front of it, or glare on it?"
         )
     if fit.cost > COST_MOST:
         raise PoorFit(f"residual {fit.cost:.1f} times the noise, want less than {COST_MOST:g}")
@@ -154,8 +176,14 @@ def _checked(
     width, length = drawing_offset_m(images, model, stereo, fit, noise)
     if max(abs(width), abs(length)) > DRAWING_MOST_M:
         raise NotTheDrawing(
-            f"the cross is larger than the drawing by {width * 1e3:.2f} mm in half-width and {length * 1e3:.2f} mm in "
-            f"half-length, want less than {DRAWING_MOST_M * 1e3:g}"
+            f"the hole is larger than the drawing by {width * 1e3:.2f} mm at its near edges (half-width) and "
+            f"{length * 1e3:.2f} mm at its far ones (half-length), want less than {DRAWING_MOST_M * 1e3:g}"
+        )
+    checks = np.array([du / DU_MOST_PX, dv / DV_MOST_PX, width / DRAWING_MOST_M, length / DRAWING_MOST_M])
+    if checks @ checks > DOUBT_MOST:
+        raise Doubtful(
+            f"right picture off by ({du:.2f}, {dv:.2f}) px and the hole by ({width * 1e3:.2f}, {length * 1e3:.2f}) mm: "
+            f"together {checks @ checks:.1f}, want less than {DOUBT_MOST:g}"
         )
     return {
         "support": support,
@@ -183,14 +211,15 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
         )
 
 
-def covariance_of(fit: ProfileFit) -> Array:
-    """Noise, and the systematic errors that dominate it: each edge by itself, and all edges that face one way."""
-    inverse = np.linalg.inv(fit.information)
+def covariance_of(fit: ProfileFit, facing: Array, half_ranges: Array) -> Array:
+    """Noise, and the systematic errors that dominate it: each edge by itself, and all edges that face one way.
+
+    facing (n,): which edges face the same way; half_ranges (6,): what is known without any picture, m and rad.
+    """
+    inverse = np.linalg.inv(fit.information + np.diag(3.0 / half_ranges**2))
     edge = EDGE_SD_PX**2 * np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
     walls = np.zeros((6, 6))
-    # cross outline edges: 0 faces -x, 1 -y, 2 -x, 3 -y, 4 +x, ...: two of three turn with each arm
-    facing = np.array([0, 1, 0, 1, 2, 1, 2, 3, 2, 3, 0, 3])
-    for way in range(4):
+    for way in np.unique(facing):
         lever = fit.edge_lever[:, facing == way].sum(axis=(0, 1))
         walls += WALL_SD_PX**2 * np.outer(lever, lever)
     return np.asarray(inverse + inverse @ (edge + walls) @ inverse)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole
 from services.vision.annotate import annotated
 from services.vision.locate import Located, as_grey, find_both
+from services.vision.rim_model import Rimmed
 from services.vision.stereo import StereoModel
 
 # Eq. 6, signs restored: the hole in the left camera
@@ -26,7 +26,7 @@ def locate_paper(
     left: NDArray[np.uint8],
     right: NDArray[np.uint8],
     stereo: StereoModel,
-    hole: CrossHole,
+    hole: Rimmed,
     nominal: Pose,
     half_ranges: Array,
 ) -> Located:

@@ -36,8 +36,9 @@ class ProfileFit:
     """The fine fit's end.
 
     information (6, 6) of the pose, by the noise alone; cost: mean square of the residual grey over the noise's;
-    support (2, 12, S): whether a profile looks like a rim; step_grey (2, 12): face minus bore; edge_information
-    (12, 6, 6): each edge's share; edge_lever (2, 12, 6): pull on the pose of a whole edge of one picture, per pixel.
+    support (2, n, S): whether a profile looks like a rim; step_grey (2, n): face minus bore; edge_information
+    (n, 6, 6): each edge's share; edge_lever (2, n, 6): pull on the pose of a whole edge of one picture, per pixel.
+    face_grey (2, n, S): grey beside the rim, on the face.
     """
 
     pose_camera_hole: Pose
@@ -47,6 +48,7 @@ class ProfileFit:
     step_grey: Array
     edge_information: Array
     edge_lever: Array
+    face_grey: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +60,7 @@ class _Normal:
     step_grey: Array
     edge_information: Array
     edge_lever: Array
+    face_grey: Array
 
 
 def _profiles(images: NDArray[np.float32], rim: ProjectedRim, reach_px: float, blur_px: float) -> tuple[Array, Array]:
@@ -69,8 +72,8 @@ def _profiles(images: NDArray[np.float32], rim: ProjectedRim, reach_px: float, b
 def _system(
     images: NDArray[np.float32], rim: ProjectedRim, jacobian: Array, noise_grey: float, blur_px: float = 0.0
 ) -> _Normal:
-    """Normal equations in the parameters of `jacobian` (2, 12, S, P): shift of the outer line along its normal, px."""
-    parameters = jacobian.shape[-1]
+    """Normal equations in the parameters of `jacobian` (2, n, S, P): shift of the outer line along its normal, px."""
+    parameters, edges = jacobian.shape[-1], jacobian.shape[1]
     chamfer = np.maximum(rim.chamfer_px, 0.0)
     offsets, grey = _profiles(images, rim, float(np.median(chamfer)), blur_px)
     spread = float(np.hypot(SPREAD_PX, blur_px))
@@ -82,10 +85,10 @@ def _system(
 
     first_slope, second_slope = slope(offsets) * np.ones_like(grey), slope(offsets - chamfer[..., None])
     information, gradient = np.zeros((parameters, parameters)), np.zeros(parameters)
-    edge_information = np.zeros((12, parameters, parameters))
-    edge_lever = np.zeros((2, 12, parameters))
+    edge_information = np.zeros((edges, parameters, parameters))
+    edge_lever = np.zeros((2, edges, parameters))
     support = np.zeros(chamfer.shape, dtype=bool)
-    step_grey = np.zeros((2, 12))
+    step_grey = np.zeros((2, edges))
     squares, counted = 0.0, 0
     samples, length = grey.shape[2], grey.shape[3]
     # what lies inside the inner rim differs from profile to profile (lit wall, shadow, far side): its step is free in
@@ -97,7 +100,7 @@ def _system(
 
     flat, plain = without(np.ones_like(grey)), without(grey)
     outer_step = without(first)
-    for edge in range(12):
+    for edge in range(edges):
         # one edge is one edge: both cameras see the same fall of light at it, each on its own level of face grey
         half = samples * length
         basis = np.zeros((2 * half, 3))
@@ -132,7 +135,9 @@ def _system(
             edge_lever[side, edge] = design.T @ (whole.ravel() * heavy) / scale**2
         squares += float(np.sum(np.minimum((rms / noise_grey) ** 2, COST_CAP**2)))
         counted += 2 * samples
-    return _Normal(information, gradient, squares / counted, support, step_grey, edge_information, edge_lever)
+    return _Normal(
+        information, gradient, squares / counted, support, step_grey, edge_information, edge_lever, grey[..., 0]
+    )
 
 
 def profile_fit(
@@ -162,6 +167,7 @@ def profile_fit(
         system.step_grey,
         system.edge_information,
         system.edge_lever,
+        system.face_grey,
     )
 
 
@@ -172,33 +178,39 @@ def right_image_offset_px(
     rim = project(model, stereo, fit.pose_camera_hole)
     shift = np.zeros((*rim.normal.shape[:3], 2))
     shift[1] = rim.normal[1]
-    return _extra(images, model, stereo, fit, rim, shift, noise_grey)
+    du_px, dv_px = _extra(images, model, stereo, fit, rim, shift, noise_grey)
+    return du_px, dv_px
 
 
 def drawing_offset_m(
     images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
 ) -> tuple[float, float]:
-    """(half-width, half-length), m: how much larger the cross in the pictures is than the drawing's."""
+    """(near edges, far edges), m: how much larger the hole in the pictures is than the drawing's; of a cross its
+    half-width and half-length. Where all edges are as far from the axis the two are one."""
     rim = project(model, stereo, fit.pose_camera_hole)
     delta = 1e-5
+    ways = (model.grown(delta, 0.0), model.grown(0.0, delta)) if model.sizes == 2 else (model.grown(delta, delta),)
     shift = np.stack(
         [
             np.sum((project(grown, stereo, fit.pose_camera_hole).outer_px - rim.outer_px) * rim.normal, axis=-1) / delta
-            for grown in (model.grown(delta, 0.0), model.grown(0.0, delta))
+            for grown in ways
         ],
         axis=-1,
     )
-    return _extra(images, model, stereo, fit, rim, shift, noise_grey)
+    found = _extra(images, model, stereo, fit, rim, shift, noise_grey)
+    return found[0], found[-1]
 
 
 def _extra(
     images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, rim: ProjectedRim, shift: Array,
     noise_grey: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Two more parameters beside the pose, one Gauss-Newton step from the converged fit."""
+) -> list[float]:  # fmt: skip
+    """More parameters beside the pose, one Gauss-Newton step from the converged fit."""
     jacobian = normal_shift_jacobian(model, stereo, fit.pose_camera_hole, rim)
     system = _system(images, rim, np.concatenate([jacobian, shift], axis=-1), noise_grey)
     scale = np.sqrt(np.maximum(np.diag(system.information), 1e-12))
-    step = np.linalg.solve(system.information / np.outer(scale, scale) + 1e-9 * np.eye(8), system.gradient / scale)
+    step = np.linalg.solve(
+        system.information / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), system.gradient / scale
+    )
     step = step / scale
-    return float(step[6]), float(step[7])
+    return [float(value) for value in step[6:]]

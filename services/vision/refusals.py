@@ -3,6 +3,7 @@
 VisionRefusal
 ├── WrongImage         not a picture of this camera's size
 ├── TooDark            the plate is not bright enough to measure on
+├── TooBright          the plate is so bright that the sensor is saturated
 ├── NoCross            nothing in the picture has the shape and size of the hole
 ├── TwoCrosses         more than one has
 ├── CutOff             the hole is at the edge of a picture
@@ -10,6 +11,7 @@ VisionRefusal
 ├── NotTheDrawing      a cross, but not of the drawing's size
 ├── NotEnoughRim       too much of the rim cannot be seen: covered, glare
 ├── PoorFit            the rim does not look like a rim
+├── Doubtful           each check passes, all together do not
 └── OutsidePrior       a hole, but not where the hole can be
 """
 
@@ -32,6 +34,12 @@ class TooDark(VisionRefusal):
     """The plate is not bright enough to measure on."""
 
     code = "too_dark"
+
+
+class TooBright(VisionRefusal):
+    """The plate is so bright that the sensor is saturated: an edge there is not where it seems."""
+
+    code = "too_bright"
 
 
 class NoCross(VisionRefusal):
@@ -74,6 +82,12 @@ class PoorFit(VisionRefusal):
     """The rim does not look like a rim."""
 
     code = "poor_fit"
+
+
+class Doubtful(VisionRefusal):
+    """Each check passes by itself; together they say that the fit has gone wrong."""
+
+    code = "doubtful"
 
 
 class OutsidePrior(VisionRefusal):

@@ -1,4 +1,4 @@
-"""Find the dark cross in the bright plate: Otsu, enclosed regions, and the shape of a Greek cross."""
+"""Find the dark hole in the bright plate: Otsu, enclosed regions, and the shape of its outline (here a cross)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ Grey = NDArray[np.uint8]
 
 FACE_GREY_LEAST = 25.0
 BORDER_PX = 3
-# area over convex hull of a Greek cross with arms three times as long as wide: 5/7; perspective and lit walls blur it
-SOLIDITY = (0.60, 0.84)
+# how far area over convex hull may be from the outline's (a Greek cross with arms three times as long as wide: 5/7);
+# perspective and lit walls blur it
+SOLIDITY_OFF = (-0.115, 0.125)
 ASPECT_MOST = 1.35
 AREA_OFF_MOST = 1.7
 
@@ -32,8 +33,27 @@ class Region:
     face_grey: float
 
 
-def _crosses(mask: Grey, expected_area_px: float) -> tuple[list[NDArray[np.int32]], bool]:
-    """Contours of dark regions enclosed in bright ones that look like a cross, and whether one touches the border."""
+@dataclass(frozen=True, slots=True)
+class ExpectedRegion:
+    """What the hole looks like from about where it should be: area (px) and centre (2,) (px) in a picture, area over
+    that of its convex hull, and longer over shorter side of its tightest box."""
+
+    area_px: float
+    centre_px: tuple[float, float]
+    solidity: float
+    aspect: float
+
+
+def solidity_and_aspect(corners_m: Array) -> tuple[float, float]:
+    """Of an outline (n, 2): area over its convex hull's, longer over shorter side of its tightest box."""
+    outline = (corners_m / np.abs(corners_m).max() * 1e3).astype(np.float32).reshape(-1, 1, 2)
+    (_, (side_a, side_b), _) = cv2.minAreaRect(outline)
+    hull = cv2.contourArea(cv2.convexHull(outline))
+    return float(cv2.contourArea(outline) / hull), float(max(side_a, side_b) / min(side_a, side_b))
+
+
+def _holes(mask: Grey, expected: ExpectedRegion) -> tuple[list[NDArray[np.int32]], bool]:
+    """Contours of dark regions enclosed in bright ones that look like the hole, and whether one touches the border."""
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     found: list[NDArray[np.int32]] = []
     cut_off = False
@@ -44,12 +64,13 @@ def _crosses(mask: Grey, expected_area_px: float) -> tuple[list[NDArray[np.int32
         if parent < 0:
             continue
         area = float(cv2.contourArea(contour))
-        if not expected_area_px / AREA_OFF_MOST < area < expected_area_px * AREA_OFF_MOST:
+        if not expected.area_px / AREA_OFF_MOST < area < expected.area_px * AREA_OFF_MOST:
             continue
         hull = float(cv2.contourArea(cv2.convexHull(contour)))
         (_, (side_a, side_b), _) = cv2.minAreaRect(contour)
         aspect = max(side_a, side_b) / max(min(side_a, side_b), 1.0)
-        if not SOLIDITY[0] < area / hull < SOLIDITY[1] or aspect > ASPECT_MOST:
+        low, high = (expected.solidity + off for off in SOLIDITY_OFF)
+        if not low < area / hull < high or not aspect / ASPECT_MOST < expected.aspect < aspect * ASPECT_MOST:
             continue
         left, top, w, h = cv2.boundingRect(contour)
         if min(left, top, width - left - w, height - top - h) < BORDER_PX:
@@ -59,8 +80,8 @@ def _crosses(mask: Grey, expected_area_px: float) -> tuple[list[NDArray[np.int32
     return found, cut_off
 
 
-def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, side: str) -> Region:
-    """The one cross in a grey picture. `expected_*` set only the scale looked for and what counts as cut off.
+def find_hole(grey: Grey, expected: ExpectedRegion, side: str) -> Region:
+    """The one hole in a grey picture. `expected` sets only the shape and scale looked for and what counts as cut off.
 
     Raises TooDark, NoCross, TwoCrosses, CutOff.
     """
@@ -69,14 +90,14 @@ def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, s
     face = float(np.median(smooth[bright > 0])) if np.any(bright) else 0.0
     if face < FACE_GREY_LEAST:
         raise TooDark(f"{side}: the bright part is at grey {face:.0f}, want {FACE_GREY_LEAST:.0f} or more")
-    found, cut_off = _crosses(np.asarray(bright, dtype=np.uint8), expected_area_px)
+    found, cut_off = _holes(np.asarray(bright, dtype=np.uint8), expected)
     # lit bore walls can be nearer to the plate's grey than to the background's: look again among the bright
     if not found:
         plate = smooth[bright > 0]
         second, _ = cv2.threshold(plate.reshape(1, -1), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
         for level in (second, 0.5 * (second + face)):
             mask = (smooth > level).astype(np.uint8) * 255
-            found, cut_here = _crosses(mask, expected_area_px)
+            found, cut_here = _holes(mask, expected)
             cut_off = cut_off or cut_here
             if found:
                 threshold = level
@@ -85,10 +106,10 @@ def find_cross(grey: Grey, expected_area_px: float, expected_centre_px: Array, s
         raise TwoCrosses(f"{side}: {len(found)} regions look like the hole, want one")
     if not found:
         height, width = grey.shape
-        u, v = expected_centre_px
+        u, v = expected.centre_px
         if cut_off or not (0.0 <= u < width and 0.0 <= v < height):
             raise CutOff(f"{side}: the hole is cut off by the edge of the picture")
-        raise NoCross(f"{side}: no dark region has the shape of the hole and about {expected_area_px:.0f} px of area")
+        raise NoCross(f"{side}: no dark region has the shape of the hole and about {expected.area_px:.0f} px of area")
     contour = found[0]
     hull_moments = cv2.moments(cv2.convexHull(contour.reshape(-1, 1, 2)))
     centre = np.array([hull_moments["m10"], hull_moments["m01"]]) / hull_moments["m00"]

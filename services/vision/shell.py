@@ -23,9 +23,11 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service import ServiceContext
 from services.vision.config import VisionConfig
+from services.vision.disturbance import disturbed
 from services.vision.locate import locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import VisionRefusal
+from services.vision.second_look import Look, next_look
 from services.vision.stereo import StereoModel
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
@@ -58,8 +60,9 @@ class VisionShell:
         self._annotated = self._bus.publisher(ANNOTATED_LEFT), self._bus.publisher(ANNOTATED_RIGHT)
         self._bus.serve(LOCATE, self._locate)
 
-    def _capture(self) -> tuple[StereoPair, list[NDArray[np.uint8]]]:
-        pair = self._bus.call(CAPTURE, CaptureStereo(), self._config.capture_deadline_s)
+    def _capture(self, look: Look) -> tuple[StereoPair, list[NDArray[np.uint8]]]:
+        command = CaptureStereo(exposure_scale=look.exposure_scale, lamp=look.lamp)
+        pair = self._bus.call(CAPTURE, command, self._config.capture_deadline_s)
         pictures = []
         for latest, side in zip(self._images, ("left", "right"), strict=True):
             image = latest.wait_for(lambda sample: sample.stamp_ns == pair.stamp_ns, self._config.image_deadline_s)
@@ -71,14 +74,28 @@ class VisionShell:
         return pair, pictures
 
     def _locate(self, request: LocateHole) -> HoleEstimate:
-        started = time.perf_counter()
-        pair, (left, right) = self._capture()
-        capture_wall_s = time.perf_counter() - started
-        stereo = stereo_model(pair.calibration)
-        try:
-            found = METHODS[request.method](left, right, stereo, self._hole, self._nominal, self._half_ranges)
-        except VisionRefusal as refusal:
-            raise CommandRefused(refusal.code, str(refusal)) from None
+        if not self._config.enabled:
+            raise CommandRefused("switched_off", "vision.enabled is false in the cell's file")
+        look: Look | None = Look()
+        refusals: list[VisionRefusal] = []
+        capture_wall_s = 0.0
+        while look is not None and len(refusals) < self._config.looks:
+            started = time.perf_counter()
+            pair, (left, right) = self._capture(look)
+            capture_wall_s += time.perf_counter() - started
+            stereo = stereo_model(pair.calibration)
+            try:
+                found = METHODS[request.method](left, right, stereo, self._hole, self._nominal, self._half_ranges)
+                break
+            except VisionRefusal as refusal:
+                refusals.append(refusal)
+                look = next_look(look, refusal.code)
+        else:
+            told = str(refusals[0])
+            if len(refusals) > 1:
+                told += f" (and {len(refusals) - 1} more under other light: {', '.join(r.code for r in refusals[1:])})"
+            raise CommandRefused(refusals[0].code, told)
+        found = disturbed(found, self._config.extra_noise, left, right, request.method is LocateMethod.RIM)
         for publisher, frame, picture in zip(
             self._annotated,
             (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT),
@@ -93,7 +110,12 @@ class VisionShell:
             orientation_measured=request.method is LocateMethod.RIM,
             capture_id=pair.capture_id,
             capture_wall_s=capture_wall_s,
-            diagnostics=found.diagnostics,
+            diagnostics={
+                **found.diagnostics,
+                "looks": len(refusals) + 1.0,
+                "exposure_scale": look.exposure_scale,
+                "lamp": float(look.lamp),
+            },
         )
 
     def close(self) -> None:

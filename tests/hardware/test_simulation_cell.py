@@ -15,6 +15,7 @@ from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import (
     AdmittanceMove,
+    CaptureStereo,
     Dwell,
     FollowTrajectory,
     GuardedMove,
@@ -263,11 +264,11 @@ def test_realtime_keeps_the_clock_running_between_commands() -> None:
 
 def test_a_capture_takes_its_exposure_and_shows_the_hole(cell: SimulatedCell) -> None:
     cell.simulation.reset(ResetCell(seed=5))
-    stamp_ns, exposure_s, left, right = cell.camera.capture()
+    stamp_ns, exposure_s, left, right = cell.camera.capture(CaptureStereo())
     assert (stamp_ns, exposure_s) == (0, 0.02)
     assert cell.clock.now_ns() == 20_000_000
     assert left.shape == right.shape == (480, 640)
     assert left.std() > 10.0
     cell.simulation.reset(ResetCell(seed=5))
-    _, _, again, _ = cell.camera.capture()
+    _, _, again, _ = cell.camera.capture(CaptureStereo())
     np.testing.assert_array_equal(left, again)

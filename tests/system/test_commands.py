@@ -62,7 +62,7 @@ def test_assemble_that_fails_names_the_failure_and_ends_with_a_status(cell: Runn
     cell.wait_restarted("hardware", kill.killed_pid)
 
 
-@pytest.mark.parametrize("command", [("assemble", "--json"), ("bench", "assembly"), ("calibrate", "ft")])
+@pytest.mark.parametrize("command", [("assemble", "--json"), ("calibrate", "ft")])
 def test_the_other_speed_is_refused_in_one_line(session: Session, command: tuple[str, ...]) -> None:
     done = CliRunner().invoke(app, [*command, "--speed", "realtime"])
     assert done.exit_code == 1
@@ -78,7 +78,7 @@ def test_a_speed_that_is_none_is_refused_in_one_line() -> None:
 
 
 def test_bench_gives_counts_and_distributions(cell: RunningCell, session: Session) -> None:
-    done = cell.cli("bench", "assembly", "--trials", "2", "--seed", "1000", "--json")
+    done = cell.cli("bench", "assembly", "--running", "--trials", "2", "--seed", "1000", "--json")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["trials"] == 2 and result["inserted"] == 2 and result["failures"] == {}

@@ -5,8 +5,8 @@ The contact wrench, filtered at 100 Hz, is turned into velocity about a centre n
 
     v_lateral = F_lateral / D,   w = M_centre / D_r,   v_axial = v (1 - load / F_max)
 
-each clipped. The load is the axial force, or a share of |F| when the peg leans on a wall: a wedged peg can carry far
-more than its axial force says. A load beyond F_max lets the peg come back.
+each clipped, plus the speeds of a search path where there is one. The load is the axial force, or a share of |F| when
+the peg leans on a wall: a wedged peg can carry far more than its axial force says. A load beyond F_max lets the peg come back.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import AdmittanceMove, StopReason
 from services.hardware.simulation.motions import Ending, Steps
 from services.hardware.simulation.physics import STEP_S
+from services.hardware.simulation.search_path import SearchPath
 from services.hardware.simulation.servo import Reading, Reference, Servo, finite_difference_speed
 
 FILTER_HZ = 100.0
@@ -36,19 +37,21 @@ class Admittance:
     """One admittance move; how far it came stands in `travel_m`."""
 
     def __init__(
-        self, arm: ArmModel, pose_flange_peg: Pose, start: Pose, direction_base: Array, command: AdmittanceMove
-    ) -> None:
+        self, arm: ArmModel, pose_flange_peg: Pose, start: Pose, direction_base: Array, command: AdmittanceMove,
+        search: SearchPath | None = None,
+    ) -> None:  # fmt: skip
         self._arm = arm
         self._pose_flange_peg = pose_flange_peg
         self._peg_to_flange = pose_flange_peg.inverse()
         self._start = start
         self._direction = direction_base
         self._command = command
+        self._search = search or SearchPath((), start.rotation, direction_base)
         self.travel_m = 0.0
 
     def steps(self, servo: Servo) -> Steps:
-        """Until seated, stalled or out of time."""
-        command, direction = self._command, self._direction
+        """Until seated, stalled, at the end of the search path or out of time."""
+        command, direction, search = self._command, self._direction, self._search
         smoothing = 1.0 - np.exp(-2.0 * np.pi * FILTER_HZ * STEP_S)
         centre_peg = np.asarray(command.centre_peg_m, float)
         pose = self._start
@@ -62,6 +65,11 @@ class Admittance:
         for index in range(max(1, round(command.timeout_s / STEP_S))):
             before = pose
             axial_speed, lateral, turn = self._velocities(wrench, pose, centre_peg)
+            if search.steps:
+                if index >= search.steps:
+                    return Ending(StopReason.COMPLETED, "the search path is at its end")
+                lateral = lateral + search.velocity_m_s[index]
+                turn = turn + search.turn_rad_s[index]
             # gather speed gently, give way at once
             speed = min(axial_speed, speed + _RAMP_M_S2 * STEP_S)
             centre = centre + (direction * speed + lateral) * STEP_S
@@ -86,8 +94,10 @@ class Admittance:
             self.travel_m = float((centre - begin) @ direction)
             if self.travel_m >= command.travel_m:
                 return Ending(StopReason.SEATED)
-            if len(progress) == window and (
-                self.travel_m - progress[0] < STALL_SHARE * command.speed_m_s * command.stall_s
+            if (
+                not search.steps
+                and len(progress) == window
+                and (self.travel_m - progress[0] < STALL_SHARE * command.speed_m_s * command.stall_s)
             ):
                 return Ending(
                     StopReason.STALLED,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ from crosspih_common.messages import (
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import SimulatedConfig
 from services.hardware.simulation.admittance import Admittance
+from services.hardware.simulation.effort import Effort
 from services.hardware.simulation.guarded import OVERSHOOT_M, Guarded
 from services.hardware.simulation.motions import Ending, Follow, Hold, Linear, Motion, back_off, brake
 from services.hardware.simulation.paths import (
@@ -35,6 +37,8 @@ from services.hardware.simulation.paths import (
     refuse_not_finite,
     unit_direction,
 )
+from services.hardware.simulation.physics import STEP_S
+from services.hardware.simulation.search_path import SearchPath
 from services.hardware.simulation.sensor import Payload
 from services.hardware.simulation.servo import LAST_SAMPLES, Reading, Servo
 from services.hardware.simulation.turn import Turn
@@ -60,6 +64,8 @@ class SimulatedArm:
         self._stop_wanted = False
         self._peak_force_n = 0.0
         self._peak_moment_nm = 0.0
+        tip_m = [0.0, 0.0, workcell.peg.shape().tip_m]
+        self._effort = Effort(self._arm, self._pose_flange_peg.apply(tip_m), STEP_S)
 
     def joint_state(self) -> JointState:
         """The encoders now: the motor side."""
@@ -128,15 +134,16 @@ class SimulatedArm:
             )
 
     def admittance_move(self, command: AdmittanceMove) -> MotionOutcome:
-        """`travel_m` is along the direction. Raises as `guarded_move`."""
+        """`travel_m` is along the direction. Raises as `guarded_move`, and path."""
         direction = unit_direction("direction_base", command.direction_base)
         refuse_not_finite("centre_peg_m", command.centre_peg_m)
         with self._command():
             servo = self._servo
             start = servo.forward(servo.joints_rad)
             path = line(self._arm, self._pose_flange_peg, start, direction, command.travel_m, servo.joints_rad)
-            path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s)
-            motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command)
+            search = SearchPath(command.path, start.rotation, direction)
+            path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s + search.fastest_m_s)
+            motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search)
             self._feel_nothing()
             return self._done(self._run(motion), motion.travel_m)
 
@@ -198,6 +205,7 @@ class SimulatedArm:
             with self._stop_lock:
                 self._moving, self._stop_wanted = True, False
             self._peak_force_n = self._peak_moment_nm = 0.0
+            self._effort.restart()
             self._start_ns = self._servo.now_ns
             self._start_joints = self._servo.joints_rad
             try:
@@ -237,6 +245,7 @@ class SimulatedArm:
                 reference = next(steps)
                 while True:
                     reading = servo.advance(reference)
+                    self._effort.add(servo.joints_rad, reading.force_n)
                     self._peak_force_n = max(self._peak_force_n, reading.force_n)
                     self._peak_moment_nm = max(self._peak_moment_nm, reading.moment_nm)
                     reference = steps.send(reading)
@@ -254,6 +263,7 @@ class SimulatedArm:
                     servo.advance(slower)
                 return Ending(StopReason.STOPPED, "stopped by command")
             reading = servo.advance(reference)
+            self._effort.add(servo.joints_rad, reading.force_n)
             ending = self._over_caps(reading)
             if ending is not None:
                 self._back_off()
@@ -286,6 +296,7 @@ class SimulatedArm:
             wrench_sd=floats(sd),
             peak_force_n=self._peak_force_n,
             peak_moment_nm=self._peak_moment_nm,
+            **dataclasses.asdict(self._effort.figures()),
         )
 
 

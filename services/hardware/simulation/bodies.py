@@ -22,8 +22,9 @@ from crosspih_common.shapes import ConvexPiece
 INSET_M = 1e-6
 MARGIN_M = 1e-6
 SENSOR_JOINT = 6
-BAR_LINKS = (7, 8)
-BAR_KG = 0.001
+FIRST_PIECE_LINK = 7
+# of all pieces of the peg together
+PIECES_KG = 0.002
 
 LINK_KG = (3.0, 2.0, 1.5, 0.7, 0.5, 0.2)
 # inertia added about each joint's own axis; without it the light wrist links are too fast for a 1 kHz explicit loop
@@ -68,53 +69,61 @@ def add_hole(blocks: list[Corners], pose_base_hole: Pose, friction: float, clien
 
 
 def add_arm(
-    arm: ArmModel, pose_flange_peg: Pose, bars: list[Corners], payload_kg: float, centroid_m: Array, client: int
+    arm: ArmModel, pose_flange_peg: Pose, pieces: list[Corners], payload_kg: float, centroid_m: Array, client: int
 ) -> int:
-    """The arm as one body: links 0-5 turn, 6 is the sensor with its payload, 7 and 8 are the peg's bars.
+    """The arm as one body: links 0-5 turn, 6 is the sensor with its payload, from 7 on they are the peg's pieces.
 
-    At the zero pose the frames of links 0-5 are parallel to the base; those of 6-8 are the peg frame {J}. `centroid_m`
-    (3,) is the payload's, in the peg frame.
+    At the zero pose the frames of links 0-5 are parallel to the base; those from 6 on are the peg frame {J}.
+    `centroid_m` (3,) is the payload's, in the peg frame.
     """
     points = joint_points_m(arm)
     at_zero = arm.pose_base_flange(np.zeros(6)) @ pose_flange_peg
     # the middle of each link, from its own joint
     ends = np.vstack([points[1:], arm.pose_base_flange(np.zeros(6)).translation_m])
     middles = (ends - points) / 2.0
-    shapes = [_with_margin(_hull(bar, client), client) for bar in bars]
-    # The bars' masses stay at the peg frame's origin (an offset would wrap their hulls and lose the margin), and the
+    shapes = [_with_margin(_hull(piece, client), client) for piece in pieces]
+    count = len(shapes)
+    piece_kg = PIECES_KG / count
+    # The pieces' masses stay at the peg frame's origin (an offset would wrap their hulls and lose the margin), and the
     # sensor link makes up for them.
-    sensor_kg = payload_kg - 2.0 * BAR_KG
-    offsets = [*middles, np.asarray(centroid_m, float) * (payload_kg / sensor_kg), np.zeros(3), np.zeros(3)]
-    positions = [points[0], *np.diff(points, axis=0), at_zero.translation_m - points[5], np.zeros(3), np.zeros(3)]
+    sensor_kg = payload_kg - PIECES_KG
+    none = [np.zeros(3)] * count
+    offsets = [*middles, np.asarray(centroid_m, float) * (payload_kg / sensor_kg), *none]
+    positions = [points[0], *np.diff(points, axis=0), at_zero.translation_m - points[5], *none]
     still = [0.0, 0.0, 0.0, 1.0]
     body = pybullet.createMultiBody(
         baseMass=0.0,
         basePosition=[0.0, 0.0, 0.0],
-        linkMasses=[*LINK_KG, sensor_kg, BAR_KG, BAR_KG],
+        linkMasses=[*LINK_KG, sensor_kg, *[piece_kg] * count],
         linkCollisionShapeIndices=[-1] * 7 + shapes,
-        linkVisualShapeIndices=[-1] * 9,
+        linkVisualShapeIndices=[-1] * (7 + count),
         linkPositions=[position.tolist() for position in positions],
-        linkOrientations=[still] * 6 + [at_zero.quaternion_xyzw().tolist(), still, still],
+        linkOrientations=[still] * 6 + [at_zero.quaternion_xyzw().tolist()] + [still] * count,
         linkInertialFramePositions=[offset.tolist() for offset in offsets],
-        linkInertialFrameOrientations=[still] * 9,
-        linkParentIndices=[0, 1, 2, 3, 4, 5, 6, 7, 7],
-        linkJointTypes=[pybullet.JOINT_REVOLUTE] * 6 + [pybullet.JOINT_FIXED] * 3,
-        linkJointAxis=[*ZERO_AXES, (0, 0, 1), (0, 0, 1), (0, 0, 1)],
+        linkInertialFrameOrientations=[still] * (7 + count),
+        linkParentIndices=[0, 1, 2, 3, 4, 5, 6] + [SENSOR_JOINT + 1] * count,
+        linkJointTypes=[pybullet.JOINT_REVOLUTE] * 6 + [pybullet.JOINT_FIXED] * (1 + count),
+        linkJointAxis=[*ZERO_AXES, (0, 0, 1), *[(0, 0, 1)] * count],
         physicsClientId=client,
     )
-    _set_dynamics(int(body), middles, payload_kg, client)
+    _set_dynamics(int(body), middles, payload_kg, piece_kg, client)
     return int(body)
 
 
-def _set_dynamics(body: int, middles: Array, payload_kg: float, client: int) -> None:
-    for link in range(9):
+def piece_links(body: int, client: int) -> range:
+    """The links of an arm's body that are the peg's pieces."""
+    return range(FIRST_PIECE_LINK, int(pybullet.getNumJoints(body, physicsClientId=client)))
+
+
+def _set_dynamics(body: int, middles: Array, payload_kg: float, piece_kg: float, client: int) -> None:
+    for link in range(piece_links(body, client).stop):
         if link < 6:
             reach = float(np.linalg.norm(middles[link]) * 2.0)
             inertia = np.full(3, LINK_KG[link] * (reach**2 + 0.1**2) / 12.0)
             inertia += (1.0 + np.array(ZERO_AXES[link])) / 2.0 * JOINT_KG_M2[link]  # a disc across the axis
         else:
-            # a payload the size of a fist; the bars weigh next to nothing
-            inertia = np.full(3, payload_kg * 0.06**2 / 6.0 if link == SENSOR_JOINT else BAR_KG * 0.05**2 / 6.0)
+            # a payload the size of a fist; the pieces weigh next to nothing
+            inertia = np.full(3, payload_kg * 0.06**2 / 6.0 if link == SENSOR_JOINT else piece_kg * 0.05**2 / 6.0)
         pybullet.changeDynamics(
             body, link, localInertiaDiagonal=inertia.tolist(), linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
             restitution=0.0, physicsClientId=client,
@@ -130,13 +139,13 @@ def _set_dynamics(body: int, middles: Array, payload_kg: float, client: int) -> 
 
 
 def set_peg_friction(body: int, friction: float, client: int) -> None:
-    """Friction of the bars, in a call of its own: together with damping or margin it is silently dropped."""
-    for link in BAR_LINKS:
+    """Friction of the peg's pieces, in a call of its own: together with damping or margin it is silently dropped."""
+    for link in piece_links(body, client):
         pybullet.changeDynamics(body, link, lateralFriction=friction, physicsClientId=client)
         pybullet.changeDynamics(body, link, spinningFriction=0.0, rollingFriction=0.0, physicsClientId=client)
         got = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[1]
         if abs(got - friction) > 1e-12:
-            raise RuntimeError(f"the simulator kept friction {got} on peg bar {link}, wanted {friction}")
+            raise RuntimeError(f"the simulator kept friction {got} on peg piece {link}, wanted {friction}")
 
 
 def _with_margin(shape: int, client: int) -> int:

@@ -13,12 +13,12 @@ from types import TracebackType
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, shift
 
 from crosspih_common.arm import ArmModel, xb4
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg, Hole, Peg
 from services.hardware.simulation import camera_bodies as bodies
 from services.hardware.simulation.camera_rig import (
     StereoRig,
@@ -63,15 +63,15 @@ class SimulatedScene:
 
     def __init__(
         self,
-        hole: CrossHole,
+        hole: Hole,
         rig: StereoRig | None = None,
-        peg: CrossPeg | None = None,
+        peg: Peg | None = None,
         arm: ArmModel | None = None,
         quality: SensorQuality | None = None,
     ) -> None:
         self.hole = hole
         self.rig = rig or StereoRig()
-        self.peg = peg or CrossPeg()
+        self.peg: Peg = peg or CrossPeg()
         self.arm = arm or xb4()
         self.quality = quality or SensorQuality()
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -119,11 +119,11 @@ class SimulatedScene:
         look = appearance or Appearance.draw(rng)
         self._arrange(pose_base_hole, joints_rad, faults)
         self._paint(look, faults)
-        glare_at = rng.uniform(-1.0, 1.0, 2) * self.hole.half_length_m
+        glare_at = rng.uniform(-1.0, 1.0, 2) * self.hole.outline.reach_m
         glare_base = pose_base_hole.apply([*glare_at, 0.0])
         left, right = (
-            self._expose(self._draw(pose, look, faults.light_scale), pose, glare_base, look, faults, rng)
-            for pose in (self.rig.pose_base_camera, self.rig.pose_base_right())
+            self._expose(_knocked(self._draw(pose, look, faults.light_scale), rows), pose, glare_base, look, faults, rng)
+            for pose, rows in ((self.rig.pose_base_camera, 0.0), (self.rig.pose_base_right(), faults.right_rows_px))
         )
         return (right, left) if faults.swapped else (left, right)
 
@@ -261,3 +261,10 @@ class SimulatedScene:
         noise = rng.standard_normal(light.shape, dtype=np.float32)
         noise *= self.quality.noise_grey
         return np.asarray(np.clip(np.rint(light + noise), 0.0, 255.0), dtype=np.uint8)
+
+
+def _knocked(picture: FloatImage, rows: float) -> FloatImage:
+    """The picture of a camera that was tilted by so many rows."""
+    if rows == 0.0:
+        return picture
+    return np.asarray(shift(picture, (rows, 0.0), order=3, mode="nearest"), dtype=np.float32)

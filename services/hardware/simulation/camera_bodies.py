@@ -7,7 +7,7 @@ import numpy as np
 from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import Hole, Peg
 from services.hardware.simulation.camera_rig import StereoRig
 from services.hardware.simulation.scene_mesh import Mesh, box_mesh, capsule_mesh, convex_mesh
 
@@ -17,7 +17,7 @@ FLANGE_TO_PEG_M = 0.0663
 ARM_RADII_M = (0.06, 0.05, 0.048, 0.042, 0.034, 0.028)
 
 
-def fixture_meshes(hole: CrossHole) -> dict[str, Mesh]:
+def fixture_meshes(hole: Hole) -> dict[str, Mesh]:
     """The fixture in the hole frame: `face` (plate and chamfer), `bore` (walls), `blank` (a plate without a hole)."""
 
     def is_bore(normal: Array, offset_m: float) -> bool:
@@ -31,7 +31,7 @@ def fixture_meshes(hole: CrossHole) -> dict[str, Mesh]:
     }
 
 
-def arm_meshes(arm: ArmModel, peg: CrossPeg) -> list[Mesh]:
+def arm_meshes(arm: ArmModel, peg: Peg) -> list[Mesh]:
     """One mesh a moving frame: six links in their DH frames, then sensor flange and peg, both in the peg frame.
 
     The arm is drawn as capsules from frame to frame; it shows where the arm is, not the maker's casting.
@@ -55,14 +55,14 @@ def arm_poses(arm: ArmModel, joints_rad: Array) -> list[Pose]:
 
 
 def obstacle_mesh() -> Mesh:
-    """A flat piece that hides one arm of the cross: in its own frame, centred."""
+    """A flat piece that hides one arm of the cross, or as much of another hole: in its own frame, centred."""
     return box_mesh((0.016, 0.016, 0.001))
 
 
-def obstacle_pose(pose_base_hole: Pose, hole: CrossHole, arm_index: int) -> Pose:
-    """The obstacle 15 mm in front of the outer part of one arm of the cross."""
+def obstacle_pose(pose_base_hole: Pose, hole: Hole, arm_index: int) -> Pose:
+    """The obstacle 15 mm in front of the outer part of one arm of the cross (0..3 for +x, +y, -x, -y)."""
     angle = arm_index * np.pi / 2
-    out = hole.half_length_m - 0.006
+    out = hole.outline.reach_m - 0.006
     return pose_base_hole @ Pose.from_rotvec([0.0, 0.0, 0.3], [out * np.cos(angle), out * np.sin(angle), -0.015])
 
 

@@ -149,7 +149,7 @@ class SimulatedSimulation:
             self.pose_base_hole = pose_base_hole
             self._seed = command.seed
             self._servo.restart(joints, sensor_rng)
-        self._camera.start(pose_base_hole, camera_rng)
+        self._camera.start(pose_base_hole, camera_rng, command.scene)
 
     def _joints_at(self, pose_base_peg: Pose) -> Array:
         refuse_not_finite("place_peg", [*pose_base_peg.translation_m, *pose_base_peg.rotation.ravel()])
@@ -173,7 +173,7 @@ class SimulatedCell:
         self.clock = SimulatedClock(self._servo)
         self.arm = SimulatedArm(workcell, config, self._servo, turn)
         self.force_torque = SimulatedForceTorque(self._servo)
-        self.camera = SimulatedStereoCamera(workcell, config.camera, self._servo, self.arm)
+        self.camera = SimulatedStereoCamera(workcell, config, self._servo, self.arm)
         self.simulation = SimulatedSimulation(workcell, config, self._physics, self._servo, self.arm, self.camera)
         self._closing = threading.Event()
         self._idler: threading.Thread | None = None

@@ -25,6 +25,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
 from services.hardware.config import SimulatedConfig
 from services.hardware.simulation import bodies
+from services.hardware.simulation.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
 
 STEP_NS = 1_000_000
 STEP_S = 1e-3
@@ -47,12 +48,12 @@ class Physics:
         self._workcell = workcell
         self._config = config
         self._arm_model = workcell.arm()
-        peg = workcell.peg.shape()
-        peg_pieces: list[ConvexPiece] = peg.pieces()
-        self._bars = bodies.corners(peg_pieces)
-        self._blocks = bodies.corners(workcell.hole.shape(peg).pieces())
+        peg_pieces: list[ConvexPiece] = true_peg(workcell, config.truth).pieces()
+        self._pieces = bodies.corners(peg_pieces)
+        self._blocks = bodies.corners(true_hole(workcell, config.truth).pieces())
+        self._mounting = SensorMounting(config.truth)
         self._centroid_m = np.asarray(config.force_torque.payload_centroid_m, float)
-        self._stiffness = np.asarray(workcell.joint_stiffness_nm_rad, float)
+        self._stiffness = true_stiffness_nm_rad(workcell, config.truth)
         self._client = int(pybullet.connect(pybullet.DIRECT))
         if self._client < 0:
             raise RuntimeError("PyBullet gives no physics client; too many are open in this process")
@@ -86,7 +87,7 @@ class Physics:
         )
         pybullet.setGravity(*self._workcell.gravity_base_m_s2, physicsClientId=client)
         self._arm = bodies.add_arm(
-            self._arm_model, self._workcell.pose_flange_peg(), self._bars,
+            self._arm_model, self._workcell.pose_flange_peg(), self._pieces,
             self._config.force_torque.payload_kg, self._centroid_m, client,
         )  # fmt: skip
         # The friction of a pair is the product of the two.
@@ -132,11 +133,13 @@ class Physics:
         """
         fx, fy, fz, mx, my, mz = self._reaction
         x, y, z = self._lever_m
-        return np.array([-fx, -fy, -fz, -mx - (y * fz - z * fy), -my - (z * fx - x * fz), -mz - (x * fy - y * fx)])
+        return self._mounting.felt(
+            np.array([-fx, -fy, -fz, -mx - (y * fz - z * fy), -my - (z * fx - x * fz), -mz - (x * fy - y * fx)])
+        )
 
     @property
     def _lever_m(self) -> tuple[float, float, float]:
-        scale = self._config.force_torque.payload_kg / (self._config.force_torque.payload_kg - 2.0 * bodies.BAR_KG)
+        scale = self._config.force_torque.payload_kg / (self._config.force_torque.payload_kg - bodies.PIECES_KG)
         x, y, z = self._config.force_torque.payload_centroid_m
         return x * scale, y * scale, z * scale
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,13 @@ class Appearance:
         )
 
 
+    def under_another_lamp(self, lamp: int) -> Appearance:
+        """The same cell with another lamp lit: lamp 1 stands across from lamp 0, 2 as high as 0 is aside, and so on."""
+        x, y, z = self.to_light
+        turned = {1: (x, -y, -z), 2: (x, z, -y), 3: (x, -z, y)}.get(lamp, (x, 0.0, 0.0))
+        return replace(self, to_light=np.array(turned) / np.linalg.norm(turned))
+
+
 @dataclass(frozen=True, slots=True)
 class Faults:
     """What can go wrong in front of the cameras. The default is a sound picture.
@@ -49,6 +56,7 @@ class Faults:
     the rim, placed by the seed, in both images. covered_arm: which arm of the cross (0..3 for +x, +y, -x, -y) a flat
     obstacle hides, or None. hole: False draws a blank plate. square: a dark square pocket drawn on the plate.
     second_cross: the same fixture once more beside the first. swapped: left and right images exchanged.
+    right_rows_px: rows by which the right picture is off, as of a camera that was knocked.
     """
 
     light_scale: float = 1.0
@@ -58,9 +66,10 @@ class Faults:
     square: bool = False
     second_cross: bool = False
     swapped: bool = False
+    right_rows_px: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.light_scale <= 4.0:
-            raise ValueError(f"faults: light_scale is {self.light_scale}, want 0..4")
+        if not self.light_scale >= 0.0:
+            raise ValueError(f"faults: light_scale is {self.light_scale}, want 0 or more")
         if self.covered_arm not in (None, 0, 1, 2, 3):
             raise ValueError(f"faults: covered_arm is {self.covered_arm}, want 0..3 or none")

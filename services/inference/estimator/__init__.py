@@ -1,6 +1,7 @@
 """The hole's pose from touches: robust maximum a posteriori over contact hypotheses."""
 
 from services.inference.estimator.estimate import estimate_pose
+from services.inference.estimator.insertion import InsertionAdvice, InsertionSettings, advise_insertion
 from services.inference.estimator.observation import (
     ContactHypothesis,
     EstimatorSettings,
@@ -15,12 +16,15 @@ from services.inference.estimator.seated import final_estimate
 __all__ = [
     "ContactHypothesis",
     "EstimatorSettings",
+    "InsertionAdvice",
+    "InsertionSettings",
     "PoseErrorEstimate",
     "PosePrior",
     "PressSettings",
     "PressedEstimate",
     "TouchObservation",
     "TouchVerdict",
+    "advise_insertion",
     "estimate_pose",
     "final_estimate",
     "pressed_estimate",

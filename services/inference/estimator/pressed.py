@@ -20,10 +20,10 @@ from scipy.special import expit
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import transform_wrench
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import Hole, Peg
+from services.inference.estimator.bore import PLANE, BoreWalls
 from services.inference.estimator.observation import PosePrior, TouchObservation
 
-PLANE = np.array([0, 1, 3, 4, 5])  # of a twist or wrench: all but the axial component
 ORDER = np.array([0, 1, 3, 4, 5, 2])  # of the unknowns: the depth last, for only the rim's place along the peg has it
 
 
@@ -62,27 +62,9 @@ class PressedEstimate:
     used: tuple[bool, ...]
 
 
-def wall_points(peg: CrossPeg, hole: CrossHole, leading_z_m: float) -> Array:
-    """(J, 5): a_j of every point where the body can meet a wall, hole frame: normal x, y, and its moment about the
-    origin. Each of the 12 walls is met at two places along the rim, at the inner rim and at the body's leading end."""
-    width, length = hole.half_width_m, peg.half_length_m
-    rows = []
-    for quarter in range(4):
-        cosine, sine = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
-        turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        places = [((-1.0, 0.0, 0.0), (length, side * peg.half_width_m)) for side in (1.0, -1.0)]
-        for side in (1.0, -1.0):
-            places += [((0.0, -side, 0.0), (x, side * width)) for x in (width, length)]
-        for normal, (x, y) in places:
-            for z in (hole.chamfer_m, leading_z_m):
-                n, p = turn @ np.array(normal), turn @ np.array([x, y, z])
-                rows.append(np.concatenate([n[:2], np.cross(p, n)]))
-    return np.array(rows)
-
-
 def pressed_estimate(
-    peg: CrossPeg,
-    hole: CrossHole,
+    peg: Peg,
+    hole: Hole,
     prior: PosePrior,
     presses: Sequence[TouchObservation],
     settings: PressSettings | None = None,
@@ -120,13 +102,13 @@ def pressed_estimate(
 class _Bore:
     """The presses about the middle of the entered body, where translation and rotation hardly mix, hole frame.
 
-    middle_m: its height; points (J, 5); clearance_m; displaced (T, 5): the peg against the prior's mean; wrenches and
-    their sds (T, 5).
+    middle_m: its height; points (J, 5) with their clearances_m (J,); displaced (T, 5): the peg against the prior's
+    mean; wrenches and their sds (T, 5).
     """
 
     middle_m: float
     points: Array
-    clearance_m: float
+    clearances_m: Array
     displaced: Array
     wrenches: Array
     wrench_sd: Array
@@ -134,7 +116,7 @@ class _Bore:
 
     @classmethod
     def of(
-        cls, peg: CrossPeg, hole: CrossHole, prior: PosePrior, presses: Sequence[TouchObservation],
+        cls, peg: Peg, hole: Hole, prior: PosePrior, presses: Sequence[TouchObservation],
         settings: PressSettings,
     ) -> _Bore:  # fmt: skip
         into_hole = prior.pose_base_hole.inverse()
@@ -143,7 +125,9 @@ class _Bore:
         if leading <= hole.chamfer_m:
             raise ValueError(f"the peg's body is {(hole.chamfer_m - leading) * 1e3:.1f} mm short of the bore")
         middle_m = 0.5 * (hole.chamfer_m + leading)
-        points = wall_points(peg, hole, leading)
+        walls = BoreWalls.of(peg, hole)
+        # every first one of two points is at the rim, the other at the body's leading end
+        points = np.stack([walls.points(hole.chamfer_m), walls.points(leading)], axis=1).reshape(-1, 5)
         points[:, 2] += middle_m * points[:, 1]
         points[:, 3] -= middle_m * points[:, 0]
         to_middle = Pose.from_translation([0.0, 0.0, -middle_m])
@@ -159,7 +143,7 @@ class _Bore:
         return cls(
             middle_m,
             points,
-            hole.half_width_m - peg.half_width_m,
+            np.repeat(walls.clearances_m, 2),
             np.array([_displacement(pose, middle_m) for pose in poses]),
             wrenches,
             np.column_stack([force_sd, force_sd, moment_sd, moment_sd, moment_sd]),
@@ -210,7 +194,7 @@ class _Bore:
         deeper = np.zeros_like(self.points)
         deeper[::2, 2], deeper[::2, 3] = -self.points[::2, 1], self.points[::2, 0]
         points = self.points + moved[5] * deeper
-        gap = self.clearance_m + off @ points.T
+        gap = self.clearances_m + off @ points.T
         force = settings.wall_stiffness_n_m * width_m * np.logaddexp(0.0, -gap / width_m)
         misfit = (force @ points - self.wrenches) / self.wrench_sd
         stiffness = settings.wall_stiffness_n_m * expit(-gap / width_m)

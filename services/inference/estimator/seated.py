@@ -8,17 +8,19 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import Hole, Peg
+from services.inference.estimator.bore import BoreWalls
 
 UNKNOWN_DEPTH_SD_M = 1.0
+UNKNOWN_TURN_SD_RAD = 3.0
 CALIBRATION_SD_M = 2e-5
 # A wall force well above the noise of a reading (0.3 N at 15 mm of lever) says that the wall is touched.
 TOUCHING_FORCE_N = 1.0
 
 
 def final_estimate(
-    peg: CrossPeg,
-    hole: CrossHole,
+    peg: Peg,
+    hole: Hole,
     pose_base_hole: Pose,
     covariance: Array,
     pose_base_peg: Pose,
@@ -43,36 +45,57 @@ def final_estimate(
             f"the peg's body is {-entered * 1e3:.1f} mm short of the bore: "
             "push it in before asking for the final estimate"
         )
-    clearance = hole.half_width_m - peg.half_width_m
+    walls = BoreWalls.of(peg, hole)
+    lever = _turning_lever_m(walls)
     wrench = np.asarray(wrench_peg, float)
     rim_end, _leading_end = rim_z + hole.chamfer_m, peg.taper_start_m
     force_leading = (np.array([wrench[4], -wrench[3]]) - rim_end * wrench[:2]) / entered
     force_rim = wrench[:2] - force_leading
-    # The rest of the moment about z, as a force at the ends of the arms.
-    force_turn = wrench[5] / peg.half_length_m
-    # Hole against peg, (x, y) at the rim end, (x, y) at the leading end, and along the turn at an arm's end.
-    offset, variance = _play(np.array([*force_rim, *force_leading, force_turn]), clearance)
+    # The rest of the moment about z, as a force where the walls hold the turn best.
+    force_turn = wrench[5] / lever
+    # Hole against peg, (x, y) at the rim end, (x, y) at the leading end, and along the turn at the lever's end.
+    play_x, play_y = (_lateral_play_m(walls, axis) for axis in (0, 1))
+    play = np.array([play_x, play_y, play_x, play_y, walls.clearance_m])
+    offset, variance = _play(np.array([*force_rim, *force_leading, force_turn]), play)
     to_pose = np.zeros((6, 5))
     for axis, tilt_axis, sign in ((0, 4, 1.0), (1, 3, -1.0)):
         to_pose[tilt_axis, [axis, axis + 2]] = sign * np.array([-1.0, 1.0]) / entered
         to_pose[axis, [axis, axis + 2]] = np.array([1.0, 0.0]) - hole.chamfer_m * np.array([-1.0, 1.0]) / entered
-    to_pose[5, 4] = 1.0 / peg.half_length_m
+    to_pose[5, 4] = 1.0 / lever
     shift = to_pose @ offset
     mean = seated @ Pose.from_translation([0.0, 0.0, rim_z]) @ Pose.from_rotvec(shift[3:], shift[:3])
     seat_covariance = (to_pose * variance) @ to_pose.T
     seat_covariance[2, 2] += UNKNOWN_DEPTH_SD_M**2
+    if not walls.turn_fixed:
+        seat_covariance[5, 5] += UNKNOWN_TURN_SD_RAD**2
     return _fused(pose_base_hole, np.asarray(covariance, float), mean, seat_covariance)
 
 
-def _play(force_n: Array, clearance_m: float) -> tuple[Array, Array]:
+def _turning_lever_m(walls: BoreWalls) -> float:
+    """The lever, about the axis, of the wall that leaves the peg the least turn, m."""
+    levers = np.abs(walls.points(0.0)[:, 4])
+    return float(walls.clearance_m / np.min(walls.clearances_m / np.maximum(levers, 1e-6)))
+
+
+def _lateral_play_m(walls: BoreWalls, axis: int) -> float:
+    """How far the centred peg can go along x (0) or y (1), the farther of both ways, m."""
+    ways = []
+    for sign in (1.0, -1.0):
+        closing = np.maximum(-sign * walls.normals[:, axis], 1e-9)
+        ways.append(float(np.min(walls.clearances_m / closing)))
+    return max(ways)
+
+
+def _play(force_n: Array, play_m: Array) -> tuple[Array, Array]:
     """Offset of the hole against the peg (m) and its variance, for each direction with a force from a wall.
 
-    Without a force the offset is anywhere in +-clearance. A wall that presses the peg towards + is touched on the -
-    side, so that the hole sits a whole clearance to the +.
+    Without a force the offset is anywhere in +-play. A wall that presses the peg towards + is touched on the - side, so
+    that the hole sits a whole play to the +. In between either may be true, and the spread of the two counts.
     """
     touching = force_n**2 / (force_n**2 + TOUCHING_FORCE_N**2)
-    offset = np.sign(force_n) * touching * clearance_m
-    return offset, (1.0 - touching) * clearance_m**2 / 3.0 + CALIBRATION_SD_M**2
+    offset = np.sign(force_n) * touching * play_m
+    spread = (1.0 - touching) / 3.0 + touching * (1.0 - touching)
+    return offset, spread * play_m**2 + CALIBRATION_SD_M**2
 
 
 def _fused(first: Pose, first_covariance: Array, second: Pose, second_covariance: Array) -> tuple[Pose, Array]:

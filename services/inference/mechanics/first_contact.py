@@ -1,11 +1,12 @@
 """First contact of the peg with the hole along a straight motion, for many poses at once.
 
-Two convex bodies first touch where the ray of motion enters their Minkowski difference. That body is bounded by the
-faces of either and by the planes of edge pairs, so the travel to contact is the largest of (separation along an axis) /
-(closing speed along it) over these axes: no vertex-face or edge-edge case needs its own search (Ericson, "Real-Time
-Collision Detection", 5.2 and 5.5.8).
+Two convex pieces first touch where the ray of motion enters their Minkowski difference: at the largest of (separation
+along a face's normal) / (closing speed along it) over the faces of that body, which `minkowski` lists. So no vertex-face
+or edge-edge case needs its own search (Ericson, "Real-Time Collision Detection", 5.3.8 and 5.5.8).
 
-Arrays inside keep the poses on their last axis, so that every reduction runs over contiguous memory.
+Arrays inside keep the poses on their last axis, so that every operation runs over contiguous memory, and poses are
+taken in portions that stay in the cache. Which row of a table won a reduction is carried in the lowest bits of the
+reduced numbers, which spares a search; it costs them 2^-38 of their value.
 """
 
 from __future__ import annotations
@@ -17,7 +18,16 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
 from services.inference.mechanics.features import EDGE_ON_EDGE, PEG_CORNER_ON_FACE, PEG_FACE_ON_CORNER, ContactFeatures
-from services.inference.mechanics.pairs import PairTables
+from services.inference.mechanics.minkowski import CornerSupport, FaceRows, MinkowskiFaces
+from services.inference.mechanics.pairs import CONES_RAD, PairTables
+
+# Numbers of a table that stay in the second-level cache, and the least and the most poses a portion.
+PORTION = 60_000
+FEWEST, MOST = 8, 512
+TAG_BITS = 14
+_TAG = np.int64((1 << TAG_BITS) - 1)
+FAR_M = 1e6
+PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,8 +35,8 @@ class PairContacts:
     """For N poses and Q pairs of pieces: when, and between which features, each pair first touches.
 
     travel_m (N, Q): signed travel along the motion to first contact (negative: already through), inf where the pair
-    never meets ahead. separation_m (N, Q): largest separation over all axes, negative = penetration depth.
-    features: `ContactFeatures` of shape (N, Q), meaningful where the travel is finite.
+    never meets ahead. separation_m (N, Q): largest separation over all faces of the Minkowski difference, negative =
+    penetration depth. features: `ContactFeatures` of shape (N, Q), meaningful where the travel is finite.
     """
 
     travel_m: Array
@@ -43,142 +53,229 @@ def first_contacts(
     unit motion of the peg in the hole frame.
     """
     rotation = np.asarray(rotation_hole_peg, float)
-    shift = np.ascontiguousarray(np.asarray(translation_hole_peg_m, float).T)
-    motion = np.ascontiguousarray(np.asarray(direction_hole, float).T)
-    to_hole = np.ascontiguousarray(rotation.transpose(1, 2, 0))
-    separation, closing = _separations(tables, to_hole, shift, motion)
-
-    finite = separation > -1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = separation / closing
-    entering = np.where((closing > 1e-9) & finite, ratio, -np.inf)
-    best = entering.argmax(axis=0)
-    travel = np.take_along_axis(entering, best[None], axis=0)[0]
-    last = np.where((closing < -1e-9) & finite, ratio, np.inf).min(axis=0)
-    parallel_apart = ((np.abs(closing) <= 1e-9) & (separation > 0.0)).any(axis=0)
-    meets = (travel <= last + 1e-9) & (last > 0.0) & ~parallel_apart & np.isfinite(travel)
-    return PairContacts(
-        np.where(meets, travel, np.inf).T, separation.max(axis=0).T, _name_features(tables, rotation, best.T)
-    )
-
-
-def _separations(tables: PairTables, to_hole: Array, shift: Array, motion: Array) -> tuple[Array, Array]:
-    """Separation (m) and closing speed along every axis (A, P * H, N), for rotations (3, 3, N) and shifts (3, N)."""
-    n = shift.shape[1]
-    pegs, corners, _ = tables.peg_corners_m.shape
-    holes, hole_corners, _ = tables.hole_corners_m.shape
-    hole_edges, peg_edges = tables.hole_edges.shape[1], tables.peg_edges.shape[1]
-
-    def spread(values: Array) -> Array:
-        return np.broadcast_to(values, (values.shape[0], pegs, holes, n)).reshape(values.shape[0], pegs * holes, n)
-
-    # Hole faces: the peg's support along the few distinct normals.
-    normals, which = _distinct(tables.hole_normals)
-    offsets = np.einsum("hfi,hwi->hfw", tables.hole_normals, tables.hole_corners_m).max(axis=-1)
-    normals_peg = np.einsum("ui,ijn->jun", normals, to_hole).reshape(3, -1)
-    support = (tables.peg_corners_m.transpose(1, 0, 2).reshape(-1, 3) @ normals_peg).reshape(corners, pegs, -1, n)
-    reach = support.min(axis=0) + normals @ shift
-    hole_separation = (reach[:, which] - offsets[None, :, :, None]).transpose(2, 0, 1, 3)
-    hole_closing = -(normals @ motion)[which].transpose(1, 0, 2)[:, None]
-
-    # Peg faces: the hole blocks' support along each turned normal.
-    peg_normals = np.einsum("pfj,ijn->ifpn", tables.peg_normals, to_hole)
-    peg_offsets = np.einsum("pfi,pvi->pfv", tables.peg_normals, tables.peg_corners_m).max(axis=-1)
-    support = (tables.hole_corners_m.transpose(1, 0, 2).reshape(-1, 3) @ peg_normals.reshape(3, -1)).reshape(
-        hole_corners, holes, -1, pegs, n
-    )
-    own = np.einsum("ifpn,in->fpn", peg_normals, shift) + peg_offsets.T[:, :, None]
-    peg_separation = support.min(axis=0).transpose(1, 2, 0, 3) - own[:, :, None]
-    peg_closing = np.einsum("ifpn,in->fpn", peg_normals, motion)[:, :, None]
-
-    # Edge pairs, (peg edge x hole edge) and its opposite: n . b = peg edge . (hole edge x b), and the like for the peg.
-    edges, which = _distinct(tables.hole_edges)
-    turned = np.einsum("pej,ijn->iepn", tables.peg_edges, to_hole)
-    arms = np.cross(tables.hole_edges[:, :, None], tables.hole_corners_m[:, None]).transpose(2, 1, 0, 3)
-    on_hole = (arms.reshape(-1, 3) @ turned.reshape(3, -1)).reshape(hole_corners, hole_edges, holes, peg_edges, pegs, n)
-    hole_low, hole_high = (x.transpose(2, 0, 3, 1, 4) for x in (on_hole.min(axis=0), on_hole.max(axis=0)))
-    edges_peg = np.einsum("ui,ijn->jun", edges, to_hole).reshape(3, -1)
-    arms = np.cross(tables.peg_corners_m[:, None], tables.peg_edges[:, :, None]).transpose(2, 1, 0, 3)
-    on_peg = (arms.reshape(-1, 3) @ edges_peg).reshape(corners, peg_edges, pegs, -1, n)
-    axes = np.stack(
-        [
-            turned[(i + 1) % 3][:, :, None] * edges[None, None, :, (i + 2) % 3, None]
-            - turned[(i + 2) % 3][:, :, None] * edges[None, None, :, (i + 1) % 3, None]
-            for i in range(3)
-        ]
-    )
-    length = np.sqrt((axes * axes).sum(axis=0))
-    scale = 1.0 / np.maximum(length, 1e-7)
-    own = np.einsum("iepun,in->epun", axes, shift)
-
-    def per_block(values: Array) -> Array:
-        """(E, P, U, N) to (E, Eh, P, H, N)."""
-        return values[:, :, which].transpose(0, 3, 1, 2, 4)
-
-    factor = per_block(scale)
-    forth = (per_block(on_peg.min(axis=0) + own) - hole_high) * factor
-    back = (hole_low - per_block(on_peg.max(axis=0) + own)) * factor
-    dead = per_block(np.where(length > 1e-7, 0.0, 1.0)) > 0.5
-    forth[dead], back[dead] = -np.inf, -np.inf
-    edge_closing = per_block(-np.einsum("iepun,in->epun", axes, motion) * scale)
-    crossed = (-1, pegs * holes, n)
-    separation = [
-        spread(hole_separation), spread(peg_separation), forth.reshape(crossed), back.reshape(crossed),
-    ]  # fmt: skip
-    closing = [
-        spread(hole_closing), spread(peg_closing), edge_closing.reshape(crossed), -edge_closing.reshape(crossed),
-    ]  # fmt: skip
-    return np.concatenate(separation), np.concatenate(closing)
+    translation = np.asarray(translation_hole_peg_m, float)
+    direction = np.asarray(direction_hole, float)
+    n, (pegs, holes) = len(rotation), tables.shape
+    pairs = pegs * holes
+    travel, separation = np.empty((n, pairs)), np.empty((n, pairs))
+    features = _empty_features((n, pairs))
+    turned = np.arccos(np.clip((np.einsum("nii->n", rotation) - 1.0) / 2.0, -1.0, 1.0))
+    level = np.searchsorted(np.array(CONES_RAD[:-1]), turned)
+    for which in np.unique(level):
+        faces = tables.faces_within(CONES_RAD[which])
+        rows = np.flatnonzero(level == which)
+        portion = int(np.clip(PORTION // len(faces.edges.pair), FEWEST, MOST))
+        for start in range(0, len(rows), portion):
+            # A slice where all poses are alike spares copies.
+            part: NDArray[np.intp] | slice = rows[start : start + portion]
+            if len(rows) == n:
+                part = slice(start, min(start + portion, n))
+            _portion(
+                faces, rotation[part], translation[part], direction[part], part, travel, separation, features
+            )
+    return PairContacts(travel, separation, features)
 
 
-def _distinct(vectors: Array) -> tuple[Array, NDArray[np.intp]]:
-    """The distinct rows (U, 3) of vectors (H, F, 3), and which of them each is (H, F)."""
-    rows, which = np.unique(np.round(vectors.reshape(-1, 3), 12), axis=0, return_inverse=True)
-    return rows, np.asarray(which, dtype=np.intp).reshape(vectors.shape[:-1])
+def _empty_features(shape: tuple[int, ...]) -> ContactFeatures:
+    vectors = [np.empty((*shape, 3)) for _ in range(4)]
+    return ContactFeatures(np.empty(shape, dtype=np.int64), *vectors, np.empty(shape))
 
 
-def _name_features(tables: PairTables, rotation: Array, best: Array) -> ContactFeatures:
-    """The features behind the winning axes best (N, P * H): on either side one corner and a direction."""
+def _portion(
+    faces: MinkowskiFaces,
+    rotation: Array,
+    translation: Array,
+    direction: Array,
+    part: NDArray[np.intp] | slice,
+    travel: Array,
+    separation: Array,
+    features: ContactFeatures,
+) -> None:
+    """First contacts of some poses, written into rows `part` of travel, separation and features."""
     n = len(rotation)
-    pegs, holes = len(tables.peg_corners_m), len(tables.hole_corners_m)
-    hole_faces, peg_faces = tables.hole_normals.shape[1], tables.peg_normals.shape[1]
-    hole_edges = tables.hole_edges.shape[1]
-    n_cross = tables.peg_edges.shape[1] * hole_edges
-    n_faces = hole_faces + peg_faces
-    flipped = best >= n_faces + n_cross
-    column = np.where(flipped, best - n_cross, best)
-    kind = np.where(
-        column < hole_faces, PEG_CORNER_ON_FACE, np.where(column < n_faces, PEG_FACE_ON_CORNER, EDGE_ON_EDGE)
+    turn = np.ascontiguousarray(rotation.transpose(1, 2, 0))
+    shift = np.ascontiguousarray(translation.T)
+    motion = np.ascontiguousarray(direction.T)
+    counts = [len(faces.peg_corners_m), len(faces.peg_normals), len(faces.peg_directions)]
+    moments = np.cross(faces.peg_points_m, faces.peg_directions)
+    everything = np.vstack([faces.peg_corners_m, faces.peg_normals, faces.peg_directions, moments])
+    corners, normals, edges, moment = np.split(everything @ turn, np.cumsum(counts), axis=1)
+    corners = corners + shift[:, None]
+    moment = moment + _cross(shift[:, None], edges)
+
+    names = faces.names
+    hole_reach = _reach(faces.peg_support, faces.hole_normals, corners)
+    peg_reach = _reach_back(faces.hole_support, faces.hole_corners_m, normals)
+    own = np.einsum("ifn,in->fn", normals, shift)
+    found = [
+        _face_bounds(faces.hole_faces, hole_reach, None, -(faces.hole_normals @ motion), 0),
+        _face_bounds(
+            faces.peg_faces, peg_reach, own, np.einsum("ifn,in->fn", normals, motion), names.peg_faces_from
+        ),
+        _edge_bounds(faces, normals, edges, moment, motion),
+    ]
+    apart = np.maximum(np.maximum(found[0][0], found[1][0]), found[2][0])
+    entering = np.maximum(np.maximum(found[0][1], found[1][1]), found[2][1])
+    leaving = np.minimum(np.minimum(found[0][2], found[1][2]), found[2][2])
+    tag = entering.view(np.int64) & _TAG
+    meets = (entering <= leaving + 1e-9) & (leaving > 0.0) & (entering > -FAR_M) & (entering < FAR_M)
+    travel[part] = np.where(meets, entering, np.inf).T
+    separation[part] = apart.T
+    _name(faces, tag, np.concatenate([hole_reach, peg_reach]), turn, motion, part, features)
+    assert n == tag.shape[1]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """a x b for vectors on the first axis, (3, ...)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _tagged(values: Array, tags: NDArray[np.int64]) -> Array:
+    """Values (L, n) with the tags (L,) put, in place, into their lowest bits."""
+    bits = values.view(np.int64)
+    bits &= ~_TAG
+    bits |= tags[:, None]
+    return values
+
+
+def _local(start: NDArray[np.intp], rows: int) -> NDArray[np.int64]:
+    """The number of each row within its group, for groups that start at `start`."""
+    sizes = np.diff(np.append(start, rows))
+    return (np.arange(rows) - np.repeat(start, sizes)).astype(np.int64)
+
+
+def _reach(support: CornerSupport, hole_normals: Array, corners: Array) -> Array:
+    """Least height (G, n) of the peg's pieces over planes of the hole through its origin, tagged with the corner."""
+    n = corners.shape[2]
+    dots = (hole_normals @ corners.reshape(3, -1)).reshape(-1, n)
+    rows = dots.take(support.normal * corners.shape[1] + support.corner, axis=0)
+    return np.asarray(
+        np.minimum.reduceat(_tagged(rows, _local(support.start, len(rows))), support.start, axis=0)
     )
-    p_index = np.repeat(np.arange(pegs), holes)[None]
-    h_index = np.tile(np.arange(holes), pegs)[None]
-    cross_column = np.clip(column - n_faces, 0, n_cross - 1)
-    is_edge = (kind == EDGE_ON_EDGE)[..., None]
-    peg_direction = np.where(
-        is_edge,
-        tables.peg_edges[p_index, cross_column // hole_edges],
-        tables.peg_normals[p_index, np.clip(column - hole_faces, 0, peg_faces - 1)],
+
+
+def _reach_back(support: CornerSupport, hole_corners: Array, normals: Array) -> Array:
+    """Least height (G, n) of the hole's pieces over planes of the peg through its origin, tagged with the corner."""
+    n = normals.shape[2]
+    dots = (hole_corners @ normals.reshape(3, -1)).reshape(-1, n)
+    rows = dots.take(support.corner * normals.shape[1] + support.normal, axis=0)
+    return np.asarray(
+        np.minimum.reduceat(_tagged(rows, _local(support.start, len(rows))), support.start, axis=0)
     )
-    hole_direction = np.where(
-        is_edge,
-        tables.hole_edges[h_index, cross_column % hole_edges],
-        tables.hole_normals[h_index, np.clip(column, 0, hole_faces - 1)],
+
+
+def _bounds(
+    ratio: Array, apart: Array, closing: Array, start: NDArray[np.intp], tags: NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
+    """Of rows (L, n), for each pair (Q, n): largest separation, last entering travel (tagged), first leaving travel."""
+    enters = np.where(closing > PARALLEL, ratio, np.where((closing >= -PARALLEL) & (apart > 0.0), FAR_M, -FAR_M))
+    leaves = np.where(closing < -PARALLEL, ratio, FAR_M)
+    return (
+        np.maximum.reduceat(apart, start, axis=0),
+        np.maximum.reduceat(_tagged(enters, tags), start, axis=0),
+        np.minimum.reduceat(leaves, start, axis=0),
     )
-    sign = np.where(flipped, -1.0, 1.0)
-    hole_in_peg = np.einsum("nji,nqj->nqi", rotation, hole_direction)
-    normal_peg = np.where(
-        is_edge,
-        np.cross(peg_direction, hole_in_peg) * sign[..., None],
-        np.where((kind == PEG_CORNER_ON_FACE)[..., None], hole_in_peg, -peg_direction),
+
+
+def _face_bounds(
+    rows: FaceRows, reach: Array, own: Array | None, closing: Array, tags_from: int
+) -> tuple[Array, Array, Array]:
+    """Bounds from the faces of one body."""
+    apart = reach.take(rows.group, axis=0)
+    apart -= rows.offset_m[:, None]
+    if own is not None:
+        apart -= own.take(rows.normal, axis=0)
+    speed = closing.take(rows.normal, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = apart / speed
+    return _bounds(ratio, apart, speed, rows.start, _local(rows.start, len(apart)) + tags_from)
+
+
+def _edge_bounds(
+    faces: MinkowskiFaces, normals: Array, edges: Array, moment: Array, motion: Array
+) -> tuple[Array, Array, Array]:
+    """Bounds from edge pairs, (peg edge x hole edge) either way round, where their arcs cross."""
+    rows = faces.edges
+    _, lines, n = edges.shape
+    directions = faces.hole_edge_directions
+
+    def dots(vectors: Array, others: Array) -> Array:
+        return np.asarray((vectors @ others.reshape(vectors.shape[1], -1)).reshape(-1, n))
+
+    beyond_peg = dots(faces.hole_normals, edges) > 0.0
+    beyond_hole = dots(directions, normals) > 0.0
+    on_edge = rows.hole_direction * lines + rows.peg_line
+    on_normal = rows.hole_direction * normals.shape[1]
+    c = beyond_peg.take(rows.hole_a * lines + rows.peg_line, axis=0)
+    d = beyond_peg.take(rows.hole_b * lines + rows.peg_line, axis=0)
+    a = beyond_hole.take(on_normal + rows.peg_a, axis=0)
+    b = beyond_hole.take(on_normal + rows.peg_b, axis=0)
+    crossing = (c ^ d) & (a ^ b) & (c ^ b)
+
+    cosine = dots(directions, edges)
+    square = 1.0 - cosine * cosine
+    scale = np.where(square > 1e-12, 1.0 / np.sqrt(np.maximum(square, 1e-12)), 0.0)
+    speed = -dots(directions, _cross(motion[:, None], edges)) * scale
+    twelve = np.concatenate([faces.hole_directions, np.cross(faces.hole_points_m, faces.hole_directions)], axis=1)
+    volume = dots(twelve, np.concatenate([moment, edges]))
+
+    scale = scale.take(on_edge, axis=0)
+    crossing &= scale > 0.0
+    sign = np.where(c, 1.0, -1.0)
+    apart = volume.take(rows.hole_line * lines + rows.peg_line, axis=0)
+    apart *= scale
+    apart *= sign
+    closing = speed.take(on_edge, axis=0)
+    closing *= sign
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = apart / closing
+    apart = np.where(crossing, apart, -FAR_M)
+    closing = np.where(crossing, closing, 0.0)
+    tags = _local(rows.start, len(apart)) + faces.names.edges_from
+    return _bounds(ratio, apart, closing, rows.start, tags)
+
+
+def _name(
+    faces: MinkowskiFaces,
+    tag: NDArray[np.int64],
+    reach: Array,
+    turn: Array,
+    motion: Array,
+    part: NDArray[np.intp] | slice,
+    features: ContactFeatures,
+) -> None:
+    """Write the features that the tags (Q, n) stand for into rows `part`."""
+    names = faces.names
+    groups = len(faces.peg_support.start)
+    pair = np.arange(faces.pairs)[:, None]
+    on_hole, on_edge = tag < names.peg_faces_from, tag >= names.edges_from
+    row_hole = np.minimum(faces.hole_faces.start[pair] + tag, len(faces.hole_faces.pair) - 1)
+    row_peg = np.clip(faces.peg_faces.start[pair] + tag - names.peg_faces_from, 0, len(faces.peg_faces.pair) - 1)
+    row_edge = np.clip(faces.edges.start[pair] + tag - names.edges_from, 0, len(faces.edges.pair) - 1)
+
+    group = np.where(on_hole, faces.hole_faces.group[row_hole], groups + faces.peg_faces.group[row_peg])
+    which = np.take_along_axis(reach, group, axis=0).view(np.int64) & _TAG
+    start = np.concatenate([faces.peg_support.start, len(faces.peg_support.corner) + faces.hole_support.start])
+    corner = np.concatenate([faces.peg_support.corner, len(faces.peg_corners_m) + faces.hole_support.corner])
+    corners = np.concatenate([faces.peg_corners_m, faces.hole_corners_m])[corner[start[group] + which]]
+
+    peg_line, hole_line = faces.edges.peg_line[row_edge], faces.edges.hole_line[row_edge]
+    edge, hole = on_edge[..., None], on_hole[..., None]
+    peg_direction = np.where(edge, faces.peg_directions[peg_line], faces.peg_faces.direction[row_peg])
+    hole_direction = np.where(edge, faces.hole_directions[hole_line], faces.hole_faces.direction[row_hole])
+    peg_point = np.where(
+        edge, faces.peg_points_m[peg_line], np.where(hole, corners, faces.peg_faces.point_m[row_peg])
     )
-    normal_hole = np.einsum("nij,nqj->nqi", rotation, normal_peg)
-    along_peg = np.einsum("qvi,nqi->nqv", tables.peg_corners_m[p_index[0]], normal_peg)
-    along_hole = np.einsum("qvi,nqi->nqv", tables.hole_corners_m[h_index[0]], normal_hole)
-    return ContactFeatures(
-        np.broadcast_to(kind, (n, pegs * holes)),
-        tables.peg_corners_m[p_index, along_peg.argmin(axis=-1)],
-        peg_direction,
-        tables.hole_corners_m[h_index, along_hole.argmax(axis=-1)],
-        hole_direction,
-        sign,
+    hole_point = np.where(
+        edge, faces.hole_points_m[hole_line], np.where(hole, faces.hole_faces.point_m[row_hole], corners)
     )
+    # The contact normal, from hole to peg, opposes the motion wherever a contact is entered.
+    crossed = np.cross(np.einsum("ijn,qnj->qni", turn, peg_direction), hole_direction)
+    sign = np.where(on_edge & (np.einsum("qni,in->qn", crossed, motion) > 0.0), -1.0, 1.0)
+    kind = np.where(on_edge, EDGE_ON_EDGE, np.where(on_hole, PEG_CORNER_ON_FACE, PEG_FACE_ON_CORNER))
+    features.kind[part] = kind.T
+    features.peg_point_m[part] = peg_point.swapaxes(0, 1)
+    features.peg_direction[part] = peg_direction.swapaxes(0, 1)
+    features.hole_point_m[part] = hole_point.swapaxes(0, 1)
+    features.hole_direction[part] = hole_direction.swapaxes(0, 1)
+    features.sign[part] = sign.T

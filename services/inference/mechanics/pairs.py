@@ -1,77 +1,79 @@
-"""The convex pieces of peg and hole, tabulated for the separating-axis test of every pair at once."""
+"""The convex pieces of peg and hole, tabulated for the contact of every pair of pieces."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import ConvexPiece, CrossHole, CrossPeg
+from crosspih_common.shapes import ConvexPiece
+from services.inference.mechanics.minkowski import MinkowskiFaces
+from services.inference.mechanics.polyhedron import Polyhedron
+
+# Rotations of the peg against the hole (rad) up to which the tables are pruned; the last is every rotation.
+CONES_RAD = (0.25, 0.6, np.pi)
+ON_SIDE_M = 1e-9
+
+
+class PegShape(Protocol):
+    """A peg as convex pieces whose union it is, in the peg frame."""
+
+    def pieces(self) -> list[ConvexPiece]: ...
+
+
+class HoleShape(Protocol):
+    """The plate around a hole as convex pieces whose union it is, in the hole frame."""
+
+    @property
+    def plate_half_size_m(self) -> float: ...
+
+    def pieces(self) -> list[ConvexPiece]: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairTables:
-    """Corners, face normals and edge directions of the peg's P pieces (peg frame) and the hole's H pieces (hole frame).
+    """The peg's P pieces (peg frame) and the hole's H pieces (hole frame), with what first contacts need of them.
 
-    Pieces with fewer corners, faces or edges than the largest repeat one of theirs, which changes no maximum.
-    Corners (P, V, 3) and (H, W, 3), m; normals (P, Fp, 3) and (H, Fh, 3); edge directions (P, Ep, 3) and (H, Eh, 3),
-    unit.
+    peg and hole: their polyhedra. Faces (by index, a boolean (F,) each) that can never touch are marked in peg_faces
+    and hole_faces as False: the peg's back, the plate's sides and back.
     """
 
-    peg_corners_m: Array
-    peg_normals: Array
-    peg_edges: Array
-    hole_corners_m: Array
-    hole_normals: Array
-    hole_edges: Array
+    peg: tuple[Polyhedron, ...]
+    hole: tuple[Polyhedron, ...]
+    peg_faces: tuple[Array, ...]
+    hole_faces: tuple[Array, ...]
+    _by_cone: dict[float, MinkowskiFaces] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, peg: CrossPeg, hole: CrossHole) -> PairTables:
-        """The tables of a peg and a hole. The plate's sides and back are left out: the peg does not reach them."""
-        peg_pieces, hole_pieces = peg.pieces(), hole.pieces()
-        plate = hole.plate_half_size_m
+    def of(cls, peg: PegShape, hole: HoleShape) -> PairTables:
+        """The tables of a peg and a hole: any convex pieces, any number of them, overlapping or not.
 
-        def faces_the_peg(normal: Array, offset: float) -> bool:
-            return bool(abs(offset - plate) > 1e-9 and normal[2] < 0.5)
+        The plate's sides and back, and the peg's back, are left out: they never meet.
+        """
+        plate = hole.plate_half_size_m
+        pegs = tuple(Polyhedron.of(piece) for piece in peg.pieces())
+        holes = tuple(Polyhedron.of(piece) for piece in hole.pieces())
+
+        def inward(solid: Polyhedron) -> Array:
+            on_side = np.abs(np.abs(solid.corners_m[:, :2]) - plate) < ON_SIDE_M
+            side = [bool(on_side[solid.on_face[:, f]].all(axis=0).any()) for f in range(len(solid.normals))]
+            return np.asarray(~np.array(side) & (solid.normals[:, 2] < 0.5))
 
         return cls(
-            _padded([piece.vertices_m() for piece in peg_pieces]),
-            _padded([piece.normals[piece.normals[:, 2] > -0.5] for piece in peg_pieces]),
-            _padded([_edge_directions(piece, np.inf) for piece in peg_pieces]),
-            _padded([piece.vertices_m() for piece in hole_pieces]),
-            _padded(
-                [
-                    np.array([n for n, o in zip(piece.normals, piece.offsets_m, strict=True) if faces_the_peg(n, o)])
-                    for piece in hole_pieces
-                ]
-            ),
-            _padded([_edge_directions(piece, plate) for piece in hole_pieces]),
+            pegs, holes, tuple(solid.normals[:, 2] > -0.5 for solid in pegs), tuple(inward(solid) for solid in holes)
         )
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(P, H): column p * H + h of a contact table is peg piece p with hole piece h."""
+        return len(self.peg), len(self.hole)
 
-def _edge_directions(piece: ConvexPiece, plate_half_size_m: float) -> Array:
-    """The distinct directions (k, 3) of a piece's edges: lines on which two faces meet in at least two corners.
-
-    Edges on the sides of the plate are left out.
-    """
-    corners = piece.vertices_m()
-    on_face = np.abs(corners @ piece.normals.T - piece.offsets_m) < 1e-9
-    directions: list[Array] = []
-    for i in range(len(corners)):
-        for j in range(i + 1, len(corners)):
-            on_side = np.abs(np.abs([corners[i, :2], corners[j, :2]]) - plate_half_size_m) < 1e-9
-            if np.any(on_side.all(axis=0)):
-                continue
-            if np.count_nonzero(on_face[i] & on_face[j]) >= 2:
-                direction = corners[j] - corners[i]
-                direction = direction / np.linalg.norm(direction)
-                if not any(np.linalg.norm(np.cross(direction, known)) < 1e-9 for known in directions):
-                    directions.append(direction)
-    return np.array(directions)
-
-
-def _padded(rows: list[Array]) -> Array:
-    """Stack arrays (k_i, 3) to (n, max k, 3), repeating each one's first row."""
-    longest = max(len(row) for row in rows)
-    return np.array([np.vstack([row, np.repeat(row[:1], longest - len(row), axis=0)]) for row in rows])
+    def faces_within(self, cone_rad: float) -> MinkowskiFaces:
+        """The faces of the pieces' Minkowski differences while the peg is turned by at most cone_rad from the hole."""
+        if cone_rad not in self._by_cone:
+            self._by_cone[cone_rad] = MinkowskiFaces.of(
+                self.peg, self.hole, self.peg_faces, self.hole_faces, cone_rad
+            )
+        return self._by_cone[cone_rad]

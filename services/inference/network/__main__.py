@@ -1,49 +1,128 @@
-"""`python -m services.inference.network`: train the paper's network, on contacts collected in a cell or made by the
-mechanics."""
+"""`python -m services.inference.network`: contacts from the mechanics, the paper's network, the sequence network.
+
+It writes JSON lines on standard output: {"doing", "done", "total"} as it goes on, and {"result"} at the end.
+`crosspih dataset synthesise` and `crosspih train` run it.
+"""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import json
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-import numpy as np
+from crosspih_common.errors import CrosspihError
+from services.inference.network.commands import (
+    compare_sequence_network,
+    make_contacts,
+    train_on_paper_rows,
+    train_on_table,
+    train_sequences,
+)
+from services.inference.network.training import Optimiser, TrainingSettings
 
-from crosspih_common.shapes import CrossHole, CrossPeg
-from services.inference.network.dataset import ContactDataset
-from services.inference.network.model import train
-from services.inference.network.synthesis import single_contact_dataset
+SAY_EVERY_S = 0.2
+
+
+class Teller:
+    """Says how far something is, not too often."""
+
+    def __init__(self) -> None:
+        self._said = 0.0
+
+    def __call__(self, doing: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        if done >= total or now - self._said > SAY_EVERY_S:
+            self._said = now
+            print(json.dumps({"doing": doing, "done": done, "total": total}), flush=True)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m services.inference.network", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, run: Callable[..., dict[str, Any]], text: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(run=run)
+        return sub
+
+    sub = command("synthesise", _synthesise, "single contacts from the mechanics, as Parquet")
+    sub.add_argument("--poses", type=int, default=20_000)
+    sub.add_argument("--seed", type=int, default=1)
+    sub.add_argument("--out", type=Path, required=True)
+    for name, default in (
+        ("angle-rad", 0.1), ("lateral-m", 0.005), ("force-n", 20.0), ("friction", 0.0), ("force-sd-n", 0.0),
+        ("moment-sd-nm", 0.0),
+    ):  # fmt: skip
+        sub.add_argument(f"--{name}", type=float, default=default)
+
+    sub = command("train", _train, "the paper's network, on a data set of contacts or on the paper's ten rows")
+    source = sub.add_mutually_exclusive_group(required=True)
+    source.add_argument("--data", type=Path, help="a data set's folder")
+    source.add_argument("--paper-rows", action="store_true", help="the ten printed rows, in-sample and leave-one-out")
+    sub.add_argument("--out", type=Path, help="where the weights go")
+    sub.add_argument("--seed", type=int, default=0)
+    sub.add_argument("--command", default="", help="what goes into the weights' record as their origin")
+    sub.add_argument("--floor-contacts", type=int, default=40_000, help="made by the mechanics, to find the floor with")
+    for field in dataclasses.fields(TrainingSettings):
+        kind: Any = {"optimiser": Optimiser, "goal": float, "lr": float}.get(field.name, int)
+        sub.add_argument(f"--{field.name}", type=kind, default=field.default)
+
+    sub = command("sequence", _sequence, "the sequence network, on histories of touches made by the mechanics")
+    sub.add_argument("--sequences", type=int, default=40_000)
+    sub.add_argument("--touches", type=int, default=8)
+    sub.add_argument("--epochs", type=int, default=60)
+    sub.add_argument("--seed", type=int, default=1)
+    sub.add_argument("--out", type=Path, required=True)
+
+    sub = command("compare", _compare, "the sequence network's errors beside the estimator's, on the same touches")
+    sub.add_argument("--weights", type=Path, help="the shipped ones when left out")
+    sub.add_argument("--trials", type=int, default=100)
+    sub.add_argument("--touches", type=int, default=4)
+    sub.add_argument("--seed", type=int, default=1000)
+    return parser.parse_args()
+
+
+def _synthesise(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    names = ("angle_rad", "lateral_m", "force_n", "friction", "force_sd_n", "moment_sd_nm")
+    settings = {name: float(getattr(arguments, name)) for name in names}
+    return make_contacts(arguments.out, arguments.poses, arguments.seed, settings, tell)
+
+
+def _train(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    names = [field.name for field in dataclasses.fields(TrainingSettings)]
+    settings = TrainingSettings(**{name: getattr(arguments, name) for name in names})
+    if arguments.paper_rows:
+        return train_on_paper_rows(settings, arguments.seed, tell)
+    command = arguments.command or " ".join(["python -m services.inference.network", *sys.argv[1:]])
+    return train_on_table(
+        arguments.data, arguments.out, arguments.seed, settings, command, arguments.floor_contacts, tell
+    )
+
+
+def _sequence(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    return train_sequences(
+        arguments.out, arguments.sequences, arguments.touches, arguments.epochs, arguments.seed, tell
+    )
+
+
+def _compare(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    return compare_sequence_network(arguments.weights, arguments.trials, arguments.touches, arguments.seed, tell)
 
 
 def main() -> None:
-    """Load or draw contacts, train, write the weights, print the record."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--data", type=Path, help="contacts that `crosspih train` collected; without: the mechanics'")
-    parser.add_argument("--samples", type=int, default=2000, help="contacts that the mechanics make")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--epochs", type=int, default=1000)
-    parser.add_argument("--command", default="", help="what goes into the weights' record as their origin")
-    parser.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    if arguments.data is not None:
-        dataset = ContactDataset.load(arguments.data)
-        command = arguments.command or f"python -m services.inference.network --data {arguments.data.name}"
-    else:
-        peg = CrossPeg()
-        rng = np.random.default_rng(arguments.seed)
-        dataset = single_contact_dataset(peg, CrossHole.around(peg, 1e-4), arguments.samples, rng)
-        command = arguments.command or (
-            "python -m services.inference.network "
-            f"--samples {arguments.samples} --seed {arguments.seed} --epochs {arguments.epochs}"
-        )
-    network = train(dataset, arguments.seed, command, epochs=arguments.epochs)
-    network.save(arguments.out)
-    predicted = network.predict(dataset.wrench)
-    error = np.degrees(np.sqrt(np.mean((predicted - dataset.angles_rad) ** 2, axis=0)))
-    guess = np.degrees(np.std(dataset.angles_rad, axis=0))
-    figures = {"rms_deg": np.round(error, 3).tolist(), "guessing_the_mean_deg": np.round(guess, 3).tolist()}
-    print(json.dumps({**dataclasses.asdict(network.record), **figures}, indent=2))
+    """Do what the command line asks; an error is one line on standard error and status 1."""
+    arguments = _arguments()
+    try:
+        result = arguments.run(arguments, Teller())
+    except (CrosspihError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+    print(json.dumps({"result": result}))
 
 
 if __name__ == "__main__":

@@ -13,15 +13,13 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from crosspih_common.geometry.pose import Array
-from services.inference.network.dataset import ContactDataset
-from services.inference.network.traingdx import TrainGdx
 
 HIDDEN_NEURONS = 150
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingRecord:
-    """How a network came to be: written into its file."""
+    """How a network came to be: written into its file. mse_scaled: of the training rows, on outputs scaled to 0..1."""
 
     command: str
     seed: int
@@ -31,17 +29,31 @@ class TrainingRecord:
     goal: float
     mse_scaled: float
     reached_goal: bool
+    optimiser: str = "traingdx"
+    dataset_command: str = ""
+    training_samples: int = 0
+    validation_samples: int = 0
+    validation_mse_scaled: float | None = None
+    stopped: str = ""
 
 
 class AngleNetwork:
     """Wrench (6,) to (alpha, beta, gamma). Columns that never change are scaled by 1."""
 
-    def __init__(self, low_in: Array, high_in: Array, low_out: Array, high_out: Array, record: TrainingRecord) -> None:
+    def __init__(
+        self,
+        low_in: Array,
+        high_in: Array,
+        low_out: Array,
+        high_out: Array,
+        record: TrainingRecord,
+        hidden: int = HIDDEN_NEURONS,
+    ) -> None:
         self.low_in, self.span_in = np.asarray(low_in, float), _span(low_in, high_in)
         self.low_out, self.span_out = np.asarray(low_out, float), _span(low_out, high_out)
         self.record = record
         self.layers = torch.nn.Sequential(
-            torch.nn.Linear(6, HIDDEN_NEURONS), torch.nn.Sigmoid(), torch.nn.Linear(HIDDEN_NEURONS, 3)
+            torch.nn.Linear(6, hidden), torch.nn.Sigmoid(), torch.nn.Linear(hidden, 3)
         ).double()
 
     def predict(self, wrench: ArrayLike) -> Array:
@@ -50,6 +62,13 @@ class AngleNetwork:
         with torch.no_grad():
             output = self.layers(torch.from_numpy(scaled)).numpy()
         return np.asarray(output * self.span_out + self.low_out, dtype=float)
+
+    def scaled(self, wrench: Array, angles_rad: Array) -> tuple[torch.Tensor, torch.Tensor]:
+        """Inputs (n, 6) and targets (n, 3) as the layers see them."""
+        return (
+            torch.from_numpy((wrench - self.low_in) / self.span_in),
+            torch.from_numpy((angles_rad - self.low_out) / self.span_out),
+        )
 
     def save(self, path: Path) -> None:
         """Weights and scaling as safetensors; the training record as its metadata."""
@@ -75,49 +94,10 @@ class AngleNetwork:
             scaling["low_out"],
             scaling["low_out"] + scaling["span_out"],
             TrainingRecord(**json.loads(metadata["record"])),
+            hidden=tensors["0.weight"].shape[0],
         )
         network.layers.load_state_dict(tensors)
         return network
-
-
-def train(
-    dataset: ContactDataset, seed: int, command: str, goal: float = 1e-3, epochs: int = 1000, lr: float = 0.01
-) -> AngleNetwork:
-    """Train as printed: traingdx, MSE on outputs scaled to 0..1, until the goal or 1000 iterations. Full batch.
-
-    `command` is what the user ran; it goes into the record.
-    """
-    if len(dataset.wrench) < 2:
-        raise ValueError("training wants at least 2 contacts in the dataset")
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        network = AngleNetwork(
-            dataset.wrench.min(axis=0),
-            dataset.wrench.max(axis=0),
-            dataset.angles_rad.min(axis=0),
-            dataset.angles_rad.max(axis=0),
-            TrainingRecord(command, seed, dataset.sha256(), len(dataset.wrench), 0, goal, float("inf"), False),
-        )
-        _nguyen_widrow(network.layers)
-    inputs = torch.from_numpy((dataset.wrench - network.low_in) / network.span_in)
-    targets = torch.from_numpy((dataset.angles_rad - network.low_out) / network.span_out)
-    optimiser = TrainGdx(network.layers.parameters(), lr=lr)
-
-    def closure() -> float:
-        optimiser.zero_grad()
-        error = torch.nn.functional.mse_loss(network.layers(inputs), targets)
-        error.backward()  # type: ignore[no-untyped-call]
-        return float(error.detach())
-
-    error = closure()
-    done = 0
-    while done < epochs and error > goal:
-        error = float(optimiser.step(closure))
-        done += 1
-    network.record = TrainingRecord(
-        command, seed, dataset.sha256(), len(dataset.wrench), done, goal, error, error <= goal
-    )
-    return network
 
 
 def _span(low: Array, high: Array) -> Array:
@@ -125,7 +105,7 @@ def _span(low: Array, high: Array) -> Array:
     return np.where(span > 0.0, span, 1.0)
 
 
-def _nguyen_widrow(layers: torch.nn.Sequential) -> None:
+def nguyen_widrow(layers: torch.nn.Sequential) -> None:
     """MATLAB's start (initnw) for inputs in 0..1: spread the active regions of the hidden neurons over the inputs."""
     hidden = layers[0]
     assert isinstance(hidden, torch.nn.Linear)

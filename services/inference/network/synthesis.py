@@ -2,13 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crosspih_common.geometry import rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import CrossHole, CrossPeg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 from services.inference.network.dataset import ContactDataset
+
+# a block of poses that stays in the processor's cache
+BLOCK = 512
+
+
+def pushed_until_contact(
+    tables: PairTables,
+    rotation_hole_peg: Array,
+    translation_hole_peg_m: Array,
+    direction_hole: Array,
+    force_n: ArrayLike,
+    friction_coefficient: ArrayLike,
+    compliance_peg: Array | None = None,
+) -> tuple[Array, Array]:
+    """Push n pegs in a straight line to a force of force_n: (travel_m (n,), wrench (n, 6)), one contact each.
+
+    rotation_hole_peg (n, 3, 3), translation_hole_peg_m (n, 3): where the pegs start, in the hole frame; direction_hole
+    (n, 3): unit motions. The wrench is on the peg, in the peg frame. The travel is inf, and the wrench without meaning,
+    where nothing is met.
+    """
+    n = len(rotation_hole_peg)
+    force = np.broadcast_to(np.asarray(force_n, float), (n,))
+    friction = np.broadcast_to(np.asarray(friction_coefficient, float), (n,))
+    travel, wrench = np.empty(n), np.empty((n, 6))
+    for begin in range(0, n, BLOCK):
+        part = slice(begin, begin + BLOCK)
+        rotation, motion = rotation_hole_peg[part], direction_hole[part]
+        pairs = first_contacts(tables, rotation, translation_hole_peg_m[part], motion)
+        rows, first = np.arange(len(rotation)), pairs.travel_m.argmin(axis=1)
+        travel[part] = pairs.travel_m[rows, first]
+        moved = np.where(np.isfinite(travel[part]), travel[part], 0.0)[:, None] * motion
+        geometry = contact_geometry(pairs.features[rows, first], rotation, translation_hole_peg_m[part] + moved)
+        basis = contact_wrench_basis(
+            geometry.normal_peg,
+            geometry.point_peg_m,
+            np.einsum("nji,nj->ni", rotation, motion),
+            friction[part],
+            None if compliance_peg is None else compliance_peg[part],
+        )
+        wrench[part] = basis * (force[part] / np.linalg.norm(basis[:, :3], axis=1))[:, None]
+    return travel, wrench
 
 
 def single_contact_dataset(
@@ -21,38 +65,32 @@ def single_contact_dataset(
     force_n: float = 20.0,
     friction_coefficient: float = 0.0,
     noise_sd: tuple[float, float] = (0.0, 0.0),
+    on_made: Callable[[int], None] = lambda made: None,
 ) -> ContactDataset:
     """`count` single contacts of a peg pushed along its own axis to a force of force_n.
 
     Angles (alpha, beta, gamma) uniform in +-half_range_rad, x and y of the rim uniform in +-half_range_m; z is where
     first contact puts it. noise_sd: of force (N) and moment (Nm). States are named after the arm that touches and the
-    sense in which it is pushed (1-w2-k). Draws in which nothing touches are drawn anew.
+    sense in which it is pushed (1-w2-k). Draws in which nothing touches are drawn anew. `on_made` is told how many
+    there are, after every block.
     """
     tables = PairTables.of(peg, hole)
     axis = np.array([0.0, 0.0, 1.0])
     parts: list[tuple[Array, Array, Array]] = []
     left = count
     while left > 0:
-        n = min(max(left, 16), 512)
+        n = min(max(left, 16), BLOCK)
         angles = rng.uniform(-half_range_rad, half_range_rad, (n, 3))
         rim = np.column_stack([rng.uniform(-half_range_m, half_range_m, (n, 2)), np.full(n, peg.tip_m + 0.01)])
         to_hole = np.swapaxes(rotation_from_error_angles(angles), 1, 2)
-        motion = to_hole @ axis
         shift = -np.einsum("nij,nj->ni", to_hole, rim)
-        pairs = first_contacts(tables, to_hole, shift, motion)
-        rows, first = np.arange(n), pairs.travel_m.argmin(axis=1)
-        travel = pairs.travel_m[rows, first]
+        travel, wrench = pushed_until_contact(tables, to_hole, shift, to_hole @ axis, force_n, friction_coefficient)
         touches = np.isfinite(travel)
-        moved = shift + np.where(touches, travel, 0.0)[:, None] * motion
-        geometry = contact_geometry(pairs.features[rows, first], to_hole, moved)
-        basis = contact_wrench_basis(
-            geometry.normal_peg, geometry.point_peg_m, np.broadcast_to(axis, (n, 3)), friction_coefficient
-        )
-        wrench = basis * (force_n / np.linalg.norm(basis[:, :3], axis=1))[:, None]
         rim[:, 2] -= np.where(touches, travel, 0.0)
         keep = np.flatnonzero(touches)[:left]
         parts.append((wrench[keep], angles[keep], rim[keep]))
         left -= len(keep)
+        on_made(count - left)
     wrench, angles, rim = (np.concatenate(column) for column in zip(*parts, strict=True))
     states = np.array([_state(row) for row in wrench])
     noise = rng.normal(size=wrench.shape) * np.repeat(noise_sd, 3)

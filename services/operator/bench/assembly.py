@@ -1,4 +1,4 @@
-"""`crosspih bench assembly`: many seeds over the running stack."""
+"""`crosspih bench assembly`: many seeds in cells side by side, or one after the other on the running stack."""
 
 from __future__ import annotations
 
@@ -8,17 +8,22 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import track
 from rich.table import Table
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import Strategy
+from services.operator.bench.conditions import DEFAULT_PEG
+from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
+from services.operator.bench.pool import ExecutorName
+from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, TrialsStopped
 from services.operator.scoring import TrialFigures
 from services.operator.stack import cell_session
 from services.operator.statistics import BenchResult, summarise
 
 
-def _table(result: BenchResult) -> Table:
+def figures_table(result: BenchResult) -> Table:
+    """The distribution of each figure, and the failures."""
     table = Table(
         title=f"{result.strategy}: {result.inserted} of {result.trials} inserted "
         f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), seeds from {result.seed}"
@@ -33,52 +38,54 @@ def _table(result: BenchResult) -> Table:
     return table
 
 
+def _on_the_running_stack(
+    console: Console, jobs: list[TrialJob], record: bool
+) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:
+    done: list[tuple[TrialJob, TrialFigures]] = []
+    try:
+        with cell_session(None) as (session, _):
+            for job in track(jobs, description=jobs[0].strategy.value, console=console):
+                figures, _ = session.trial(job.seed, job.strategy, record)
+                done.append((job, figures))
+    except CrosspihError as error:
+        return done, TrialsEnded(f"ended after {len(done)} of {len(jobs)} trials: {error}", done)
+    except KeyboardInterrupt:
+        return done, TrialsStopped(f"stopped after {len(done)} of {len(jobs)} trials", done)
+    return done, None
+
+
 def assembly(
     trials: Annotated[int, typer.Option(min=1, help="How many seeds.")] = 50,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
-    record: Annotated[bool, typer.Option(help="Keep a recording of every trial.")] = False,
-    speed: Annotated[str, typer.Option(help="realtime or max.")] = "max",
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    peg: Annotated[str, typer.Option(help="The peg's name, or its drawing's file.")] = DEFAULT_PEG,
+    record: Annotated[bool, typer.Option(help="Keep a recording of every trial, done anew for it.")] = False,
+    cells: Cells = None,
+    executor: Where = ExecutorName.LOCAL,
+    ray_address: RayAddress = None,
+    store: Store = DEFAULT_STORE,
+    running: Annotated[
+        bool, typer.Option("--running", help="On the running stack (a real cell, too), one after the other, unstored.")
+    ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Assemble with each of N seeds and print the distribution of what came out."""
+    """Assemble with each of N seeds, in cells side by side, and print the distribution of what came out."""
     console = Console(stderr=True)
-    done: list[TrialFigures] = []
-    try:
-        with cell_session(speed) as (session, _):
-            columns = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeElapsedColumn(),
-                TimeRemainingColumn(),
-            )
-            with Progress(*columns, console=console) as progress:
-                task = progress.add_task(strategy.value, total=trials)
-                for index in range(trials):
-                    figures, _ = session.trial(seed + index, strategy, record)
-                    done.append(figures)
-                    if not figures.inserted:
-                        progress.console.print(
-                            f"[red]seed {figures.seed}: {figures.failure}[/red] {figures.failure_detail}",
-                            highlight=False,
-                        )
-                    inserted = sum(trial.inserted for trial in done)
-                    progress.update(task, advance=1, description=f"{strategy.value}: {inserted} in")
-    except CrosspihError as error:
-        said = f"bench ended after {len(done)} trials: {error}"
-        console.print(said, style="red", markup=False, highlight=False, soft_wrap=True)
-        if not done:
-            raise typer.Exit(1) from None
-    except KeyboardInterrupt:
-        console.print(f"stopped after {len(done)} trials", highlight=False)
-        if not done:
-            raise typer.Exit(130) from None
-    result = summarise(strategy.value, seed, done)
-    if as_json:
-        json.dump(result.model_dump(), sys.stdout, indent=1)
-        print()
-    else:
-        Console().print(_table(result))
-    if len(done) < trials:
-        raise typer.Exit(1)
+    with told(console):
+        jobs = [TrialJob(seed=seed + index, strategy=strategy, peg=peg) for index in range(trials)]
+        if running:
+            done, ended = _on_the_running_stack(console, jobs, record)
+        else:
+            done, ended = trials_of(
+                console, strategy.value, jobs, cells=cells, executor=executor, ray_address=ray_address, store=store,
+                record=record,
+            )  # fmt: skip
+        if done:
+            result = summarise(strategy.value, seed, [figures for _, figures in done])
+            if as_json:
+                json.dump(result.model_dump(), sys.stdout, indent=1)
+                print()
+            else:
+                Console().print(figures_table(result))
+        if ended is not None:
+            raise ended

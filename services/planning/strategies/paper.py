@@ -13,14 +13,14 @@ from crosspih_common.messages import (
 )
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.steps import correct, locate, tell_estimate
+from services.planning.strategies.start import begin
+from services.planning.strategies.steps import correct, tell_estimate
 
 
 def paper(run: Run) -> PosePrior:
     """The published loop: position-only vision, straight push; one wrench -> network -> correct, and again."""
-    seen = locate(run, LocateMethod.PAPER)
+    seen = begin(run, LocateMethod.PAPER)
     belief = seen.pose_base_hole.pose()
-    run.approach(belief)
     for attempt in range(run.config.paper_attempts):
         run.attempt = attempt
         run.pushes += 1

@@ -1,0 +1,128 @@
+"""The drawings of the peg and of its hole, as a cell's file gives them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from crosspih_common.config.section import Section
+from crosspih_common.shapes import CrossPeg, Hole, Outline, Peg
+from crosspih_common.shapes.importing import FILE_SUFFIXES, outline_from_file
+from crosspih_common.shapes.named import NAMED, RADIUS_M, Sizes, tapered, tip_scale_of
+
+# the shapes' own defaults: the peg that the paper used
+_CROSS = CrossPeg()
+
+CROSS = "cross"
+OUTLINES = (CROSS, *NAMED)
+
+_CROSS_ONLY = ("half_width_m", "half_length_m", "apex_m", "tip_half_width_m")
+_BUT_CROSS = ("taper_start_m", "tip_m", "tip_scale")
+_SIZES = ("radius_m", "inner_radius_m", "tooth_half_width_m", "count")
+_SIZES_OF = {
+    "square": ("radius_m",),
+    "triangle": ("radius_m",),
+    "hexagon": ("radius_m",),
+    "round": ("radius_m",),
+    "star": ("radius_m", "inner_radius_m", "count"),
+    "spline": _SIZES,
+    "keyway": ("radius_m", "inner_radius_m", "tooth_half_width_m"),
+}
+
+
+class PegDrawing(Section):
+    """The peg's drawing, metres from the F/T origin along the peg axis.
+
+    `outline` is cross, square, triangle, hexagon, star, spline, keyway (a round with a key), round, or an SVG or DXF
+    file; with `corners_m` it is but the name of that polygon.
+    """
+
+    outline: str = Field(default=CROSS, min_length=1)
+    corners_m: tuple[tuple[float, float], ...] | None = Field(
+        default=None, description="(x, y) about the peg's axis, for a section that has no name here"
+    )
+    body_start_m: float = _CROSS.body_start_m
+    taper_slope: float = Field(default=_CROSS.taper_slope, description="lost a length by the wall nearest to the axis")
+    # the cross, by the paper's own numbers
+    half_width_m: float = _CROSS.half_width_m
+    half_length_m: float = _CROSS.half_length_m
+    apex_m: float = _CROSS.apex_m
+    tip_half_width_m: float = _CROSS.tip_half_width_m
+    # every other section
+    radius_m: float = Field(default=RADIUS_M, gt=0.0, description="of the farthest corner, or of a round")
+    inner_radius_m: float | None = Field(default=None, gt=0.0, description="star, spline, keyway")
+    tooth_half_width_m: float | None = Field(default=None, gt=0.0, description="of a spline's tooth, or of the key")
+    count: int | None = Field(default=None, ge=2, le=24, description="a star's points, a spline's teeth")
+    taper_start_m: float = _CROSS.taper_start_m
+    tip_m: float = _CROSS.tip_m
+    tip_scale: float | None = Field(default=None, gt=0.0, lt=1.0, description="the tip as a share of the body")
+
+    @model_validator(mode="after")
+    def _can_be_made(self) -> PegDrawing:
+        for name in self._without_meaning():
+            if getattr(self, name) != type(self).model_fields[name].default:
+                raise ValueError(f"{name} means nothing for the outline {self.outline!r}; leave it out")
+        self.shape()
+        return self
+
+    def _without_meaning(self) -> tuple[str, ...]:
+        if self.corners_m is not None or self.outline not in OUTLINES:
+            return (*_CROSS_ONLY, *_SIZES)
+        if self.outline == CROSS:
+            return (*_BUT_CROSS, *_SIZES)
+        return (*_CROSS_ONLY, *(name for name in _SIZES if name not in _SIZES_OF[self.outline]))
+
+    def shape(self) -> Peg:
+        """The shape that simulator, vision and mechanics share. ValueError where there is none like this."""
+        return _peg(self)
+
+
+class HoleDrawing(Section):
+    """The hole's drawing: the peg's section and a clearance on every side."""
+
+    clearance_m: float = Field(default=0.0001, gt=0.0, le=0.002)
+    chamfer_m: float = Field(default=0.001, ge=0.0, le=0.01)
+
+    def shape(self, peg: Peg) -> Hole:
+        """The hole around a peg."""
+        return _hole(peg, self.clearance_m, self.chamfer_m)
+
+
+@lru_cache(maxsize=64)
+def _peg(drawing: PegDrawing) -> Peg:
+    if drawing.outline == CROSS and drawing.corners_m is None:
+        return CrossPeg(
+            half_width_m=drawing.half_width_m,
+            half_length_m=drawing.half_length_m,
+            body_start_m=drawing.body_start_m,
+            taper_slope=drawing.taper_slope,
+            apex_m=drawing.apex_m,
+            tip_half_width_m=drawing.tip_half_width_m,
+        )
+    outline = _outline(drawing)
+    scale = drawing.tip_scale
+    if scale is None:
+        scale = tip_scale_of(outline, drawing.taper_slope, drawing.tip_m - drawing.taper_start_m)
+    return tapered(outline, drawing.body_start_m, drawing.taper_start_m, drawing.tip_m, scale)
+
+
+def _outline(drawing: PegDrawing) -> Outline:
+    if drawing.corners_m is not None:
+        return Outline.of(drawing.outline, drawing.corners_m)
+    if drawing.outline in NAMED:
+        return NAMED[drawing.outline](
+            Sizes(drawing.radius_m, drawing.inner_radius_m, drawing.tooth_half_width_m, drawing.count)
+        )
+    if Path(drawing.outline).suffix.lower() in FILE_SUFFIXES:
+        return outline_from_file(Path(drawing.outline))
+    raise ValueError(
+        f"outline {drawing.outline!r}: want one of {', '.join(OUTLINES)}, or a file that ends in "
+        f"{' or '.join(FILE_SUFFIXES)}"
+    )
+
+
+@lru_cache(maxsize=64)
+def _hole(peg: Peg, clearance_m: float, chamfer_m: float) -> Hole:
+    return Hole.around(peg, clearance_m, chamfer_m)

@@ -1,0 +1,135 @@
+"""The plate around a chamfered opening as convex blocks, exactly.
+
+For every edge of the opening there is a block that has this edge whole on its border and reaches as far as it can:
+behind the lines of other edges, where it must pass these. All its walls recede together along the chamfer. So the
+union of the blocks is right at every depth, also at the corners, where two blocks overlap (a corner that turns into
+the hole) or one has both walls (a corner that turns into the plate); no seam ends on a wall.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from shapely import Polygon, box, constrained_delaunay_triangles, get_parts, union_all
+
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes.convex import ConvexPiece
+from crosspih_common.shapes.cover import LEAST_AREA_M2, TOLERANCE_M, Line, half_plane, polygons, ring
+from crosspih_common.shapes.outline import Outline
+
+SPLITS = 4
+WRONG_AREA_M2 = 1e-10
+Plane = tuple[tuple[float, float, float], float]
+
+
+@lru_cache(maxsize=32)
+def plate_blocks(outline: Outline, chamfer_m: float, depth_m: float, half_size_m: float) -> list[ConvexPiece]:
+    """Convex blocks (hole frame) whose union is the plate from z = 0 to `depth_m` around the opening.
+
+    Raises ValueError when the outline has details finer than the chamfer.
+    """
+    plate = box(-half_size_m, -half_size_m, half_size_m, half_size_m)
+    openings = {back: Polygon(outline.grown(back).corners_m) for back in (0.0, chamfer_m / 2.0, chamfer_m)}
+    walls: list[tuple[int, ...]] = []
+    for edge in range(len(outline.corners_m)):
+        for chosen in _walls_of(outline, edge, plate):
+            if chosen not in walls:
+                walls.append(chosen)
+    regions = {back: [_region(plate, outline, chosen, back) for chosen in walls] for back in openings}
+    # what no block reaches is filled behind the chamfer, straight
+    rest = polygons(plate - openings[chamfer_m] - union_all(regions[chamfer_m]))
+    fillers = [triangle for part in rest for triangle in get_parts(constrained_delaunay_triangles(part))]
+    for back, opening in openings.items():
+        solid = union_all([*regions[back], *fillers])
+        if (solid ^ (plate - opening)).area > WRONG_AREA_M2:
+            raise ValueError(
+                f"outline {outline.name}: it has details finer than the chamfer of {chamfer_m * 1e3:g} mm; take a "
+                f"smaller chamfer or draw it coarser"
+            )
+    slab: list[Plane] = [((0.0, 0.0, -1.0), 0.0), ((0.0, 0.0, 1.0), depth_m)]
+    blocks = [
+        ConvexPiece.from_planes([*_wall_planes(outline, chosen, chamfer_m), *_sides(region, half_size_m), *slab])
+        for chosen, region in zip(walls, regions[0.0], strict=True)
+    ]
+    return blocks + [ConvexPiece.from_planes([*_faces(triangle), *slab]) for triangle in fillers]
+
+
+def _behind(outline: Outline, edge: int, back_m: float) -> Line:
+    nx, ny = outline.normals[edge]
+    return (-float(nx), -float(ny), -float(outline.offsets_m[edge]) - back_m)
+
+
+def _region(plate: Polygon, outline: Outline, walls: tuple[int, ...], back_m: float) -> Polygon:
+    region = plate
+    for edge in walls:
+        region = region & half_plane(_behind(outline, edge, back_m))
+    return region
+
+
+def _walls_of(outline: Outline, edge: int, plate: Polygon) -> list[tuple[int, ...]]:
+    """For one edge: the edges whose lines bound its block; for an edge that has to be split, one tuple a part."""
+    start, end = outline.corners_m[edge], np.roll(outline.corners_m, -1, axis=0)[edge]
+    opening = Polygon(outline.corners_m)
+
+    def of(first: Array, last: Array, splits: int) -> list[tuple[int, ...]]:
+        chosen = _separating(outline, edge, np.array([first, last]), opening, plate)
+        if chosen is not None:
+            return [chosen]
+        if splits == 0:
+            raise ValueError(
+                f"outline {outline.name}: no convex block fits behind edge {edge}; draw this detail coarser"
+            )
+        middle = (first + last) / 2.0
+        return [*of(first, middle, splits - 1), *of(middle, last, splits - 1)]
+
+    return of(start, end, SPLITS)
+
+
+def _separating(
+    outline: Outline, edge: int, segment: Array, opening: Polygon, plate: Polygon
+) -> tuple[int, ...] | None:
+    """Edges, this one first, whose lines keep the opening out of the region behind them and the segment in it."""
+    in_front = segment @ outline.normals.T - outline.offsets_m
+    usable = [other for other in np.flatnonzero(np.all(in_front >= -TOLERANCE_M, axis=0)) if other != edge]
+    chosen = [edge]
+    region = plate & half_plane(_behind(outline, edge, 0.0))
+    while sum(part.area for part in polygons(region & opening)) > LEAST_AREA_M2:
+        best: tuple[float, float, int] | None = None
+        for other in usable:
+            cut = region & half_plane(_behind(outline, other, 0.0))
+            left = sum(part.area for part in polygons(cut & opening))
+            if best is None or (left, -cut.area) < best[:2]:
+                best = (left, -cut.area, int(other))
+        if best is None or best[2] in chosen:
+            return None
+        chosen.append(best[2])
+        region = region & half_plane(_behind(outline, best[2], 0.0))
+    return (edge, *sorted(chosen[1:]))
+
+
+def _wall_planes(outline: Outline, walls: tuple[int, ...], chamfer_m: float) -> list[Plane]:
+    planes: list[Plane] = []
+    for edge in walls:
+        nx, ny, d = _behind(outline, edge, 0.0)
+        planes.append(((nx, ny, 0.0), d))
+        if chamfer_m > 0.0:
+            planes.append(((nx, ny, -1.0), d - chamfer_m))
+    return planes
+
+
+def _sides(region: Polygon, half_size_m: float) -> list[Plane]:
+    """Those sides of the plate that the region reaches."""
+    low_x, low_y, high_x, high_y = region.bounds
+    reached = ((1.0, 0.0, high_x), (-1.0, 0.0, -low_x), (0.0, 1.0, high_y), (0.0, -1.0, -low_y))
+    return [((nx, ny, 0.0), half_size_m) for nx, ny, far in reached if abs(far - half_size_m) < TOLERANCE_M]
+
+
+def _faces(triangle: Polygon) -> list[Plane]:
+    corners = ring(triangle)
+    planes: list[Plane] = []
+    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        length = float(np.hypot(bx - ax, by - ay))
+        nx, ny = (by - ay) / length, -(bx - ax) / length
+        planes.append(((float(nx), float(ny), 0.0), float(nx * ax + ny * ay)))
+    return planes

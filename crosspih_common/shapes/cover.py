@@ -1,0 +1,150 @@
+"""Convex parts that overlap and together are a polygon, for bodies that a physics engine feels as one.
+
+An engine knows convex bodies only, and where two of them meet it may feel the seam. So the parts here are as large as
+they go and overlap: the borders of a part run along the polygon's own edges and their prolongations, which lie inside
+other parts, where nothing touches them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import Geometry, Polygon, constrained_delaunay_triangles, get_parts
+
+from crosspih_common.geometry.pose import Array
+
+TOLERANCE_M = 1e-9
+FAR_M = 10.0
+LEAST_AREA_M2 = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexRegion:
+    """All points p (2,) with ``normals @ p <= offsets_m``, bounded: normals (k, 2) unit, offsets and corners in metres.
+
+    `corners_m` (k, 2) counter-clockwise; edge i of the region lies on line i and goes from corner i to corner i + 1.
+    """
+
+    normals: Array
+    offsets_m: Array
+    corners_m: Array
+
+
+Line = tuple[float, float, float]
+"""(nx, ny, d): the half-plane nx x + ny y <= d, the normal of unit length."""
+
+
+def half_plane(line: Line) -> Polygon:
+    """A square far larger than anything here, for its edge on the line."""
+    nx, ny, d = line
+    foot, along = np.array([nx, ny]) * d, np.array([-ny, nx]) * FAR_M
+    back = np.array([nx, ny]) * FAR_M
+    return Polygon([foot - along, foot + along, foot + along - back, foot - along - back])
+
+
+def polygons(geometry: Geometry) -> list[Polygon]:
+    """The polygons of a geometry that are more than a numerical speck."""
+    found = [part for part in get_parts(geometry) if isinstance(part, Polygon)]
+    return [part for part in found if part.area > LEAST_AREA_M2]
+
+
+def ring(polygon: Polygon) -> Array:
+    """The corners (k, 2) counter-clockwise, those that coincide but for rounding taken once."""
+    corners = np.array(polygon.exterior.coords[:-1])
+    if not polygon.exterior.is_ccw:
+        corners = corners[::-1]
+    return corners[np.hypot(*(corners - np.roll(corners, 1, axis=0)).T) > TOLERANCE_M]
+
+
+def region_of(polygon: Polygon, lines: Sequence[Line]) -> ConvexRegion:
+    """A convex polygon with its edges told exactly: those of the lines that bound it."""
+    corners = ring(polygon)
+    kept: list[tuple[float, Line, Array]] = []
+    for line in dict.fromkeys(lines):
+        normal = np.array(line[:2])
+        beyond = corners @ normal - line[2]
+        if np.max(beyond) > TOLERANCE_M:
+            continue  # a line that other lines prolong crosses the region
+        on = corners[beyond > -TOLERANCE_M]
+        along = on @ np.array([-normal[1], normal[0]])
+        if len(on) >= 2 and np.ptp(along) > 10.0 * TOLERANCE_M:
+            duplicate = any(np.allclose(line, other, atol=1e-9) for _, other, _ in kept)
+            if not duplicate:
+                kept.append((float(np.arctan2(normal[1], normal[0])), line, on[np.argmin(along)]))
+    kept.sort(key=lambda item: item[0])
+    return ConvexRegion(
+        np.array([line[:2] for _, line, _ in kept]),
+        np.array([line[2] for _, line, _ in kept]),
+        np.array([start for _, _, start in kept]),
+    )
+
+
+def cover(corners_m: Array, normals: Array, offsets_m: Array) -> list[ConvexRegion]:
+    """Convex regions whose union is a simple polygon (n, 2), counter-clockwise, m, with its edges' lines.
+
+    Where the axis sees the whole outline every region holds the axis, so that it may taper towards a point on it.
+    """
+    polygon = Polygon(corners_m)
+    edges: list[Line] = [(float(n[0]), float(n[1]), float(d)) for n, d in zip(normals, offsets_m, strict=True)]
+    if np.all(offsets_m >= -TOLERANCE_M):
+        ends = np.roll(corners_m, -1, axis=0)
+        seeds = [np.array([np.zeros(2), start, end]) for start, end in zip(corners_m, ends, strict=True)]
+        seeds = [seed for seed in seeds if Polygon(seed).area > LEAST_AREA_M2]
+    else:
+        triangles = get_parts(constrained_delaunay_triangles(polygon))
+        seeds = [np.array(triangle.exterior.coords[:-1]) for triangle in triangles]
+    seeds.sort(key=lambda seed: -Polygon(seed).area)
+    found: list[ConvexRegion] = []
+    for seed in seeds:
+        if not any(np.all(seed @ part.normals.T <= part.offsets_m + TOLERANCE_M) for part in found):
+            found.append(_grown(polygon, edges, seed))
+    return found
+
+
+def _grown(polygon: Polygon, edges: list[Line], seed: Array) -> ConvexRegion:
+    """The polygon, cut along lines through its inward corners until it is convex, the seed kept whole."""
+    region, lines = polygon, list(edges)
+    middle = Polygon(seed).representative_point()
+    while True:
+        corners = ring(region)
+        step = np.roll(corners, -1, axis=0) - corners
+        back = corners - np.roll(corners, 1, axis=0)
+        sine = (back[:, 0] * step[:, 1] - back[:, 1] * step[:, 0]) / np.hypot(*back.T) / np.hypot(*step.T)
+        inward = np.flatnonzero(sine < -1e-9)
+        if len(inward) == 0:
+            return region_of(region, lines)
+        cuts = [_cuts(vertex, edges, seed) for vertex in corners[inward]]
+        # where a corner leaves no choice the cut is made first: it may settle other corners with it
+        forced = [choice for choice in cuts if len(choice) == 1]
+        best: tuple[float, Polygon, Line] | None = None
+        for line in dict.fromkeys(line for choice in forced or cuts for line in choice):
+            kept = [part for part in polygons(region & half_plane(line)) if part.contains(middle)]
+            # a cut that leaves all as it is would never end
+            if kept and kept[0].area < region.area - LEAST_AREA_M2 and (best is None or kept[0].area > best[0]):
+                best = (kept[0].area, kept[0], line)
+        if best is None:
+            raise ValueError("this outline has a detail too fine to be cut into convex parts; draw it coarser")
+        _, region, line = best
+        lines.append(line)
+
+
+def _cuts(vertex: Array, edges: list[Line], seed: Array) -> list[Line]:
+    """The half-planes that have a corner on their line and keep the seed: along edges first, else past the seed."""
+
+    def keeps(line: Line) -> bool:
+        return bool(np.all(seed @ np.array(line[:2]) <= line[2] + TOLERANCE_M))
+
+    lines = dict.fromkeys(edges)
+    along = [line for line in lines if abs(vertex @ np.array(line[:2]) - line[2]) < TOLERANCE_M and keeps(line)]
+    if along:
+        return along
+    past = []
+    for corner in seed:
+        way = corner - vertex
+        length = float(np.hypot(*way))
+        if length > TOLERANCE_M:
+            for nx, ny in ((way[1] / length, -way[0] / length), (-way[1] / length, way[0] / length)):
+                past.append((float(nx), float(ny), float(nx * vertex[0] + ny * vertex[1])))
+    return [line for line in past if keeps(line)]

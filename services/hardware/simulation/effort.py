@@ -1,0 +1,97 @@
+"""What a motion cost, for scoring: how far the tip went, how smoothly, and how hard the peg was pressed.
+
+Jerk is taken as the AI for Industry Challenge takes it (intrinsic-dev/aic, docs/scoring.md): at 500 Hz the velocity is
+fitted by a quadratic over 15 samples (Savitzky and Golay 1964), whose second derivative is the jerk; only times in
+which the tip is faster than 10 mm/s count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from crosspih_common.arm import ArmModel
+from crosspih_common.geometry.pose import Array
+
+STEPS_A_SAMPLE = 2
+WINDOW = 15
+MOVING_M_S = 0.01
+CONTACT_N = 2.0  # above the noise, and above what a gentle move feels of the payload's inertia
+HEAVY_N = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class EffortFigures:
+    """The figures of one motion, named as in MotionOutcome."""
+
+    tip_path_m: float
+    moving_s: float
+    jerk_integral_m_s2: float
+    contact_s: float
+    contact_impulse_n_s: float
+    over_20_n_s: float
+
+
+class Effort:
+    """Collects a motion step by step; `figures` works it out at the end."""
+
+    def __init__(self, arm: ArmModel, tip_flange_m: Array, step_s: float) -> None:
+        self._arm, self._tip_flange_m, self._step_s = arm, tip_flange_m, step_s
+        self._joints: list[Array] = []
+        self._force_n: list[float] = []
+
+    def restart(self) -> None:
+        """A new motion."""
+        self._joints.clear()
+        self._force_n.clear()
+
+    def add(self, joints_rad: Array, force_n: float) -> None:
+        """One step of the motor side (6,) and the contact force felt in it."""
+        if len(self._force_n) % STEPS_A_SAMPLE == 0:
+            self._joints.append(joints_rad)
+        self._force_n.append(force_n)
+
+    def figures(self) -> EffortFigures:
+        """Over all steps since the restart."""
+        force = np.asarray(self._force_n)
+        touching = force > CONTACT_N
+        tips = tip_positions(self._arm, np.array(self._joints).reshape(-1, 6), self._tip_flange_m)
+        moving_s, jerk_integral = smoothness(tips, STEPS_A_SAMPLE * self._step_s)
+        return EffortFigures(
+            tip_path_m=float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()),
+            moving_s=moving_s,
+            jerk_integral_m_s2=jerk_integral,
+            contact_s=float(touching.sum() * self._step_s),
+            contact_impulse_n_s=float(force[touching].sum() * self._step_s),
+            over_20_n_s=float((force > HEAVY_N).sum() * self._step_s),
+        )
+
+
+def tip_positions(arm: ArmModel, joints_rad: Array, tip_flange_m: Array) -> Array:
+    """(n, 3): a point fixed to the flange, (3,), in the base frame at joints (n, 6); as `arm.pose_base_flange`."""
+    points: Array = np.broadcast_to(np.asarray(tip_flange_m, float), (len(joints_rad), 3))
+    for (offset, d, a, alpha), angles in zip(arm.dh[::-1], joints_rad.T[::-1], strict=True):
+        # Rz(angle + offset) Tz(d) Tx(a) Rx(alpha)
+        x, y, z = points.T
+        ca, sa = np.cos(alpha), np.sin(alpha)
+        x, y, z = x + a, ca * y - sa * z, sa * y + ca * z + d
+        ct, st = np.cos(angles + offset), np.sin(angles + offset)
+        points = np.column_stack([ct * x - st * y, st * x + ct * y, z])
+    return np.asarray(points, dtype=float)
+
+
+def smoothness(positions_m: Array, period_s: float) -> tuple[float, float]:
+    """(time in motion, s; integral of |jerk| over it, m/s^2) of positions (n, 3); zeros where n is below the window."""
+    if len(positions_m) <= WINDOW:
+        return 0.0, 0.0
+    velocity = np.diff(positions_m, axis=0) / period_s
+    fitted = {
+        order: np.linalg.norm(
+            savgol_filter(velocity, WINDOW, 2, deriv=order, delta=period_s, axis=0, mode="interp"), axis=1
+        )
+        for order in (0, 2)
+    }
+    moving = fitted[0] > MOVING_M_S
+    return float(moving.sum() * period_s), float(fitted[2][moving].sum() * period_s)

@@ -1,0 +1,86 @@
+"""`python -m services.inference.estimator`: how often the 95 % region holds the truth, over trials of the model."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from scipy.stats import chi2
+
+from crosspih_common.config import Workcell, load_cell
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.inference.estimator.coverage import BLOCKS, Row, TouchRecord, TrialSettings, run_trial, summary
+from services.inference.estimator.observation import EstimatorSettings
+from services.inference.mechanics import PairTables
+from services.inference.next_touch import next_touch
+
+# one sd: x, y, z (m), rx, ry, rz (rad)
+PRIORS = {
+    "vision": (2e-4, 2e-4, 6e-4, 0.01, 0.01, 0.002),
+    "poor": (1e-3, 1e-3, 2e-3, 0.04, 0.04, 0.01),
+    "force": (3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05),
+}
+
+
+def table(rows: list[Row]) -> str:
+    """The rows as Markdown."""
+    lines = [
+        "| touches | trials | " + " | ".join(f"{name}: held % (95 % int.)" for name in BLOCKS) + " | NEES p50/p95 "
+        + "| lateral mm p50/p95 | rotation deg p50/p95 | several contacts | used |"
+    ]  # fmt: skip
+    lines.append("|" + "---|" * (len(BLOCKS) + 7))
+    for row in rows:
+        held = [f"{share * 100:.1f} ({low * 100:.1f}-{high * 100:.1f})" for share, low, high in row.covered.values()]
+        nees = ", ".join(f"{p50:.1f}/{p95:.1f}" for p50, p95 in row.nees_p50_p95.values())
+        lines.append(
+            f"| {row.touches} | {row.trials} | {' | '.join(held)} | {nees} | {row.lateral_mm[0]:.3f}/"
+            f"{row.lateral_mm[1]:.3f} | {row.rotation_deg[0]:.2f}/{row.rotation_deg[1]:.2f} "
+            f"| {row.several_contacts * 100:.0f} % | {row.used * 100:.1f} % |"
+        )
+    ideal = [(chi2.ppf(0.5, len(keep)), chi2.ppf(0.95, len(keep))) for keep in BLOCKS.values()]
+    lines.append("NEES of an honest one: " + ", ".join(f"{p50:.1f}/{p95:.1f}" for p50, p95 in ideal))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Draw trials, touch, estimate, count how often the truth lies in the region."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--trials", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0, help="of the first trial; one more for each")
+    parser.add_argument("--touches", type=int, default=4)
+    parser.add_argument("--prior", choices=sorted(PRIORS), default="poor")
+    parser.add_argument("--cell", type=Path, help="a cell's file, for its peg and hole; without: the default cell")
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    workcell = load_cell(arguments.cell).workcell if arguments.cell else Workcell()
+    peg = workcell.peg.shape()
+    tables = PairTables.of(peg, workcell.hole.shape(peg))
+    estimator = EstimatorSettings(friction_mean=workcell.friction_expected)
+
+    def policy(belief: Pose, covariance: Array, made: int, used: bool) -> tuple[Pose, Array]:
+        plan = next_touch(peg, belief, covariance, made, made, last_touch_used=used)
+        return plan.pose_base_peg_start, plan.direction_base
+
+    compliance = workcell.compliance_peg(np.asarray(workcell.home_joints_rad))
+    settings = TrialSettings(PRIORS[arguments.prior], arguments.touches)
+    records: list[TouchRecord] = []
+    seeds = range(arguments.seed, arguments.seed + arguments.trials)
+    for seed in track(seeds, "trials", console=Console(stderr=True)):
+        records += run_trial(
+            tables, workcell.hole_prior.pose_base_hole(), compliance, policy, estimator, settings, seed
+        )
+    rows = summary(records)
+    if arguments.json:
+        print(json.dumps({"prior": arguments.prior, "rows": [dataclasses.asdict(row) for row in rows]}, indent=2))
+    else:
+        print(table(rows))
+
+
+if __name__ == "__main__":
+    main()

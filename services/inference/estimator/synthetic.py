@@ -1,0 +1,138 @@
+"""Touches made by the mechanics, with several contacts and a wrist that gives way: what a calibration is measured on.
+
+A push goes on past its first contact as the guarded move does. The peg stands where its wrist's deflection and the
+contact forces balance: f >= 0, gap >= 0, f gap = 0 for the first contact of every pair of pieces, a linear
+complementarity problem in each Newton step (Stewart and Trinkle 1996), solved by projected Gauss-Seidel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.inference.estimator.observation import TouchObservation
+from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
+
+NEWTON_STEPS = 5
+SWEEPS = 120
+PRESSING_N = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class TouchNoise:
+    """What makes a synthetic touch differ from the model: a reading's sd (N, Nm, after averaging), an error of the
+    pose of each touch (m, rad), and one of the geometry that all touches of a trial share (m across, share of force).
+
+    Defaults: 25 samples of 0.1 N and 0.005 Nm; 0.03 mm and 0.2 mrad for an arm that repeats to 0.02 mm; 0.5 % of the
+    wrench in a random direction, for friction that does not point as the law says.
+    """
+
+    force_n: float = 0.02
+    moment_nm: float = 0.001
+    position_m: float = 3e-5
+    rotation_rad: float = 2e-4
+    wrench_share: float = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class GuardedPush:
+    """How a push ends: the force or moment that stops it, and the creep past that while it is observed."""
+
+    force_n: float = 5.0
+    moment_nm: float = 1.0
+    creep_m: float = 8e-5
+    limit_m: float = 0.045
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SyntheticTouch:
+    """The observation, and how many contacts carried force."""
+
+    observation: TouchObservation
+    contacts: int
+
+
+def touch(
+    tables: PairTables,
+    pose_base_hole: Pose,
+    pose_base_peg_start: Pose,
+    direction_base: Array,
+    compliance_peg: Array,
+    friction: float,
+    rng: np.random.Generator,
+    noise: TouchNoise | None = None,
+    push: GuardedPush | None = None,
+) -> SyntheticTouch | None:
+    """A push along a unit direction from a start in free air; None when nothing is met within its limit."""
+    noise, push = noise or TouchNoise(), push or GuardedPush()
+    into = pose_base_hole.inverse()
+    start, direction = into @ pose_base_peg_start, into.rotate(direction_base)
+    travel = float(
+        first_contacts(tables, start.rotation[None], start.translation_m[None], direction[None]).travel_m.min()
+    )
+    if not -0.001 < travel < push.limit_m:
+        return None
+    commanded, wrench, contacts = start, np.zeros(6), 0
+    past = 2e-5
+    for _ in range(8):
+        commanded = Pose(start.rotation, start.translation_m + (travel + past) * direction)
+        wrench, contacts = settle(tables, commanded, direction, compliance_peg, friction)
+        reached = max(
+            float(np.linalg.norm(wrench[:3])) / push.force_n, float(np.linalg.norm(wrench[3:])) / push.moment_nm
+        )
+        if abs(reached - 1.0) < 0.03:
+            break
+        past = float(np.clip(past / max(reached, 0.2), past / 5.0, past * 5.0))
+    commanded = Pose(start.rotation, start.translation_m + (travel + past + push.creep_m) * direction)
+    wrench, contacts = settle(tables, commanded, direction, compliance_peg, friction)
+    sd = np.repeat([noise.force_n, noise.moment_nm], 3)
+    wild = rng.normal(size=6) * np.repeat([np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])], 3)
+    measured = wrench + rng.normal(size=6) * sd + noise.wrench_share * wild
+    slip = rng.normal(size=6) * np.repeat([noise.position_m, noise.rotation_rad], 3)
+    seen = pose_base_hole @ commanded @ _about_tip(tables, slip)
+    return SyntheticTouch(TouchObservation(seen, measured, sd, compliance_peg, np.asarray(direction_base)), contacts)
+
+
+def settle(
+    tables: PairTables, commanded_hole_peg: Pose, direction_hole: Array, compliance_peg: Array, friction: float
+) -> tuple[Array, int]:
+    """The contact wrench (6,) on the peg, peg frame, of a peg commanded to a pose, and its number of contacts."""
+    twist = np.zeros(6)
+    force = np.zeros(0)
+    wrench = np.zeros(6)
+    for _ in range(NEWTON_STEPS):
+        pose = commanded_hole_peg @ Pose.from_rotvec(twist[3:], twist[:3])
+        pairs = first_contacts(tables, pose.rotation[None], pose.translation_m[None], direction_hole[None])
+        near = np.flatnonzero(np.isfinite(pairs.travel_m[0]) & (np.abs(pairs.travel_m[0]) < 0.004))
+        if not len(near):
+            return np.zeros(6), 0
+        geometry = contact_geometry(pairs.features[0, near], pose.rotation, pose.translation_m)
+        basis = contact_wrench_basis(
+            geometry.normal_peg, geometry.point_peg_m, pose.rotation.T @ direction_hole, friction, compliance_peg
+        )
+        normal = np.column_stack([geometry.normal_peg, np.cross(geometry.point_peg_m, geometry.normal_peg)])
+        matrix = normal @ compliance_peg @ basis.T
+        force = complementarity(matrix, geometry.gap_m - normal @ twist)
+        wrench = basis.T @ force
+        twist = compliance_peg @ wrench
+    return wrench, int(np.count_nonzero(force > PRESSING_N))
+
+
+def complementarity(matrix: Array, offset: Array) -> Array:
+    """f >= 0 with matrix f + offset >= 0 and their product zero, by projected Gauss-Seidel (Cottle et al. 1992)."""
+    force = np.zeros(len(offset))
+    diagonal = np.maximum(np.diag(matrix), 1e-12)
+    for _ in range(SWEEPS):
+        for row in range(len(offset)):
+            force[row] = max(0.0, force[row] - (matrix[row] @ force + offset[row]) / diagonal[row])
+    return force
+
+
+def _about_tip(tables: PairTables, slip: Array) -> Pose:
+    """A small error of the peg's pose as felt where it touches: turned about the middle of its taper."""
+    corners = tables.peg_corners_m.reshape(-1, 3)
+    middle = Pose.from_translation([0.0, 0.0, float(corners[:, 2].max()) - 0.01])
+    return middle @ Pose.from_rotvec(slip[3:], slip[:3]) @ middle.inverse()

@@ -1,0 +1,202 @@
+"""Histories of touches made by the mechanics, for training the sequence network."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import CrossHole, CrossPeg
+from services.inference.mechanics import PairTables
+from services.inference.network.synthesis import pushed_until_contact
+from services.inference.network.touch_features import TouchHistory
+from services.inference.next_touch import next_touch
+
+TRIES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class TouchWorld:
+    """What the histories are drawn from; ranges are (low, high), in m, rad, N.
+
+    The prior's sds are log-uniform: lateral_sd_m, depth_sd_m, tilt_sd_rad, turn_sd_rad; the hole is Gaussian about it,
+    cut at 2.5 sd. friction and force_n are uniform. policy_share of the histories follow the touch policy about a
+    belief that nears the truth, as in an assembly; the others start at random about it, up to shift_m and angle_rad
+    off. Noise: force_sd_n and moment_sd_nm of a reading, place_sd_m and turn_error_sd_rad of the peg's pose. The wrist's
+    compliance, along (m/N) and about (rad/Nm) each axis, is log-uniform within +-compliance_spread of its mean.
+    """
+
+    lateral_sd_m: tuple[float, float] = (1e-4, 6e-3)
+    depth_sd_m: tuple[float, float] = (2e-4, 9e-3)
+    tilt_sd_rad: tuple[float, float] = (4e-3, 6e-2)
+    turn_sd_rad: tuple[float, float] = (1.5e-3, 6e-2)
+    friction: tuple[float, float] = (0.0, 0.3)
+    force_n: tuple[float, float] = (6.0, 20.0)
+    travel_limit_m: float = 0.045
+    policy_share: float = 0.7
+    shift_m: float = 0.004
+    angle_rad: float = 0.06
+    force_sd_n: float = 0.02
+    moment_sd_nm: float = 0.001
+    place_sd_m: float = 2e-5
+    turn_error_sd_rad: float = 1e-4
+    compliance: tuple[float, float] = (1e-5, 1e-3)
+    compliance_spread: float = 0.7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SequenceDataset:
+    """N histories of K touches, and the hole's true pose error (N, 6) about its prior (right perturbation)."""
+
+    history: TouchHistory
+    error: Array
+
+    def __len__(self) -> int:
+        return len(self.error)
+
+    def rows(self, index: Array | slice) -> SequenceDataset:
+        """Some of the histories."""
+        h = self.history
+        return SequenceDataset(
+            TouchHistory(h.rotation[index], h.translation_m[index], h.wrench[index], h.direction[index],
+                         h.prior_sd[index]),
+            self.error[index],
+        )  # fmt: skip
+
+    def sha256(self) -> str:
+        """A hash of all columns."""
+        digest = hashlib.sha256()
+        h = self.history
+        for column in (h.rotation, h.translation_m, h.wrench, h.direction, h.prior_sd, self.error):
+            digest.update(np.ascontiguousarray(column, dtype="<f8").tobytes())
+        return digest.hexdigest()
+
+
+def touch_sequences(
+    peg: CrossPeg,
+    hole: CrossHole,
+    count: int,
+    touches: int,
+    rng: np.random.Generator,
+    world: TouchWorld | None = None,
+    on_made: Callable[[int], None] = lambda made: None,
+) -> SequenceDataset:
+    """`count` histories of `touches` touches of one contact each.
+
+    Where a push meets nothing it is begun anew elsewhere, `TRIES` times; a history that still lacks a touch is drawn
+    anew. `on_made` is told how many histories there are.
+    """
+    world = world or TouchWorld()
+    tables = PairTables.of(peg, hole)
+    parts: list[SequenceDataset] = []
+    made = 0
+    while made < count:
+        part = _block(peg, tables, min(count - made + 32, 1024), touches, rng, world)
+        part = part.rows(slice(0, count - made))
+        parts.append(part)
+        made += len(part)
+        on_made(made)
+    histories = [part.history for part in parts]
+    return SequenceDataset(
+        TouchHistory(
+            np.concatenate([h.rotation for h in histories]),
+            np.concatenate([h.translation_m for h in histories]),
+            np.concatenate([h.wrench for h in histories]),
+            np.concatenate([h.direction for h in histories]),
+            np.concatenate([h.prior_sd for h in histories]),
+        ),
+        np.concatenate([part.error for part in parts]),
+    )
+
+
+def _block(
+    peg: CrossPeg, tables: PairTables, n: int, touches: int, rng: np.random.Generator, world: TouchWorld
+) -> SequenceDataset:
+    """Up to n histories. The base frame is the prior's hole frame {P}."""
+    draws = {
+        name: np.exp(rng.uniform(*np.log(getattr(world, name)), n))
+        for name in ("lateral_sd_m", "depth_sd_m", "tilt_sd_rad", "turn_sd_rad")
+    }
+    lateral, tilt = draws["lateral_sd_m"], draws["tilt_sd_rad"]
+    sd = np.column_stack([lateral, lateral, draws["depth_sd_m"], tilt, tilt, draws["turn_sd_rad"]])
+    error = np.clip(rng.normal(size=(n, 6)), -2.5, 2.5) * sd
+    to_hole = np.swapaxes(Rotation.from_rotvec(error[:, 3:]).as_matrix(), 1, 2)
+    friction = rng.uniform(*world.friction, n)
+    by_policy = rng.random(n) < world.policy_share
+    # pushes that failed before the first touch: one in an assembly, none when the planner only touches
+    failed_before = rng.integers(0, 3, n)
+    compliance = np.zeros((n, 6, 6))
+    for axis, mean in enumerate(np.repeat(world.compliance, 3)):
+        compliance[:, axis, axis] = mean * np.exp(rng.uniform(-1.0, 1.0, n) * world.compliance_spread)
+    # what is believed before the first touch is the prior itself
+    belief_error = np.column_stack([-np.einsum("nij,nj->ni", to_hole, error[:, :3]), -error[:, 3:]])
+    spread = np.ones((n, 6))
+    columns: list[tuple[Array, Array, Array, Array]] = []
+    whole = np.ones(n, bool)
+    for made in range(touches):
+        rotation, translation = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+        direction, wrench = np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros((n, 6))
+        left = np.flatnonzero(whole)
+        for attempt in range(TRIES):
+            starts = _starts(
+                peg, left, made, attempt, by_policy, failed_before, error, belief_error, spread, sd, rng, world
+            )
+            pushed = starts[0], starts[1], starts[2]
+            force = rng.uniform(*world.force_n, len(left))
+            shift = np.einsum("nij,nj->ni", to_hole[left], pushed[1] - error[left, :3])
+            travel, felt = pushed_until_contact(
+                tables,
+                to_hole[left] @ pushed[0],
+                shift,
+                np.einsum("nij,nj->ni", to_hole[left], pushed[2]),
+                force,
+                friction[left],
+                compliance[left],
+            )
+            met = (travel > 0.0) & (travel < world.travel_limit_m)
+            rows = left[met]
+            rotation[rows], direction[rows], wrench[rows] = pushed[0][met], pushed[2][met], felt[met]
+            translation[rows] = pushed[1][met] + travel[met, None] * pushed[2][met]
+            left = left[~met]
+            if len(left) == 0:
+                break
+        whole[left] = False
+        wrench += rng.normal(size=(n, 6)) * np.repeat([world.force_sd_n, world.moment_sd_nm], 3)
+        translation += rng.normal(size=(n, 3)) * world.place_sd_m
+        rotation = rotation @ Rotation.from_rotvec(rng.normal(size=(n, 3)) * world.turn_error_sd_rad).as_matrix()
+        columns.append((rotation, translation, wrench, direction))
+        # the belief after this touch: nearer to the truth by a share that differs from axis to axis
+        spread = spread * rng.uniform(0.15, 1.0, (n, 6))
+        belief_error = np.clip(rng.normal(size=(n, 6)), -2.5, 2.5) * sd * spread
+    rotation, translation, wrench, direction = (np.stack(column, axis=1) for column in zip(*columns, strict=True))
+    history = TouchHistory(rotation, translation, wrench, direction, sd)
+    return SequenceDataset(history, error).rows(np.flatnonzero(whole))
+
+
+def _starts(
+    peg: CrossPeg, rows: Array, made: int, attempt: int, by_policy: Array, failed_before: Array, error: Array,
+    belief_error: Array, spread: Array, sd: Array, rng: np.random.Generator, world: TouchWorld,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Rotation (m, 3, 3), translation (m, 3) and direction (m, 3) in {P} from which pegs are pushed."""
+    n = len(rows)
+    rotation, translation, direction = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
+    shift, angles = rng.uniform(-1.0, 1.0, (n, 2)) * world.shift_m, rng.uniform(-1.0, 1.0, (n, 3)) * world.angle_rad
+    for place, row in enumerate(rows):
+        truth = Pose.from_rotvec(error[row, 3:], error[row, :3])
+        belief = truth @ Pose.from_rotvec(belief_error[row, 3:], belief_error[row, :3])
+        own_sd = sd[row] * spread[row]
+        if attempt == 0 and by_policy[row]:
+            plan = next_touch(peg, belief, np.diag(own_sd**2), int(failed_before[row]) + made, made)
+            start, motion = plan.pose_base_peg_start, plan.direction_base
+        else:
+            before = -0.004 - 2.5 * own_sd[2]
+            off = Pose.from_rotvec(angles[place], [*shift[place], before])
+            start = belief @ off @ Pose.from_translation([0.0, 0.0, -peg.tip_m])
+            motion = start.rotation[:, 2]
+        rotation[place], translation[place], direction[place] = start.rotation, start.translation_m, motion
+    return rotation, translation, direction

@@ -1,0 +1,54 @@
+"""What differs from the default cell: named overrides of the cell's file. Pure."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field
+
+from crosspih_common.errors import ConfigError
+
+DEFAULT_PEG = "cross"
+
+
+class Condition(BaseModel):
+    """A cell that differs from the default in what `overrides` names, in the words of a cell's file.
+
+    For instance {"cell": {"hole": {"clearance_m": 0.0002}}}. Two conditions with the same overrides are the same cell,
+    whatever their names.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str = "default"
+    overrides: dict[str, Any] = Field(default_factory=dict)
+
+
+def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """A deep copy of `base` with every leaf of `overrides` put in; mappings are merged, all else is replaced."""
+    result = copy.deepcopy(dict(base))
+    for name, value in overrides.items():
+        known = result.get(name)
+        if isinstance(value, Mapping):
+            result[name] = merged(known if isinstance(known, Mapping) else {}, value)
+        else:
+            result[name] = copy.deepcopy(value)
+    return result
+
+
+def peg_overrides(peg: str) -> dict[str, Any]:
+    """What a cell's file says to have a peg by its name or by its drawing's file; nothing for the cell's own."""
+    return {} if peg == DEFAULT_PEG else {"cell": {"peg": {"name": peg}}}
+
+
+def cell_content(base_text: str, condition: Condition, peg: str = DEFAULT_PEG) -> dict[str, Any]:
+    """The content of the cell's file under a condition. Raises ConfigError when the file is no mapping."""
+    base = yaml.safe_load(base_text) or {}
+    if not isinstance(base, dict):
+        raise ConfigError(f"the cell's file wants a mapping of sections, got {type(base).__name__}")
+    # a section without content is None in YAML
+    base = {name: {} if section is None else section for name, section in base.items()}
+    return merged(merged(base, peg_overrides(peg)), condition.overrides)

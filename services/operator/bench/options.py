@@ -1,0 +1,87 @@
+"""The options that every bench of trials has, and how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from crosspih_common.errors import CrosspihError
+from deploy.launcher import LauncherError
+from services.operator.bench.pool import ExecutorName
+from services.operator.bench.progress import CellsProgress
+from services.operator.bench.store import ResultStore
+from services.operator.bench.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
+from services.operator.scoring import TrialFigures
+
+Cells = Annotated[int | None, typer.Option(min=1, help="Cells side by side; one a core when left out.")]
+Where = Annotated[ExecutorName, typer.Option("--executor", help="Cells on this machine, or on a Ray cluster's.")]
+RayAddress = Annotated[
+    str | None, typer.Option(help="A running cluster's, such as 10.0.0.1:6379 or auto; else Ray is started here.")
+]
+Store = Annotated[
+    Path | None, typer.Option(help="Results as JSON lines: what is there is not done again, what is new is added.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+
+
+@contextmanager
+def told(console: Console) -> Iterator[None]:
+    """Errors as one red line and exit status 1; Ctrl-C as 130."""
+    try:
+        yield
+    except TrialsStopped as stopped:
+        console.print(f"{stopped}; the same command goes on from there", highlight=False)
+        raise typer.Exit(130) from None
+    except (CrosspihError, LauncherError) as error:
+        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+
+
+def trials_of(
+    console: Console,
+    title: str,
+    jobs: list[TrialJob],
+    *,
+    cells: int | None,
+    executor: ExecutorName,
+    ray_address: str | None,
+    store: Path | None,
+    record: bool = False,
+    on_done: Callable[[TrialJob, TrialFigures], object] = lambda job, figures: None,
+) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:
+    """The trials of a bench with its progress and failures shown: (job, figures) in the jobs' order, and what ended
+    the run early, if anything did. Raises ConfigError.
+    """
+    progress = CellsProgress(console, title)
+    counts = [0, 0]
+
+    def count(job: TrialJob, figures: TrialFigures) -> None:
+        counts[0] += 1
+        counts[1] += figures.inserted
+        progress.describe(f"{title}: {counts[1]} of {counts[0]} in")
+        if not figures.inserted:
+            named = "" if job.condition.name == "default" else f"{job.condition.name}, "
+            progress.say(
+                f"{named}{job.strategy.value}, seed {job.seed}: {figures.failure} {figures.failure_detail}", "red"
+            )
+        on_done(job, figures)
+
+    kept = None if store is None else ResultStore(store)
+    try:
+        done = run_trials(
+            jobs, cells=cells, executor=executor, ray_address=ray_address, store=kept, record=record, on_done=count,
+            progress=progress,
+        )  # fmt: skip
+    except TrialsEnded as ended:
+        return ended.done, ended
+    finally:
+        if kept is not None:
+            kept.close()
+    return list(zip(jobs, done, strict=True)), None

@@ -1,0 +1,64 @@
+"""What code made a figure: one hash over the sources on which a trial's outcome rests."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import services
+
+# what only starts, shows, keeps or counts has no say in how a trial ends
+_NO_SAY = ("operator", "recorder", "router")
+_SCORED_BY = ("scoring.py", "session.py")
+_LIBRARIES = ("numpy", "scipy", "pybullet", "opencv-python-headless", "torch")
+
+
+def _without_docstrings(text: str) -> str:
+    """A Python source as its syntax tree: comments, layout and docstrings do not count."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                node.body = node.body[1:]
+    return ast.dump(tree)
+
+
+def _sources(root: Path) -> list[Path]:
+    found = list((root / "crosspih_common").rglob("*"))
+    for folder in sorted((root / "services").iterdir()):
+        if folder.is_dir() and folder.name not in _NO_SAY:
+            found += folder.rglob("*")
+    found += [root / "services" / "operator" / name for name in _SCORED_BY]
+    wanted = {".py", ".safetensors", ".json", ".yaml", ".npz"}
+    return sorted(path for path in found if path.suffix in wanted and path.is_file())
+
+
+def _version(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return "none"
+
+
+def hash_sources(root: Path) -> str:
+    """Sixteen hex digits over the sources below `root` and the versions of the numerical libraries."""
+    digest = hashlib.sha256()
+    for library in _LIBRARIES:
+        digest.update(f"{library} {_version(library)}\n".encode())
+    for path in _sources(root):
+        digest.update(f"{path.relative_to(root).as_posix()}\n".encode())
+        if path.suffix == ".py":
+            digest.update(_without_docstrings(path.read_text(encoding="utf-8")).encode())
+        else:
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def code_version() -> str:
+    """`hash_sources` of the code that runs here; taken once a process."""
+    return hash_sources(Path(next(iter(services.__path__))).resolve().parent)

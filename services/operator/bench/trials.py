@@ -1,0 +1,147 @@
+"""Trials side by side in cells of their own, resumed from what a store already has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from crosspih_common.errors import CrosspihError
+from crosspih_common.messages import Failure, Strategy
+from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_content
+from services.operator.bench.own_cell import CellTask
+from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.progress import CellsProgress
+from services.operator.bench.source import code_version
+from services.operator.bench.store import ResultStore, result_key
+from services.operator.scoring import TrialFigures
+from services.operator.session import NEEDED, Session, cell_path
+
+# on these a trial's figures differ from run to run: all else is the same to the last bit
+WALL_FIGURES = ("thinking_s", "duration_s", "wall_s", "challenge_score")
+DEFAULT_STORE = Path("results/trials.jsonl")
+
+
+class TrialJob(BaseModel):
+    """One trial: all that decides how it ends, but for the cell's file and the code."""
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    strategy: Strategy = Strategy.FUSED
+    condition: Condition = Condition()
+    peg: str = DEFAULT_PEG
+
+
+class TrialsEnded(CrosspihError):
+    """Not all trials could be made; `done` holds those that were, and the store has them."""
+
+    def __init__(self, text: str, done: list[tuple[TrialJob, TrialFigures]]) -> None:
+        super().__init__(text)
+        self.done = done
+
+
+class TrialsStopped(TrialsEnded):
+    """Somebody stopped the run."""
+
+
+def base_cell_text() -> str:
+    """The cell's file that conditions are made from: that of CROSSPIH_CELL, or the default."""
+    return Path(cell_path()).read_text(encoding="utf-8")
+
+
+def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:
+    """Under what a trial is kept. Neither the cell's own name nor the condition's has a say."""
+    cell = {name: value for name, value in (content.get("cell") or {}).items() if name != "name"}
+    identity = {"content": {**content, "cell": cell}, "seed": job.seed, "strategy": job.strategy.value, "code": code}
+    return result_key(identity)
+
+
+class ServiceLost(CrosspihError):
+    """A trial ended because a service died: that says nothing about the method, so it is tried again."""
+
+
+def run_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
+    """One trial in a worker's cell: `payload` has seed, strategy and record; returns TrialFigures as plain data."""
+    figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), payload["record"])
+    if figures.failure == Failure.SERVICE_LOST.value:
+        raise ServiceLost(f"seed {figures.seed}: {figures.failure_detail}")
+    return figures.model_dump()
+
+
+def _task(job: TrialJob, content: dict[str, Any], record: bool) -> CellTask:
+    where = "" if job.condition.name == "default" else f"{job.condition.name} "
+    services = (*NEEDED, "recorder") if record else NEEDED
+    payload = {"seed": job.seed, "strategy": job.strategy.value, "record": record}
+    return CellTask(f"{where}{job.strategy.value} {job.seed}", content, run_trial, payload, services)
+
+
+def _kept(store: ResultStore | None, key: str) -> TrialFigures | None:
+    row = None if store is None else store.get(key)
+    try:
+        return None if row is None else TrialFigures.model_validate(row)
+    except ValidationError:
+        return None
+
+
+def run_trials(
+    jobs: Sequence[TrialJob],
+    *,
+    cells: int | None = None,
+    executor: ExecutorName = ExecutorName.LOCAL,
+    ray_address: str | None = None,
+    store: ResultStore | None = None,
+    record: bool = False,
+    on_done: Callable[[TrialJob, TrialFigures], object] = lambda job, figures: None,
+    progress: CellsProgress | None = None,
+) -> list[TrialFigures]:
+    """The figures of all jobs, in their order. Jobs that the store has are not done again (but for recorded ones).
+
+    `cells`: how many side by side, one a core when None. `on_done` is called for each new trial as it ends. Raises
+    TrialsEnded when a trial was lost twice, after all others are done; TrialsStopped on Ctrl-C; ConfigError.
+    """
+    base, code = base_cell_text(), code_version()
+    contents = [cell_content(base, job.condition, job.peg) for job in jobs]
+    keys = [trial_key(content, job, code) for content, job in zip(contents, jobs, strict=True)]
+    done: dict[int, TrialFigures] = {}
+    if not record:
+        for index, key in enumerate(keys):
+            if (kept := _kept(store, key)) is not None:
+                done[index] = kept
+    left = [index for index in range(len(jobs)) if index not in done]
+
+    def on_result(position: int, result: dict[str, Any]) -> None:
+        index = left[position]
+        figures = TrialFigures.model_validate(result)
+        if store is not None:
+            store.put(keys[index], result, condition=jobs[index].condition.name, peg=jobs[index].peg, code=code)
+        done[index] = figures
+        on_done(jobs[index], figures)
+
+    def ended() -> list[tuple[TrialJob, TrialFigures]]:
+        return [(jobs[index], done[index]) for index in sorted(done)]
+
+    watcher = progress or CellsProgress(None)
+    watcher.taken_over(len(jobs), len(done))
+    if not left:
+        return [done[index] for index in range(len(jobs))]
+    tasks = [_task(jobs[index], contents[index], record) for index in left]
+    try:
+        pool = open_executor(executor, cells, len(tasks), ray_address)
+        try:
+            with watcher:
+                lost = run_in_cells(tasks, pool, on_result, watcher)
+        finally:
+            pool.close()
+    except KeyboardInterrupt:
+        raise TrialsStopped(f"stopped after {len(done)} of {len(jobs)} trials", ended()) from None
+    if lost:
+        first = next(iter(lost))
+        raise TrialsEnded(
+            f"{len(lost)} of {len(jobs)} trials could not be made, each tried twice; the first, "
+            f"{tasks[first].label}: {lost[first]}",
+            ended(),
+        )
+    return [done[index] for index in range(len(jobs))]

@@ -1,0 +1,1 @@
+"""Contact states made on purpose in the cell: aimed, pushed, labelled by the true contact points, and judged."""

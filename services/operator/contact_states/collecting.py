@@ -1,0 +1,182 @@
+"""Collect contacts over cells side by side, resumably, until every state has enough."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from crosspih_common.config import CellFile, Workcell
+from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.own_cell import CellTask
+from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.progress import CellsProgress
+from services.operator.bench.source import code_version
+from services.operator.bench.store import ResultStore, result_key
+from services.operator.contact_states.labels import TrueState, label_contacts
+from services.operator.contact_states.plan import RANDOM, STATE_NAMES, Plan, lateral_stiffness_n_m, load_or_make, make_plan
+from services.operator.contact_states.pushing import NEEDED, PushResult, PushTask, make_pushes
+
+CHUNK = 12
+ROUNDS = 5
+SPARE = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """One contact as the cell made it, with its true state."""
+
+    stiffness_n_mm: float
+    result: PushResult
+    truth: TrueState
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """How much to collect: contacts a state in all, random pushes and the seed, over these stiffnesses of the arm."""
+
+    each: int
+    random: int
+    seed: int
+    stiffness_n_mm: tuple[float, ...]
+
+
+def stiffness_condition(workcell: Workcell, stiffness_n_mm: float) -> Condition:
+    """The cell whose arm holds the peg that hard sideways at the rim; 0 leaves it as it is."""
+    if stiffness_n_mm == 0.0:
+        return Condition(name="the cell's own")
+    factor = stiffness_n_mm * 1e3 / lateral_stiffness_n_m(workcell)
+    stiffness = [float(f"{value * factor:.6g}") for value in workcell.joint_stiffness_nm_rad]
+    return Condition(name=f"{stiffness_n_mm:g} N/mm", overrides={"cell": {"joint_stiffness_nm_rad": stiffness}})
+
+
+class Collection:
+    """What is wanted, what there is, and what to push next."""
+
+    def __init__(self, cell: CellFile, wanted: Wanted, folder: Path, console: Console) -> None:
+        self._cell, self._wanted, self._folder, self._console = cell, wanted, folder, console
+        self._store = ResultStore(folder / "contacts.jsonl")
+        self._content: dict[float, dict[str, Any]] = {}
+        self._plans: dict[float, Plan] = {}
+        self._taper_start_m = cell.workcell.peg.shape().taper_start_m
+        for stiffness in wanted.stiffness_n_mm:
+            self._prepare(stiffness)
+
+    def _prepare(self, stiffness: float) -> None:
+        condition = stiffness_condition(self._cell.workcell, stiffness)
+        content = cell_content(self._cell.text, condition)
+        workcell = Workcell.model_validate(content.get("cell") or {})
+        friction = float(((content.get("hardware") or {}).get("simulated") or {}).get("friction_coefficient", 0.1))
+        each = round(SPARE * self._quota())
+        key = result_key({"cell": content, "seed": self._wanted.seed, "each": each, "random": self._wanted.random})
+
+        def make() -> Plan:
+            self._console.print(f"choosing pose errors for {condition.name}", highlight=False)
+            return make_plan(workcell, friction, stiffness, each, self._wanted.random, self._wanted.seed)
+
+        self._content[stiffness] = content
+        self._plans[stiffness] = load_or_make(self._folder / f"plan-{key}.json", make)
+
+    def _quota(self) -> int:
+        return int(np.ceil(self._wanted.each / len(self._wanted.stiffness_n_mm)))
+
+    def plan(self, stiffness: float) -> Plan:
+        """The plan of a stiffness."""
+        return self._plans[stiffness]
+
+    def contacts(self) -> list[Contact]:
+        """All pushes that were made so far and touched something, in the order of the plan."""
+        found = []
+        for stiffness, task in self._all():
+            kept = self._store.get(self._key(stiffness, task))
+            if kept is not None:
+                result = PushResult.model_validate(kept)
+                if result.failure is None:
+                    rows = np.reshape(np.asarray(result.contacts, dtype=float), (-1, 6))
+                    found.append(Contact(stiffness, result, label_contacts(rows[:, :3], rows[:, 3:], self._taper_start_m)))
+        return found
+
+    def _all(self) -> Iterator[tuple[float, PushTask]]:
+        for stiffness, plan in self._plans.items():
+            for number, target in enumerate((*STATE_NAMES, RANDOM)):
+                for index, push in enumerate(plan.pushes[target]):
+                    seed = self._wanted.seed + 1_000_000 * round(stiffness) + 10_000 * number + index
+                    yield stiffness, PushTask(target=target, index=index, seed=seed, push=push)
+
+    def _key(self, stiffness: float, task: PushTask) -> str:
+        return result_key({"cell": self._content[stiffness], "task": task.model_dump(mode="json")})
+
+    def _next(self) -> list[tuple[float, PushTask]]:
+        """What to push now: for each stiffness as many of each state as are short of its share of the wanted."""
+        made: Counter[tuple[float, str]] = Counter()
+        total: Counter[str] = Counter()
+        for contact in self.contacts():
+            made[contact.stiffness_n_mm, contact.truth.name] += 1
+            total[contact.truth.name] += 1
+        todo: list[tuple[float, PushTask]] = []
+        taken: Counter[tuple[float, str]] = Counter()
+        for stiffness, task in self._all():
+            if self._store.get(self._key(stiffness, task)) is not None:
+                continue
+            short = self._quota() - made[stiffness, task.target]
+            if task.target == RANDOM or (taken[stiffness, task.target] < short and total[task.target] < self._wanted.each):
+                taken[stiffness, task.target] += 1
+                todo.append((stiffness, task))
+        return todo or self._fill_up(total)
+
+    def _fill_up(self, total: Counter[str]) -> list[tuple[float, PushTask]]:
+        """States that one stiffness cannot make often enough are made with the others."""
+        todo: list[tuple[float, PushTask]] = []
+        taken: Counter[str] = Counter()
+        for stiffness, task in self._all():
+            short = 1.3 * (self._wanted.each - total[task.target])
+            if task.target != RANDOM and taken[task.target] < short:
+                if self._store.get(self._key(stiffness, task)) is None:
+                    taken[task.target] += 1
+                    todo.append((stiffness, task))
+        return todo
+
+    def collect(self, cells: int | None, executor: ExecutorName, ray_address: str | None) -> list[str]:
+        """Push until every state has enough, in at most a few rounds. Returns what was lost, in words."""
+        lost: list[str] = []
+        for number in range(ROUNDS):
+            todo = self._next()
+            if not todo:
+                break
+            lost += self._round(number, todo, cells, executor, ray_address)
+        self._store.close()
+        return lost
+
+    def _round(
+        self, number: int, todo: list[tuple[float, PushTask]], cells: int | None, executor: ExecutorName,
+        ray_address: str | None,
+    ) -> list[str]:  # fmt: skip
+        chunks: list[tuple[float, tuple[PushTask, ...]]] = []
+        for stiffness in self._plans:
+            tasks = [task for at, task in todo if at == stiffness]
+            chunks += [(stiffness, tuple(tasks[i : i + CHUNK])) for i in range(0, len(tasks), CHUNK)]
+        jobs = [
+            CellTask(
+                f"{stiffness:g} N/mm {tasks[0].target}", self._content[stiffness], make_pushes, tasks, services=NEEDED
+            )
+            for stiffness, tasks in chunks
+        ]
+        version = code_version()
+
+        def done(index: int, results: list[dict[str, Any]]) -> None:
+            stiffness, tasks = chunks[index]
+            for task, result in zip(tasks, results, strict=True):
+                self._store.put(self._key(stiffness, task), result, code=version, stiffness_n_mm=stiffness)
+
+        engine = open_executor(executor, cells, len(jobs), ray_address)
+        try:
+            with CellsProgress(self._console, f"round {number + 1}: {len(todo)} pushes, {CHUNK} a step") as progress:
+                progress.taken_over(len(jobs), 0)
+                return list(run_in_cells(jobs, engine, done, progress).values())
+        finally:
+            engine.close()

@@ -1,0 +1,139 @@
+"""The moves of the baselines: a straight push, a push by position alone, and a push that searches while it yields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.keys import ADMITTANCE_MOVE, GUARDED_MOVE
+from crosspih_common.messages import (
+    AdmittanceMove,
+    GuardedMove,
+    MotionOutcome,
+    PathKnot,
+    Phase,
+    StopReason,
+    floats,
+)
+from services.planning.run import Run
+
+SEARCH_SPEED_M_S = 0.01
+SEARCH_FORCE_N = 5.0
+SEARCH_DAMPING_N_S_M = 6000.0  # stiffer than in a push: the path is to be followed, not the friction
+YIELDING_NM_S_RAD = 20.0
+HELD_NM_S_RAD = 1e6  # does not turn by itself
+DROP_M = 0.003  # deeper than where it touched by this much: it has found its way
+SEARCH_S = 55.0
+
+Path = tuple[PathKnot, ...]
+
+
+def way_in_m(run: Run, pose_base_hole: Pose) -> float:
+    """How far the tip has to go along the hole's axis until the peg is seated, m."""
+    shape = run.workcell.peg.shape()
+    chamfer_m = run.workcell.hole.shape(shape).chamfer_m
+    seated_m = chamfer_m + shape.taper_length_m + run.workcell.insertion_depth_m + run.config.extra_depth_m
+    return seated_m - tip_depth_m(run, run.pose_base_peg, pose_base_hole)
+
+
+def tip_depth_m(run: Run, pose_base_peg: Pose, pose_base_hole: Pose) -> float:
+    """How far the tip is behind the hole's face, m."""
+    tip = pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m])
+    return float(pose_base_hole.inverse().apply(tip)[2])
+
+
+def room_m(run: Run, tip_depth: float) -> float:
+    """How far an aligned peg can move sideways, either way, with its tip that deep in the hole, m.
+
+    On the face, and before it, this is what the tip has: the lateral error from which it drops in.
+    """
+    shape = run.workcell.peg.shape()
+    hole = run.workcell.hole.shape(shape)
+    scale = float(np.max(np.abs(shape.outline_m(_at_rim_m(shape.tip_m, tip_depth, hole.chamfer_m))[:, :2])))
+    scale /= float(np.max(np.abs(shape.outline_m(shape.body_start_m)[:, :2])))
+    bore, body = _edge_distances_m(hole.inner_rim_m()), _edge_distances_m(shape.outline_m(shape.body_start_m))
+    return float(np.min(bore - scale * body))
+
+
+def _at_rim_m(tip_m: float, tip_depth: float, chamfer_m: float) -> float:
+    return tip_m - max(tip_depth - chamfer_m, 0.0)
+
+
+def _edge_distances_m(corners: Array) -> Array:
+    """How far each edge's line of an outline (n, 3) is from its centre, (n,), m."""
+    first = corners[:, :2]
+    along = np.roll(first, -1, axis=0) - first
+    return np.asarray(np.abs(first[:, 0] * along[:, 1] - first[:, 1] * along[:, 0]) / np.linalg.norm(along, axis=1))
+
+
+def straight_push(run: Run, pose_base_hole: Pose, speed_m_s: float, limit_n: float, limit_nm: float) -> bool:
+    """Straight in, without yielding, until seated or until more than a limit is felt; whether it went all the way."""
+    run.pushes += 1
+    run.tell(Phase.PUSHING, f"straight push {run.pushes}")
+    outcome = run.ports.ask(
+        GUARDED_MOVE,
+        GuardedMove(
+            direction_base=floats(pose_base_hole.rotation[:, 2]),
+            speed_m_s=speed_m_s,
+            force_threshold_n=limit_n,
+            moment_threshold_nm=limit_nm,
+            travel_limit_m=way_in_m(run, pose_base_hole),
+        ),
+    )
+    return _told(run, outcome, outcome.stop_reason is StopReason.TRAVEL_LIMIT)
+
+
+def position_push(run: Run, pose_base_hole: Pose, speed_m_s: float) -> bool:
+    """In by position alone: only the cell's caps stop it; whether it went all the way."""
+    run.pushes += 1
+    run.tell(Phase.PUSHING, "insertion by position")
+    seated = run.pose_base_peg.translation_m + pose_base_hole.rotation[:, 2] * way_in_m(run, pose_base_hole)
+    overloads = run.overloads
+    run.slide_to(Pose(run.pose_base_peg.rotation, seated), speed_m_s)
+    return run.overloads == overloads
+
+
+def search_push(
+    run: Run, pose_base_hole: Pose, path: Path | Callable[[float], Path], *, turn_yields: bool = False
+) -> bool:
+    """Aligned with where the hole is believed, touch, then move along a search path under a small force.
+
+    The path may depend on how far the peg can move sideways at the depth where it touches, m. Returns whether the peg
+    dropped in, or touched nothing at all.
+    """
+    run.withdraw(pose_base_hole, run.config.standoff_m)
+    start = run.before_hole(pose_base_hole, run.config.standoff_m)
+    touch = run.touch(start, pose_base_hole.rotation[:, 2], run.config.touch_speed_m_s, run.config.touch_threshold_n)
+    if touch is None:
+        return True
+    depth_m = tip_depth_m(run, touch.pose_base_peg.pose(), pose_base_hole)
+    outcome = run.ports.ask(
+        ADMITTANCE_MOVE,
+        AdmittanceMove(
+            direction_base=floats(pose_base_hole.rotation[:, 2]),
+            speed_m_s=SEARCH_SPEED_M_S,
+            travel_m=run.config.touch_clearance_m + DROP_M,
+            axial_force_n=SEARCH_FORCE_N,
+            lateral_damping_n_s_m=SEARCH_DAMPING_N_S_M,
+            rotational_damping_nm_s_rad=YIELDING_NM_S_RAD if turn_yields else HELD_NM_S_RAD,
+            centre_peg_m=(0.0, 0.0, run.workcell.peg.shape().tip_m - max(depth_m, 0.0)),
+            timeout_s=SEARCH_S,
+            path=path(room_m(run, depth_m)) if callable(path) else path,
+        ),
+    )
+    return _told(run, outcome, outcome.stop_reason is StopReason.SEATED)
+
+
+def _told(run: Run, outcome: MotionOutcome, done: bool) -> bool:
+    run.account(outcome)
+    run.tell(
+        Phase.SEATED if done else Phase.PUSHING,
+        f"{'done' if done else 'not in'}: {outcome.stop_reason.value} after {outcome.travel_m * 1e3:.1f} mm",
+        travel_mm=outcome.travel_m * 1e3,
+        peak_force_n=outcome.peak_force_n,
+        peak_moment_nm=outcome.peak_moment_nm,
+    )
+    return done

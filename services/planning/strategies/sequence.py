@@ -1,0 +1,42 @@
+"""Baseline: touches through a recurrent network to the pose, everything else as in `fused`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crosspih_common.keys import NEXT_TOUCH, SEQUENCE_NETWORK
+from crosspih_common.messages import EstimateBySequence, Failure, NextTouch, PosePrior
+from services.planning.ports import AssemblyFailed
+from services.planning.run import Run
+from services.planning.strategies.start import begin
+from services.planning.strategies.steps import correct, tell_estimate
+
+
+def sequence(run: Run) -> PosePrior:
+    """Push; where that does not enter: touch, all touches so far through the network, correct, push again."""
+    prior = belief = begin(run)
+    for attempt in range(run.config.max_attempts):
+        run.attempt = attempt
+        pose = belief.pose_base_hole.pose()
+        if run.push(pose):
+            return belief
+        run.withdraw(pose, run.config.standoff_m)
+        plan = run.ports.ask(
+            NEXT_TOUCH, NextTouch(belief=belief, touches_made=len(run.touches), failed_pushes=attempt + 1)
+        )
+        touch = run.touch(
+            plan.pose_base_peg_start.pose(),
+            np.asarray(plan.direction_base),
+            run.config.touch_speed_m_s,
+            run.config.touch_threshold_n,
+        )
+        if touch is None:
+            continue
+        run.withdraw(pose, run.config.standoff_m)
+        estimate = run.ports.ask(SEQUENCE_NETWORK, EstimateBySequence(prior=prior, touches=tuple(run.touches)))
+        tell_estimate(run, estimate)
+        if not run.can_be(estimate.pose_base_hole.pose()):
+            continue
+        belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
+        correct(run, estimate.pose_base_hole.pose())
+    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")

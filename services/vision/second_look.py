@@ -1,0 +1,29 @@
+"""What to change before looking again: a picture that was refused is refused again under the same light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+LONGER, SHORTER = 4.0, 0.35
+EXPOSURES = (0.05, 32.0)
+LAMPS = 4
+# what no other light can mend: the hole is not there, or the cell is not what it is thought to be
+HOPELESS = frozenset({"wrong_image", "cut_off", "two_crosses", "outside_prior"})
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a picture is taken: factor on the usual exposure, and which lamp is lit."""
+
+    exposure_scale: float = 1.0
+    lamp: int = 0
+
+
+def next_look(look: Look, refusal_code: str) -> Look | None:
+    """The light to try after a refusal (a code of `VisionRefusal`); None when light is not what is wrong."""
+    if refusal_code in HOPELESS:
+        return None
+    if refusal_code in ("too_dark", "too_bright"):
+        exposure = look.exposure_scale * (LONGER if refusal_code == "too_dark" else SHORTER)
+        return Look(exposure, look.lamp) if EXPOSURES[0] <= exposure <= EXPOSURES[1] else None
+    return Look(look.exposure_scale, look.lamp + 1) if look.lamp + 1 < LAMPS else None
