@@ -13,7 +13,7 @@ ARGS ?=
 
 BIN := $(VENV)/bin
 
-.PHONY: help env assemble up test lint format typecheck clean distclean
+.PHONY: help env assemble up results test lint format typecheck clean distclean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -27,6 +27,9 @@ assemble: env ## start the system, do one assembly, stop everything
 
 up: env ## start the system and show what it writes; Ctrl-C stops it
 	@$(BIN)/crosspih up $(ARGS)
+
+results: env ## every table and figure of docs/results.md; hours, and a stopped run goes on where it was
+	@$(BIN)/crosspih results $(ARGS)
 
 test: env ## run the tests
 	@$(BIN)/python -m pytest $(ARGS)

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from crosspih_common.config.section import Section
 from crosspih_common.shapes import CrossPeg, Hole, Outline, Peg
 from crosspih_common.shapes.importing import FILE_SUFFIXES, outline_from_file
-from crosspih_common.shapes.named import NAMED, RADIUS_M, Sizes, tapered, tip_scale_of
+from crosspih_common.shapes.named import NAMED, Sizes, tapered, tip_scale_of
 
 # the shapes' own defaults: the peg that the paper used
 _CROSS = CrossPeg()
@@ -51,7 +51,7 @@ class PegDrawing(Section):
     apex_m: float = _CROSS.apex_m
     tip_half_width_m: float = _CROSS.tip_half_width_m
     # every other section
-    radius_m: float = Field(default=RADIUS_M, gt=0.0, description="of the farthest corner, or of a round")
+    radius_m: float | None = Field(default=None, gt=0.0, description="of the farthest corner, or of a round")
     inner_radius_m: float | None = Field(default=None, gt=0.0, description="star, spline, keyway")
     tooth_half_width_m: float | None = Field(default=None, gt=0.0, description="of a spline's tooth, or of the key")
     count: int | None = Field(default=None, ge=2, le=24, description="a star's points, a spline's teeth")

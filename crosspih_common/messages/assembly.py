@@ -13,6 +13,7 @@ class Strategy(str, Enum):
     """How to get the peg in."""
 
     FUSED = "fused"  # 6-DoF vision, compliant push, touches fused by the estimator
+    FORCE_ALONE = "force_alone"  # no vision: the hole is felt for, then touches fused by the estimator
     PAPER = "paper"  # the paper's loop: position-only vision, one wrench -> network -> correct
     # what fused is compared with; each says in its module what it does
     STRAIGHT = "straight"  # vision, one straight push that stops when it feels more than a limit
@@ -93,6 +94,7 @@ class AssemblyResult(Message):
     pose_base_hole: PoseData | None
     pose_base_peg: PoseData | None
     vision_pose_base_hole: PoseData | None
+    vision_refused: str = Field(default="", description="why vision did not see the hole, which was then felt for")
     motion_s: float = Field(description="cell clock")
     thinking_s: float = Field(description="wall time of the services between motions")
     touches: int = Field(description="guarded moves that felt something on the way in")

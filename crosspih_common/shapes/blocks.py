@@ -89,23 +89,27 @@ def _walls_of(outline: Outline, edge: int, plate: Polygon) -> list[tuple[int, ..
 def _separating(
     outline: Outline, edge: int, segment: Array, opening: Polygon, plate: Polygon
 ) -> tuple[int, ...] | None:
-    """Edges, this one first, whose lines keep the opening out of the region behind them and the segment in it."""
+    """Edges, this one and others, in order, whose lines keep the opening out of the region behind them and the segment in it."""
     in_front = segment @ outline.normals.T - outline.offsets_m
-    usable = [other for other in np.flatnonzero(np.all(in_front >= -TOLERANCE_M, axis=0)) if other != edge]
-    chosen = [edge]
+    lines = np.column_stack([outline.normals, outline.offsets_m])
+    # of edges on one line the first one stands for all
+    same = np.argmax(np.max(np.abs(lines[:, None] - lines[None]), axis=-1) < TOLERANCE_M, axis=1)
+    usable = sorted({int(same[other]) for other in np.flatnonzero(np.all(in_front >= -TOLERANCE_M, axis=0))})
+    chosen = [int(same[edge])]
     region = plate & half_plane(_behind(outline, edge, 0.0))
     while sum(part.area for part in polygons(region & opening)) > LEAST_AREA_M2:
-        best: tuple[float, float, int] | None = None
+        best: tuple[int, int, int] | None = None
         for other in usable:
             cut = region & half_plane(_behind(outline, other, 0.0))
             left = sum(part.area for part in polygons(cut & opening))
-            if best is None or (left, -cut.area) < best[:2]:
-                best = (left, -cut.area, int(other))
+            rank = (round(left / LEAST_AREA_M2), -round(cut.area / LEAST_AREA_M2), other)
+            if best is None or rank < best:
+                best = rank
         if best is None or best[2] in chosen:
             return None
         chosen.append(best[2])
         region = region & half_plane(_behind(outline, best[2], 0.0))
-    return (edge, *sorted(chosen[1:]))
+    return tuple(sorted(chosen))
 
 
 def _wall_planes(outline: Outline, walls: tuple[int, ...], chamfer_m: float) -> list[Plane]:

@@ -7,7 +7,7 @@ other parts, where nothing touches them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,18 +61,17 @@ def ring(polygon: Polygon) -> Array:
 def region_of(polygon: Polygon, lines: Sequence[Line]) -> ConvexRegion:
     """A convex polygon with its edges told exactly: those of the lines that bound it."""
     corners = ring(polygon)
-    kept: list[tuple[float, Line, Array]] = []
-    for line in dict.fromkeys(lines):
-        normal = np.array(line[:2])
-        beyond = corners @ normal - line[2]
-        if np.max(beyond) > TOLERANCE_M:
-            continue  # a line that other lines prolong crosses the region
-        on = corners[beyond > -TOLERANCE_M]
-        along = on @ np.array([-normal[1], normal[0]])
-        if len(on) >= 2 and np.ptp(along) > 10.0 * TOLERANCE_M:
-            duplicate = any(np.allclose(line, other, atol=1e-9) for _, other, _ in kept)
-            if not duplicate:
-                kept.append((float(np.arctan2(normal[1], normal[0])), line, on[np.argmin(along)]))
+    candidates = np.array(list(dict.fromkeys(lines)))
+    beyond = corners @ candidates[:, :2].T - candidates[:, 2]
+    # a line that other lines prolong may cross the region
+    bounding = candidates[np.max(beyond, axis=0) <= TOLERANCE_M]
+    kept: list[tuple[float, Array, Array]] = []
+    for line in bounding:
+        on = corners[corners @ line[:2] - line[2] > -TOLERANCE_M]
+        along = on @ np.array([-line[1], line[0]])
+        told = any(np.max(np.abs(line - other)) < TOLERANCE_M for _, other, _ in kept)
+        if len(on) >= 2 and np.ptp(along) > 10.0 * TOLERANCE_M and not told:
+            kept.append((float(np.arctan2(line[1], line[0])), line, on[np.argmin(along)]))
     kept.sort(key=lambda item: item[0])
     return ConvexRegion(
         np.array([line[:2] for _, line, _ in kept]),
@@ -95,16 +94,52 @@ def cover(corners_m: Array, normals: Array, offsets_m: Array) -> list[ConvexRegi
     else:
         triangles = get_parts(constrained_delaunay_triangles(polygon))
         seeds = [np.array(triangle.exterior.coords[:-1]) for triangle in triangles]
-    seeds.sort(key=lambda seed: -Polygon(seed).area)
+    candidates: list[ConvexRegion] = []
+    for measure in (_area, _edges_kept):
+        grown: list[ConvexRegion] = []
+        for seed in seeds:
+            if not any(_holds(part, seed) for part in grown):
+                grown.append(_grown(polygon, edges, seed, measure))
+        candidates += grown
+    return _fewest(candidates, seeds)
+
+
+def _holds(part: ConvexRegion, points_m: Array) -> bool:
+    return bool(np.all(points_m @ part.normals.T <= part.offsets_m + TOLERANCE_M))
+
+
+Measure = Callable[[Polygon, Sequence[Line]], float]
+
+
+def _area(region: Polygon, edges: Sequence[Line]) -> float:
+    return float(region.area)
+
+
+def _edges_kept(region: Polygon, edges: Sequence[Line]) -> float:
+    """How much of its border is the outline's own, m."""
+    corners = ring(region)
+    ends = np.roll(corners, -1, axis=0)
+    lines = np.array(edges)
+    on = np.all([np.abs(points @ lines[:, :2].T - lines[:, 2]) < TOLERANCE_M for points in (corners, ends)], axis=0)
+    return float(np.sum(np.hypot(*(ends - corners).T)[np.any(on, axis=1)]))
+
+
+def _fewest(candidates: Sequence[ConvexRegion], seeds: Sequence[Array]) -> list[ConvexRegion]:
+    """The fewest of the regions, chosen greedily, so that each seed is whole in one of them."""
+    held = np.array([[_holds(part, seed) for seed in seeds] for part in candidates])
     found: list[ConvexRegion] = []
-    for seed in seeds:
-        if not any(np.all(seed @ part.normals.T <= part.offsets_m + TOLERANCE_M) for part in found):
-            found.append(_grown(polygon, edges, seed))
+    while held.any():
+        best = int(np.argmax(held.sum(axis=1)))
+        found.append(candidates[best])
+        held = held & ~held[best]
     return found
 
 
-def _grown(polygon: Polygon, edges: list[Line], seed: Array) -> ConvexRegion:
-    """The polygon, cut along lines through its inward corners until it is convex, the seed kept whole."""
+def _grown(polygon: Polygon, edges: list[Line], seed: Array, measure: Measure) -> ConvexRegion:
+    """The polygon, cut along lines through its inward corners until it is convex, the seed kept whole.
+
+    Of all cuts the one is made first that leaves most by the measure.
+    """
     region, lines = polygon, list(edges)
     middle = Polygon(seed).representative_point()
     while True:
@@ -122,8 +157,10 @@ def _grown(polygon: Polygon, edges: list[Line], seed: Array) -> ConvexRegion:
         for line in dict.fromkeys(line for choice in forced or cuts for line in choice):
             kept = [part for part in polygons(region & half_plane(line)) if part.contains(middle)]
             # a cut that leaves all as it is would never end
-            if kept and kept[0].area < region.area - LEAST_AREA_M2 and (best is None or kept[0].area > best[0]):
-                best = (kept[0].area, kept[0], line)
+            if kept and kept[0].area < region.area - LEAST_AREA_M2:
+                left = measure(kept[0], edges)
+                if best is None or left > best[0]:
+                    best = (left, kept[0], line)
         if best is None:
             raise ValueError("this outline has a detail too fine to be cut into convex parts; draw it coarser")
         _, region, line = best

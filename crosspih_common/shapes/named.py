@@ -1,4 +1,4 @@
-"""The outlines that have a name, all of the cross's size: the farthest corner 27 mm from the axis, unless told."""
+"""The outlines that have a name, all of about the cross's size."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from crosspih_common.shapes.outline import Outline
 from crosspih_common.shapes.peg import Peg
 
 RADIUS_M = 0.027
-ROUND_SIDES = 64
-"""Sides of a round's polygon. Peg and hole are both polygons: with 27 mm of radius and 0.1 mm of clearance a side, a
-round has 0.100 mm flat to flat when their sides are aligned and 0.068 mm corner to flat when they are not."""
+ROUND_RADIUS_M = 0.022
+ROUND_SIDES = 48
+"""Sides of a round's polygon. Peg and hole are both polygons: with 22 mm of radius and 0.1 mm of clearance a side, a
+round has 0.100 mm flat to flat when their sides are aligned and 0.053 mm corner to flat when they are not."""
+ARC_SIDES = 32
+"""Sides a full turn of the arcs of toothed outlines, whose teeth keep peg and hole aligned."""
 CAPTURE_M = 0.005
 LEAST_TIP_SCALE = 0.25
 
@@ -23,12 +26,12 @@ LEAST_TIP_SCALE = 0.25
 class Sizes:
     """What a named outline is drawn from, metres; None takes the outline's own default.
 
-    `radius_m`: the farthest corner (a round's radius). `inner_radius_m`: a star's inward corners, a spline's root, a
+    `radius_m`: the farthest corner; a round's radius. `inner_radius_m`: a star's inward corners, a spline's root, a
     keyed round's round. `tooth_half_width_m`: of a spline's tooth or of the key. `count`: a star's points, a spline's
     teeth.
     """
 
-    radius_m: float = RADIUS_M
+    radius_m: float | None = None
     inner_radius_m: float | None = None
     tooth_half_width_m: float | None = None
     count: int | None = None
@@ -48,12 +51,15 @@ def star(count: int, radius_m: float, inner_radius_m: float) -> Array:
 
 def toothed_round(count: int, radius_m: float, inner_radius_m: float, tooth_half_width_m: float) -> Array:
     """(n, 2): a round with straight-sided teeth, the first one along +x, m; a single tooth makes a keyed round."""
-    w, foot = tooth_half_width_m, float(np.arcsin(tooth_half_width_m / inner_radius_m))
-    if foot >= np.pi / count:
-        raise ValueError(f"{count} teeth of {2e3 * w:g} mm do not fit round a root of {inner_radius_m * 1e3:g} mm")
+    w = tooth_half_width_m
+    foot = float(np.arcsin(min(1.0, w / inner_radius_m)))
+    if w >= inner_radius_m or foot >= np.pi / count:
+        raise ValueError(
+            f"tooth_half_width_m is {w:g}: {count} teeth so wide do not fit round inner_radius_m, {inner_radius_m:g}"
+        )
     top = float(np.sqrt(radius_m**2 - w**2))
     gap = 2.0 * np.pi / count - 2.0 * foot
-    steps = max(1, round(gap / (2.0 * np.pi / ROUND_SIDES)))
+    steps = max(1, round(gap / (2.0 * np.pi / ARC_SIDES)))
     corners: list[Array] = []
     for tooth in range(count):
         middle = tooth * 2.0 * np.pi / count
@@ -65,44 +71,42 @@ def toothed_round(count: int, radius_m: float, inner_radius_m: float, tooth_half
 
 
 def _square(sizes: Sizes) -> Outline:
-    return Outline.of("square", regular_polygon(4, sizes.radius_m, np.pi / 4.0), 4)
+    return Outline.of("square", regular_polygon(4, sizes.radius_m or RADIUS_M, np.pi / 4.0), 4)
 
 
 def _triangle(sizes: Sizes) -> Outline:
-    return Outline.of("triangle", regular_polygon(3, sizes.radius_m), 3)
+    return Outline.of("triangle", regular_polygon(3, sizes.radius_m or RADIUS_M), 3)
 
 
 def _hexagon(sizes: Sizes) -> Outline:
-    return Outline.of("hexagon", regular_polygon(6, sizes.radius_m), 6)
+    return Outline.of("hexagon", regular_polygon(6, sizes.radius_m or RADIUS_M), 6)
 
 
 def _star(sizes: Sizes) -> Outline:
-    count, inner_m = sizes.count or 5, sizes.inner_radius_m or 0.013
-    _want_inside(inner_m, sizes.radius_m)
-    return Outline.of("star", star(count, sizes.radius_m, inner_m), count)
+    count = sizes.count or 5
+    return Outline.of("star", star(count, *_radii(sizes, 0.013)), count)
 
 
 def _spline(sizes: Sizes) -> Outline:
-    count, inner_m = sizes.count or 6, sizes.inner_radius_m or 0.014
-    _want_inside(inner_m, sizes.radius_m)
-    return Outline.of(
-        "spline", toothed_round(count, sizes.radius_m, inner_m, sizes.tooth_half_width_m or 0.004), count
-    )
+    count = sizes.count or 6
+    tooth_m = sizes.tooth_half_width_m or 0.004
+    return Outline.of("spline", toothed_round(count, *_radii(sizes, 0.014), tooth_m), count)
 
 
 def _keyway(sizes: Sizes) -> Outline:
-    inner_m = sizes.inner_radius_m or 0.016
-    _want_inside(inner_m, sizes.radius_m)
-    return Outline.of("keyway", toothed_round(1, sizes.radius_m, inner_m, sizes.tooth_half_width_m or 0.005), 1)
+    return Outline.of("keyway", toothed_round(1, *_radii(sizes, 0.016), sizes.tooth_half_width_m or 0.005), 1)
 
 
 def _round(sizes: Sizes) -> Outline:
-    return Outline.of("round", regular_polygon(ROUND_SIDES, sizes.radius_m), 0)
+    return Outline.of("round", regular_polygon(ROUND_SIDES, sizes.radius_m or ROUND_RADIUS_M), 0)
 
 
-def _want_inside(inner_m: float, radius_m: float) -> None:
-    if not 0.0 < inner_m < radius_m:
-        raise ValueError(f"inner_radius_m {inner_m:g} is not between 0 and radius_m {radius_m:g}")
+def _radii(sizes: Sizes, inner_m: float) -> tuple[float, float]:
+    """(radius_m, inner_radius_m), the defaults put in."""
+    radius_m, inner_m = sizes.radius_m or RADIUS_M, sizes.inner_radius_m or inner_m
+    if not inner_m < radius_m:
+        raise ValueError(f"inner_radius_m is {inner_m:g}, want less than radius_m, {radius_m:g}")
+    return radius_m, inner_m
 
 
 NAMED: dict[str, Callable[[Sizes], Outline]] = {

@@ -19,10 +19,10 @@ from crosspih_common.geometry.pose import Array
 from services.force_torque.contact_table import STATES
 
 SLOTS = 4
+UNKNOWNS = 7 + SLOTS
+RESIDUALS = 6 + SLOTS + 8 + UNKNOWNS
 Z = np.array([0.0, 0.0, 1.0])
 NO_STATE = -1
-_RIDGE = 1e-9
-_LEAST_DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,36 +62,69 @@ def all_edge_sets() -> EdgeSets:
 class FitScales:
     """One standard deviation of what is not known before, and how far the model is trusted.
 
-    Angles, lateral offset and depth of the hole's rim in the peg; friction about the expected one; `gap_m`: how exactly
-    edges meet; floors of the wrench's noise, and the share of force and moment that the model may miss.
+    Angles, lateral offset and depth of the hole's rim in the peg; friction about the expected one; the logarithm of each
+    force about that of the whole; `gap_m`: how exactly edges meet; floors of the wrench's noise, and the share of force
+    and moment that the model may miss.
     """
 
     angle_rad: float = 0.06
     lateral_m: float = 0.003
     depth_m: float = 0.008
     friction: float = 0.03
+    log_force: float = 1.0
     gap_m: float = 2e-5
-    force_floor_n: float = 0.03
-    moment_floor_nm: float = 0.0015
-    share: float = 0.01
-    iterations: int = 7
+    force_floor_n: float = 0.02
+    moment_floor_nm: float = 0.001
+    share: float = 0.004
+    coarse_share: float = 0.1
+    candidates: int = 24
+    first_looseness: float = 10.0
+    first_iterations: int = 5
+    finalists: int = 9
+    more_iterations: int = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetFits:
-    """For H subsets: cost (H,) the sum of squares at the best fit; volume (H,) minus half the log of the determinant of
-    the information on pose and forces, in units of the prior; force_n (H, 4).
+    """For H subsets: cost (H,) the sum of squares at the best fit; evidence (H,) the log of the likelihood with the
+    unknowns integrated out (Laplace), up to a constant; unknowns (H, 11) in standard deviations about what is expected.
     """
 
+    sets: EdgeSets
     cost: Array
-    volume: Array
-    force_n: Array
+    evidence: Array
     unknowns: Array
+
+
+@dataclass(slots=True, eq=False)
+class _Search:
+    """The state of damped Gauss-Newton for H subsets."""
+
+    unknowns: Array
+    kept: Array
+    cost: Array
+    residual: Array
+    jacobian: Array
+    damping: Array
+
+    @classmethod
+    def begin(cls, unknowns: Array) -> _Search:
+        h = len(unknowns)
+        return cls(
+            unknowns, unknowns, np.full(h, np.inf), np.zeros((h, RESIDUALS)),
+            np.zeros((h, RESIDUALS, UNKNOWNS)), np.full(h, 0.1),
+        )  # fmt: skip
+
+    def evidence(self) -> Array:
+        information = np.einsum("hri,hrj->hij", self.jacobian, self.jacobian)
+        return np.asarray(-0.5 * (self.cost + np.linalg.slogdet(information)[1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetModel:
-    """What the fit needs of the cell: the edges, the arm's compliance (6, 6) in the peg frame, the friction expected."""
+    """What the fit needs of the cell: the edges, the arm's compliance (6, 6) in the peg frame, the friction expected,
+    how far the rim is expected ahead of the peg frame's origin, and the rim's depth below the hole's face.
+    """
 
     edges: ArmEdges
     compliance_peg: Array
@@ -100,114 +133,141 @@ class SetModel:
     chamfer_m: float
     scales: FitScales = FitScales()
 
-    def start(self, sets: EdgeSets) -> Array:
-        """Where the search begins (H, 7): alpha, beta, gamma, rim's x, y, z in the peg frame, friction.
-
-        Turned by the sense of the subset, centred; the depth is put right by the first step, for gaps are linear in it.
-        """
-        sense = np.where(sets.edges % 2 == 1, 1.0, -1.0)
-        turn = np.where(sets.used, sense, 0.0).sum(axis=1) / sets.count
-        start = np.zeros((len(sets.edges), 7))
-        start[:, 0] = 0.05 * turn
-        start[:, 5] = self.rim_ahead_m
-        start[:, 6] = self.friction
-        return start
-
-    def prior(self) -> tuple[Array, Array]:
-        """Mean (7,) and standard deviation (7,) of the unknowns."""
+    def _spread(self) -> tuple[Array, Array]:
+        """Mean (7,) and standard deviation (7,) of alpha, beta, gamma, rim's x, y, z in the peg frame, friction."""
         s = self.scales
         mean = np.array([0.0, 0.0, 0.0, 0.0, 0.0, self.rim_ahead_m, self.friction])
-        sd = np.array([s.angle_rad] * 3 + [s.lateral_m] * 2 + [s.depth_m, max(s.friction, 1e-3)])
-        return mean, sd
+        return mean, np.array([s.angle_rad] * 3 + [s.lateral_m] * 2 + [s.depth_m, max(s.friction, 1e-3)])
 
     def wrench_sd(self, wrench: Array, sensor_sd: Array) -> Array:
         """(6,): the sensor's noise and the model's own."""
         s = self.scales
-        force, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
+        force, moment = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
         floor = np.repeat([s.force_floor_n, s.moment_floor_nm], 3)
         share = np.repeat([s.share * force, s.share * moment], 3)
         return np.asarray(np.sqrt(sensor_sd**2 + floor**2 + share**2))
 
-    def residuals(self, unknowns: Array, sets: EdgeSets, wrench: Array, sd: Array) -> tuple[Array, Array, Array]:
-        """(H, 25) residuals in standard deviations, the forces (H, 4), N, and the whitened bases (H, 6, 4)."""
-        rotation = _hole_peg(unknowns[:, :3])
-        translation = -np.einsum("hij,hj->hi", rotation, unknowns[:, 3:6])
+    def _contacts(self, pose: Array, sets: EdgeSets) -> tuple[Array, Array]:
+        """Bases (H, 4, 6) and gap residuals (H, 12) at whitened poses and friction (H, 7)."""
+        mean, spread = self._spread()
+        x = mean + pose * spread
+        rotation = _hole_peg(x[:, :3])
+        translation = -np.einsum("hij,hj->hi", rotation, x[:, 3:6])
         translation[:, 2] += self.chamfer_m
         contact = self.edges.at(rotation, translation)
-        rows = np.arange(len(unknowns))[:, None]
-        normal, point = contact.normal_peg[rows, sets.edges], contact.point_peg_m[rows, sets.edges]
-        basis = self._bases(normal, point, np.maximum(unknowns[:, 6], 0.0), sets.used)
-        white = np.swapaxes(basis * sets.used[..., None], 1, 2) / sd[None, :, None]
-        target = wrench / sd
-        square = np.einsum("hik,hil->hkl", white, white)
-        scale = np.maximum(np.einsum("hkk->h", square), 1e-9)
-        square = square + (_RIDGE * scale[:, None] + ~sets.used)[..., None] * np.eye(SLOTS)
-        force = np.linalg.solve(square, np.einsum("hik,i->hk", white, target)[..., None])[..., 0]
-        force = np.maximum(force, 0.0)
-        felt = target - np.einsum("hik,hk->hi", white, force)
-        mean, spread = self.prior()
+        rows = np.arange(len(x))[:, None]
+        basis = self._bases(
+            contact.normal_peg[rows, sets.edges], contact.point_peg_m[rows, sets.edges], np.maximum(x[:, 6], 0.0),
+            sets.used,
+        )  # fmt: skip
         gap = contact.gap_m / self.scales.gap_m
         touching = gap[rows, sets.edges] * sets.used
-        crossing = np.minimum(gap, 0.0)
-        crossing[rows, sets.edges] *= ~sets.used
-        np.put_along_axis(crossing, sets.edges[:, :1], 0.0, axis=1)
-        return np.concatenate([felt, touching, crossing, (unknowns - mean) / spread], axis=1), force, white
+        free = np.ones(gap.shape, dtype=bool)
+        np.put_along_axis(free, sets.edges, False, axis=1)
+        return basis, np.concatenate([touching, np.minimum(gap, 0.0) * free], axis=1)
 
     def _bases(self, normal: Array, point: Array, friction: Array, used: NDArray[np.bool_]) -> Array:
         """Wrenches (H, 4, 6) of 1 N on each edge of a subset while the peg is driven along z and all of them slide."""
-        pure = np.concatenate([normal, np.cross(point, normal)], axis=-1)
+        pure = np.concatenate([normal, np.cross(point, normal)], axis=-1) * used[..., None]
         gives = pure @ self.compliance_peg.T
-        coupling = np.einsum("hki,hli->hkl", pure, gives) * (used[:, :, None] & used[:, None])
+        coupling = np.einsum("hki,hli->hkl", pure, gives)
         size = np.einsum("hkk->h", coupling)
-        coupling = coupling + ((1e-4 * size)[:, None] * used + size[:, None] * ~used)[..., None] * np.eye(SLOTS)
-        closing = np.linalg.solve(coupling, (normal @ Z * used)[..., None])[..., 0]
+        coupling = coupling + (size[:, None] * np.where(used, 1e-4, 1.0))[..., None] * np.eye(SLOTS)
+        closing = np.linalg.solve(coupling, pure[..., 2:3])[..., 0]
         twist = -np.einsum("hk,hki->hi", closing, gives)
         velocity = Z + twist[:, None, :3] + np.cross(twist[:, None, 3:], point)
         velocity = velocity - normal * np.einsum("hki,hki->hk", normal, velocity)[..., None]
-        speed = np.maximum(np.linalg.norm(velocity, axis=-1, keepdims=True), 1e-9)
-        force = normal - friction[:, None, None] * velocity / speed
-        return np.concatenate([force, np.cross(point, force)], axis=-1)
+        speed = np.maximum(np.sqrt(np.einsum("hki,hki->hk", velocity, velocity)), 1e-9)
+        force = normal - (friction[:, None] / speed)[..., None] * velocity
+        return np.concatenate([force, np.cross(point, force)], axis=-1) * used[..., None]
+
+    def _start(self, sets: EdgeSets, wrench: Array, sd: Array) -> tuple[Array, Array]:
+        """Where the search begins (H, 11): turned by the subset's sense, the first edge at its rim, forces by least
+        squares; and how far from the wrench that is (H,), in parts of the wrench's size.
+        """
+        start = np.zeros((len(sets.edges), UNKNOWNS))
+        sense = np.where(sets.edges % 2 == 1, 1.0, -1.0)
+        turn = np.where(sets.used, sense, 0.0).sum(axis=1) / sets.count
+        start[:, 0] = 0.05 * turn / self.scales.angle_rad
+        _, spread = self._spread()
+        step = 1e-3
+        for _ in range(2):
+            # gaps are linear in the depth
+            _, here = self._contacts(start[:, :7], sets)
+            moved = start.copy()
+            moved[:, 5] += step
+            _, there = self._contacts(moved[:, :7], sets)
+            slope = (there[:, :SLOTS] - here[:, :SLOTS]) / step
+            start[:, 5] -= np.einsum("hk,hk->h", slope, here[:, :SLOTS]) / np.einsum("hk,hk->h", slope, slope)
+        basis, _ = self._contacts(start[:, :7], sets)
+        white = basis / sd
+        square = np.einsum("hki,hli->hkl", white, white)
+        size = np.einsum("hkk->h", square)
+        square = square + (size[:, None] * np.where(sets.used, 1e-3, 1.0))[..., None] * np.eye(SLOTS)
+        force = np.linalg.solve(square, np.einsum("hki,i->hk", white, wrench / sd)[..., None])[..., 0]
+        whole = float(np.linalg.norm(wrench[:3]))
+        start[:, 7:] = np.log(np.clip(force / whole, 0.1, 3.0)) / self.scales.log_force * sets.used
+        size = np.repeat([whole, float(np.linalg.norm(wrench[3:])) + 0.01 * whole], 3)
+        miss = (np.einsum("hki,hk->hi", basis, np.maximum(force, 0.0)) - wrench) / (self.scales.coarse_share * size)
+        return start, np.einsum("hi,hi->h", miss, miss) + 2.0 * sets.count
+
+    def _linearise(
+        self, unknowns: Array, sets: EdgeSets, wrench: Array, sd: Array, looseness: float
+    ) -> tuple[Array, Array]:
+        """Residuals (H, 29) in standard deviations, those of wrench and gaps made that many times smaller, and their
+        derivatives (H, 29, 11).
+        """
+        h = len(unknowns)
+        step = 1e-3
+        tried = (unknowns[:, None, :7] + np.vstack([np.zeros(7), step * np.eye(7)])).reshape(-1, 7)
+        eight = EdgeSets(np.repeat(sets.edges, 8, 0), np.repeat(sets.used, 8, 0), np.repeat(sets.state, 8, 0))
+        basis, gaps = self._contacts(tried, eight)
+        whole = float(np.linalg.norm(wrench[:3]))
+        force = whole * np.exp(np.clip(self.scales.log_force * unknowns[:, 7:], -8.0, 3.0)) * sets.used
+        white = basis.reshape(h, 8, SLOTS, 6) / sd
+        felt = np.einsum("hekr,hk->her", white, force) - wrench / sd
+        parts = np.concatenate([felt, gaps.reshape(h, 8, -1)], axis=2) / looseness
+        residual = np.concatenate([parts[:, 0], unknowns], axis=1)
+        jacobian = np.zeros((h, RESIDUALS, UNKNOWNS))
+        jacobian[:, : parts.shape[2], :7] = np.swapaxes((parts[:, 1:] - parts[:, :1]) / step, 1, 2)
+        jacobian[:, :6, 7:] = np.swapaxes(white[:, 0] * (self.scales.log_force / looseness * force)[..., None], 1, 2)
+        jacobian[:, parts.shape[2] :] = np.eye(UNKNOWNS)
+        return residual, jacobian
+
+    def _search(
+        self, search: _Search, sets: EdgeSets, wrench: Array, sd: Array, iterations: int, looseness: float = 1.0
+    ) -> None:
+        for _ in range(iterations):
+            residual, jacobian = self._linearise(search.unknowns, sets, wrench, sd, looseness)
+            cost = np.einsum("hi,hi->h", residual, residual)
+            better = cost < search.cost
+            search.cost = np.where(better, cost, search.cost)
+            search.kept = np.where(better[:, None], search.unknowns, search.kept)
+            search.residual = np.where(better[:, None], residual, search.residual)
+            search.jacobian = np.where(better[:, None, None], jacobian, search.jacobian)
+            search.damping = np.where(better, np.maximum(0.2 * search.damping, 1e-6), 8.0 * search.damping)
+            information = np.einsum("hri,hrj->hij", search.jacobian, search.jacobian)
+            lifted = information + (search.damping[:, None] * np.einsum("hii->hi", information))[..., None] * np.eye(
+                UNKNOWNS
+            )
+            downhill = np.einsum("hri,hr->hi", search.jacobian, search.residual)
+            step = np.linalg.solve(lifted, downhill[..., None])[..., 0]
+            longest = np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12)
+            search.unknowns = search.kept - step * np.minimum(1.0, 1.5 / longest)
 
     def fit(self, sets: EdgeSets, wrench: Array, sensor_sd: Array) -> SetFits:
-        """Each subset's best fit to a wrench (6,) with the sensor's sd (6,), by damped Gauss-Newton."""
+        """The best subsets' fits to a wrench (6,) with the sensor's sd (6,): a few steps for those that come near it where
+        they begin, more for the best.
+        """
         sd = self.wrench_sd(wrench, sensor_sd)
-        _, spread = self.prior()
-        steps = 1e-3 * spread
-        count = len(sets.edges)
-        unknowns = self.start(sets)
-        eight = EdgeSets(np.repeat(sets.edges, 8, 0), np.repeat(sets.used, 8, 0), np.repeat(sets.state, 8, 0))
-        offsets = np.vstack([np.zeros(7), np.diag(steps)])
-        damping = np.full(count, 1e-2)
-        best = np.full(count, np.inf)
-        kept = unknowns
-        jacobian = np.zeros((count, 25, 7))
-        residual = np.zeros((count, 25))
-        force, white = np.zeros((count, SLOTS)), np.zeros((count, 6, SLOTS))
-        for _ in range(self.scales.iterations):
-            tried = (unknowns[:, None] + offsets).reshape(-1, 7)
-            all_residuals, all_forces, all_white = self.residuals(tried, eight, wrench, sd)
-            every = all_residuals.reshape(count, 8, 25)
-            cost = np.einsum("hi,hi->h", every[:, 0], every[:, 0])
-            better = cost < best
-            best = np.where(better, cost, best)
-            kept = np.where(better[:, None], unknowns, kept)
-            slopes = np.swapaxes((every[:, 1:] - every[:, :1]) / 1e-3, 1, 2)
-            jacobian = np.where(better[:, None, None], slopes, jacobian)
-            residual = np.where(better[:, None], every[:, 0], residual)
-            force = np.where(better[:, None], all_forces.reshape(count, 8, SLOTS)[:, 0], force)
-            white = np.where(better[:, None, None], all_white.reshape(count, 8, 6, SLOTS)[:, 0], white)
-            damping = np.where(better, np.maximum(0.1 * damping, _LEAST_DAMPING), 10.0 * damping)
-            information = np.einsum("hri,hrj->hij", jacobian, jacobian)
-            diagonal = np.einsum("hii->hi", information)
-            lifted = information + (damping[:, None] * diagonal)[..., None] * np.eye(7)
-            step = np.linalg.solve(lifted, np.einsum("hri,hr->hi", jacobian, residual)[..., None])[..., 0]
-            unknowns = kept - np.clip(step, -2.0, 2.0) * spread
-        information = np.einsum("hri,hrj->hij", jacobian, jacobian)
-        _, log_pose = np.linalg.slogdet(information)
-        size = float(np.linalg.norm(wrench[:3]))
-        square = np.einsum("hik,hil->hkl", white, white) * size**2 + (~sets.used)[..., None] * np.eye(SLOTS)
-        _, log_force = np.linalg.slogdet(square + _RIDGE * np.eye(SLOTS))
-        return SetFits(best, -0.5 * (log_pose + log_force), force, kept)
+        start, far = self._start(sets, wrench, sd)
+        near = np.argsort(far, kind="stable")[: self.scales.candidates]
+        search, sets = _Search.begin(start[near]), sets[near]
+        self._search(search, sets, wrench, sd, self.scales.first_iterations, self.scales.first_looseness)
+        best = np.argsort(-search.evidence(), kind="stable")[: self.scales.finalists]
+        search, sets = _Search.begin(search.kept[best]), sets[best]
+        self._search(search, sets, wrench, sd, self.scales.more_iterations)
+        return SetFits(sets, search.cost, search.evidence(), search.kept)
 
 
 def _hole_peg(angles: Array) -> Array:

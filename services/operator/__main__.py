@@ -7,8 +7,10 @@ import typer
 from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
+from services.operator.dataset import app as dataset_app
 from services.operator.keys_table import keys
 from services.operator.report.cli import report
+from services.operator.results import results
 from services.operator.train import train
 
 app = typer.Typer(
@@ -22,6 +24,8 @@ app.command()(assemble)
 app.add_typer(bench_app, name="bench")
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(report)
+app.command()(results)
+app.add_typer(dataset_app, name="dataset")
 app.command()(train)
 app.command()(keys)
 register_launcher(app)

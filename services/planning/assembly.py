@@ -9,10 +9,9 @@ import numpy as np
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.keys import COMPENSATE, ESTIMATE, SEATED
+from crosspih_common.keys import ESTIMATE, SEATED
 from crosspih_common.messages import (
     Assemble,
-    CompensateWrench,
     ContactReading,
     EstimatePose,
     EstimateSeated,
@@ -23,6 +22,7 @@ from crosspih_common.messages import (
     PosePrior,
     Touch,
 )
+from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.run import Run
@@ -53,7 +53,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     try:
         run.dwell(0.05)
         run.home()
-        run.use_calibration()
+        use_calibration(run)
         belief = STRATEGIES[request.strategy](run)
         final = _seated_pose(run, belief)
         depth = _depth_m(run, final.pose_base_hole.pose())
@@ -117,13 +117,7 @@ def _at_rest(run: Run) -> tuple[MotionOutcome, ContactReading]:
     """Hold still and feel. A push in askew leaves the arm bent against the bore: it goes to where the peg already is
     until little is felt, for the friction of a wedged peg says nothing about its walls."""
     for left in range(RELAXATIONS, -1, -1):
-        outcome = run.dwell(0.1)
-        reading = run.ports.ask(
-            COMPENSATE,
-            CompensateWrench(
-                pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
-            ),
-        )
+        outcome, reading = run.feel()
         wrench = np.asarray(reading.wrench)
         if left == 0 or (np.linalg.norm(wrench[:3]) < AT_REST_N and np.linalg.norm(wrench[3:]) < AT_REST_NM):
             break

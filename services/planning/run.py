@@ -16,32 +16,28 @@ from crosspih_common.keys import (
     DWELL,
     FOLLOW,
     GUARDED_MOVE,
-    IDENTIFY_PAYLOAD,
     MOVE_LINEAR,
-    SET_PAYLOAD,
 )
 from crosspih_common.messages import (
     AdmittanceMove,
     AssemblyPhase,
     CompensateWrench,
+    ContactReading,
     Dwell,
     Failure,
     FollowTrajectory,
-    FtCalibration,
     GuardedMove,
-    IdentifyPayload,
+    GuardedMoveOutcome,
     JointKnot,
     MotionOutcome,
     MoveLinear,
     Phase,
     PoseData,
-    RawReading,
-    SetPayload,
     StopReason,
     Touch,
     floats,
 )
-from services.planning.calibration_poses import choose_calibration_poses
+from crosspih_common.messages.base import Vector6
 from services.planning.config import PlanningConfig
 from services.planning.effort import Effort
 from services.planning.ports import AssemblyFailed, Ports
@@ -53,6 +49,7 @@ IN_RANGE = 2.0  # times the half ranges of the drawing
 IN_RANGE_RAD = 0.5
 NEAR_HOLE_M = 0.06  # from the axis of the nominal hole: half the cross, the hole's range, and some
 CAPPED = (StopReason.FORCE_CAP, StopReason.MOMENT_CAP)
+FreeAir = tuple[Vector6, PoseData] | None
 
 
 def knots_of(trajectory: JointTrajectory) -> FollowTrajectory:
@@ -86,7 +83,9 @@ class Run:
         self.pushes = self.corrections = self.overloads = 0
         self.motion_s = self.peak_force_n = self.peak_moment_nm = 0.0
         self.effort = Effort()
+        self.last_stop = StopReason.COMPLETED  # of the last touch
         self.vision_pose: Pose | None = None
+        self.vision_refused = ""
         self.believed: Pose | None = None
 
     # ------------------------------------------------------------------------------------------------------- telling
@@ -119,6 +118,11 @@ class Run:
                 raise AssemblyFailed(
                     Failure.OVERLOAD, f"{outcome.stop_reason.value} for the {self.overloads}. time: {outcome.detail}"
                 )
+
+    def forget_forces(self) -> None:
+        """What was felt so far was no contact: before it knew the payload the arm took the tool's weight for one."""
+        self.peak_force_n = self.peak_moment_nm = 0.0
+        self.effort.forget_forces()
 
     def dwell(self, duration_s: float) -> MotionOutcome:
         """Hold still; also how the run learns where the arm is."""
@@ -174,55 +178,6 @@ class Run:
             raise AssemblyFailed(Failure.UNREACHABLE, str(refusal)) from None
         self.account(outcome)
 
-    # --------------------------------------------------------------------------------------------------- calibrating
-
-    def calibrate(self, dwell_s: float) -> FtCalibration:
-        """Drive the calibration poses, dwell in each, identify bias and payload."""
-        readings = []
-        poses = choose_calibration_poses(self.arm, self.workcell.home_joints_rad)
-        for index, joints in enumerate(poses):
-            self.tell(Phase.CALIBRATING, f"sensor pose {index + 1} of {len(poses)}")
-            self.joints_to(np.asarray(joints, dtype=float))
-            self.dwell(0.1)  # let the arm settle
-            outcome = self.dwell(dwell_s)
-            readings.append(
-                RawReading(
-                    pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
-                )
-            )
-        self.joints_to(np.asarray(self.workcell.home_joints_rad, dtype=float))
-        try:
-            found = self.ports.ask(IDENTIFY_PAYLOAD, IdentifyPayload(readings=tuple(readings)))
-        except CommandRefused as refusal:
-            raise AssemblyFailed(Failure.NOT_CALIBRATED, str(refusal)) from None
-        self.tell(
-            Phase.CALIBRATING,
-            f"weight {found.weight_n:.3f} N, residual {found.residual_force_n:.3f} N",
-            weight_n=found.weight_n,
-            residual_force_n=found.residual_force_n,
-            residual_moment_nm=found.residual_moment_nm,
-        )
-        return found
-
-    def use_calibration(self) -> None:
-        """Calibrate when the sensor never was; tell the arm what hangs on it."""
-        calibration = self.ports.ft_calibration()
-        if calibration is None or not calibration.calibrated:
-            self.tell(Phase.CALIBRATING, "the force/torque sensor was never calibrated: doing it now")
-            calibration = self.calibrate(self.config.calibration_dwell_s)
-        self.ports.ask(
-            SET_PAYLOAD,
-            SetPayload(
-                bias=calibration.bias,
-                weight_n=calibration.weight_n,
-                centroid_ft_m=calibration.centroid_m,
-                gravity_base=calibration.gravity_base,
-            ),
-        )
-        # before it knew the payload the arm took the tool's weight for contact
-        self.peak_force_n = self.peak_moment_nm = 0.0
-        self.effort.forget_forces()
-
     # ---------------------------------------------------------------------------------------------- before the hole
 
     def before_hole(self, pose_base_hole: Pose, distance_m: float) -> Pose:
@@ -236,7 +191,7 @@ class Run:
         near = bool(np.all(np.abs(off.translation_m) < reach_m))
         return near and float(np.linalg.norm(off.rotvec_rad())) < IN_RANGE_RAD
 
-    def approach(self, pose_base_hole: Pose) -> None:
+    def approach(self, pose_base_hole: Pose, standoff_m: float | None = None) -> None:
         """From wherever the arm is in free space to before the hole: quintic in joints, then straight."""
         start = self.before_hole(pose_base_hole, self.config.approach_m)
         back = self.workcell.pose_flange_peg().inverse()
@@ -246,11 +201,19 @@ class Run:
             raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
         self.tell(Phase.APPROACHING, "driving to before the hole")
         self.joints_to(joints)
-        self.line_to(self.before_hole(pose_base_hole, self.config.standoff_m))
+        self.line_to(self.before_hole(pose_base_hole, standoff_m or self.config.standoff_m))
 
     # ------------------------------------------------------------------------------------------------ push and touch
 
-    def push(self, pose_base_hole: Pose) -> bool:
+    def feel(self, duration_s: float = 0.1) -> tuple[MotionOutcome, ContactReading]:
+        """Hold still; what is felt."""
+        outcome = self.dwell(duration_s)
+        request = CompensateWrench(
+            pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
+        )
+        return outcome, self.ports.ask(COMPENSATE, request)
+
+    def push(self, pose_base_hole: Pose, force_n: float | None = None) -> bool:
         """A compliant push along the hole's axis from where the peg is; whether it went all the way."""
         shape = self.workcell.peg.shape()
         hole = self.workcell.hole.shape(shape)
@@ -265,7 +228,7 @@ class Run:
                 direction_base=floats(pose_base_hole.rotation[:, 2]),
                 speed_m_s=self.config.push_speed_m_s,
                 travel_m=travel,
-                axial_force_n=self.config.push_force_n,
+                axial_force_n=force_n or self.config.push_force_n,
                 stall_s=self.config.push_stall_s,
                 timeout_s=self.config.push_timeout_s,
             ),
@@ -281,19 +244,43 @@ class Run:
         )
         return seated
 
-    def touch(self, pose_base_peg_start: Pose, direction: Array, speed_m_s: float, threshold_n: float) -> Touch | None:
-        """Guarded move from a start pose in free air; the touch as felt, or None when nothing was there."""
+    def touch(
+        self,
+        pose_base_peg_start: Pose,
+        direction: Array,
+        speed_m_s: float,
+        threshold_n: float,
+        travel_m: float | None = None,
+        slow_travel_m: float = 0.0,
+    ) -> Touch | None:
+        """Guarded move from a start pose in free air; the touch as felt, or None when nothing was there.
+
+        The first `slow_travel_m` are gone at the probe speed: that is where the face may be, and it is hard.
+        """
         self.slide_to(pose_base_peg_start)
         self.tell(Phase.TOUCHING, f"touch {len(self.touches) + 1}")
-        command = GuardedMove(
-            direction_base=floats(direction),
-            speed_m_s=speed_m_s,
-            creep_speed_m_s=self.config.touch_creep_m_s,
-            force_threshold_n=threshold_n,
-            travel_limit_m=self.config.touch_travel_m,
-            retreat_m=self.config.touch_clearance_m,
-        )
-        touch = self._felt(command, pose_base_peg_start)
+        travel_m = travel_m or self.config.touch_travel_m
+        touch: Touch | None = None
+        free: FreeAir = None
+        for speed, part_m in ((self.config.probe_speed_m_s, slow_travel_m), (speed_m_s, travel_m - slow_travel_m)):
+            if part_m <= 0.0:
+                continue
+            command = GuardedMove(
+                direction_base=floats(direction),
+                speed_m_s=speed,
+                creep_speed_m_s=self.config.touch_creep_m_s,
+                force_threshold_n=threshold_n,
+                travel_limit_m=part_m,
+                retreat_m=self.config.touch_clearance_m,
+            )
+            outcome = self.ports.ask(GUARDED_MOVE, command)
+            self.account(outcome)
+            self.last_stop = outcome.stop_reason
+            if free is None and outcome.wrench_free_raw is not None:
+                free = (outcome.wrench_free_raw, PoseData.of(pose_base_peg_start))
+            touch = self._felt(outcome, free)
+            if outcome.stop_reason is not StopReason.TRAVEL_LIMIT:
+                break
         if touch is not None:
             self.touches.append(touch)
             self.tell(
@@ -307,24 +294,29 @@ class Run:
             )
         return touch
 
+    def deflected(self, touch: Touch) -> Pose:
+        """Where the peg truly was in a touch, `pose_base_peg`: joints and wrist give way to the wrench."""
+        twist = self.workcell.compliance_peg(touch.joints_rad) @ np.asarray(touch.wrench)
+        return touch.pose_base_peg.pose() @ Pose.from_rotvec(twist[3:], twist[:3])
+
     def press(self, pose_base_peg_start: Pose, direction: Array) -> None:
         """Press against a wall of the bore from a pose inside it, and come back."""
         command = GuardedMove(
             direction_base=floats(direction),
             speed_m_s=self.config.press_speed_m_s,
-            creep_speed_m_s=self.config.touch_creep_m_s,
+            creep_speed_m_s=self.config.press_creep_m_s,
             force_threshold_n=self.config.press_force_n,
             travel_limit_m=self.config.press_travel_m,
         )
-        press = self._felt(command, None)
+        outcome = self.ports.ask(GUARDED_MOVE, command)
+        self.account(outcome)
+        press = self._felt(outcome, None, seated=True)
         if press is not None:
             self.presses.append(press)
         self.slide_to(pose_base_peg_start, self.config.press_speed_m_s)
 
-    def _felt(self, command: GuardedMove, free_at: Pose | None) -> Touch | None:
-        """Do a guarded move and keep what it felt; `free_at` is where it began in free air, None when it did not."""
-        outcome = self.ports.ask(GUARDED_MOVE, command)
-        self.account(outcome)
+    def _felt(self, outcome: GuardedMoveOutcome, free: FreeAir, seated: bool = False) -> Touch | None:
+        """What a guarded move felt; `free` is the sensor's reading in free air and where, None when there was none."""
         if outcome.wrench_observed_raw is None or outcome.pose_base_peg_observed is None:
             self.tell(Phase.TOUCHING, f"felt nothing: {outcome.stop_reason.value}", travel_mm=outcome.travel_m * 1e3)
             return None
@@ -334,14 +326,14 @@ class Run:
                 pose_base_peg=outcome.pose_base_peg_observed,
                 wrench_raw=outcome.wrench_observed_raw,
                 wrench_sd=outcome.wrench_observed_sd or (0.02, 0.02, 0.02, 0.001, 0.001, 0.001),
-                wrench_free_raw=None if free_at is None else outcome.wrench_free_raw,
-                pose_base_peg_free=None if free_at is None else PoseData.of(free_at),
+                wrench_free_raw=None if free is None else free[0],
+                pose_base_peg_free=None if free is None else free[1],
             ),
         )
         touch = Touch(
             stamp_ns=outcome.stamp_ns,
             index=len(self.touches) + len(self.presses),
-            seated=free_at is None,
+            seated=seated,
             pose_base_peg=outcome.pose_base_peg_observed,
             pose_base_peg_first_contact=outcome.pose_base_peg_first_contact,
             travel_first_contact_m=outcome.travel_first_contact_m,

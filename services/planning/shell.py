@@ -38,6 +38,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service import ServiceContext
 from services.planning.assembly import assemble
+from services.planning.calibrating import calibrate
 from services.planning.config import PlanningConfig
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
@@ -157,6 +158,7 @@ class PlanningShell:
             backed_off=done.backed_off,
             pose_base_hole=believed,
             pose_base_peg=PoseData.of(run.pose_base_peg),
+            vision_refused=run.vision_refused,
             vision_pose_base_hole=None if run.vision_pose is None else PoseData.of(run.vision_pose),
             motion_s=run.motion_s,
             thinking_s=max(time.monotonic() - started - ports.hardware_wall_s, 0.0),
@@ -177,7 +179,7 @@ class PlanningShell:
             run = Run(self._context.cell.workcell, self._config, BusPorts(self, self._config), "")
             run.dwell(0.05)
             run.home()
-            return run.calibrate(request.samples_s)
+            return calibrate(run, request.samples_s)
         except AssemblyFailed as error:
             raise CommandRefused(error.failure.value, error.detail) from None
         finally:

@@ -15,6 +15,8 @@ from services.vision.stereo import StereoModel
 PROFILES = 240  # across the whole rim, a picture
 SAMPLES_LEAST = 4
 SKIP_ENDS = 0.13
+SKIP_ENDS_M = 0.0015  # of a short edge: two pixels from a corner its profiles are disturbed
+SKIP_ENDS_MOST = 0.4
 SMOOTH_RAD = 0.2  # edges that turn by less are facets of a curve: nothing disturbs where they meet
 SAME_DIRECTION = 0.02
 
@@ -47,8 +49,10 @@ class RimModel:
         edges = len(inner)
         samples = max(SAMPLES_LEAST, PROFILES // edges)
         along = ends - inner
-        along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        skip = np.where(_turns(along) < SMOOTH_RAD, 0.5 / samples, SKIP_ENDS)
+        length = np.linalg.norm(along, axis=1, keepdims=True)
+        along = along / length
+        corner = np.clip(SKIP_ENDS_M / length, SKIP_ENDS, SKIP_ENDS_MOST)
+        skip = np.where(_turns(along) < SMOOTH_RAD, 0.5 / samples, corner)
         share = np.linspace(skip[:, 0], 1.0 - skip[:, 1], samples, axis=1)[:, :, None]
         inner_points = inner[:, None, :] * (1.0 - share) + ends[:, None, :] * share
         # straight out from the inner point, across the chamfer, onto the face

@@ -4,6 +4,7 @@ noise, so that a test decides how good it is."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from crosspih_common.messages import (
     PoseData,
     ResetCell,
     SimulationTruth,
+    Strategy,
     floats,
 )
 from crosspih_common.service.lifecycle import Closeable, ServiceContext
@@ -43,10 +45,20 @@ VISION_SD = np.array([5e-5, 5e-5, 1.5e-4, 3e-3, 3e-3, 5e-4])
 class CellInMemory:
     """A cell; `vision_scale` multiplies the played vision's error, None makes it refuse."""
 
-    def __init__(self, folder: Path, *, with_inference: bool = True, planning: PlanningConfig | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        with_inference: bool = True,
+        planning: PlanningConfig | None = None,
+        half_range_lateral_m: float | None = None,
+    ) -> None:
         planning = planning or PlanningConfig(service_patience_s=0.5)
         self.hub = MemoryHub()
         self.cell = load_cell("deploy/cells/default.yaml")
+        if half_range_lateral_m is not None:
+            prior = self.cell.workcell.hole_prior.model_copy(update={"half_range_lateral_m": half_range_lateral_m})
+            self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"hole_prior": prior}))
         self.vision_scale: float | None = 1.0
         self.contexts: list[ServiceContext] = []
         self.phases: list[AssemblyPhase] = []
@@ -102,10 +114,10 @@ class CellInMemory:
         """A new trial."""
         return self.bus.call(RESET, ResetCell(seed=seed, **overrides), 30.0)
 
-    def assemble(self) -> AssemblyResult:
+    def assemble(self, strategy: Strategy = Strategy.FUSED) -> AssemblyResult:
         """One assembly."""
         self.phases.clear()
-        return self.bus.call(ASSEMBLE, Assemble(assembly_id="test"), 120.0)
+        return self.bus.call(ASSEMBLE, Assemble(assembly_id="test", strategy=strategy), 300.0)
 
     def close(self) -> None:
         """End everything."""

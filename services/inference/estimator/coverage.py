@@ -1,9 +1,9 @@
-"""How honest the posterior is, and how fast touches narrow it: trials drawn from the model with stated errors on top."""
+"""How honest the posterior is, and how fast touches narrow it: trials of the model with stated errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import beta, chi2
@@ -33,8 +33,8 @@ class TrialSettings:
     prior_sd: tuple[float, ...]
     touches: int = 4
     friction: tuple[float, float] = (0.05, 0.15)
-    noise: TouchNoise = TouchNoise()
-    push: GuardedPush = GuardedPush()
+    noise: TouchNoise = field(default_factory=TouchNoise)
+    push: GuardedPush = field(default_factory=GuardedPush)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,13 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.inference.estimator.fit import SOFT_GAP_M, FitState, descend, evaluate
-from services.inference.estimator.hypotheses import TouchBatch, TrialPoses, contact_basis, relative_poses
+from services.inference.estimator.hypotheses import (
+    TouchBatch,
+    TrialPoses,
+    candidate_geometry,
+    contact_basis,
+    relative_poses,
+)
 from services.inference.estimator.observation import (
     ContactHypothesis,
     EstimatorSettings,
@@ -19,6 +25,7 @@ from services.inference.estimator.observation import (
     TouchObservation,
     TouchVerdict,
 )
+from services.inference.estimator.posterior import posterior
 from services.inference.mechanics import PairTables, first_contacts
 
 KIND_NAMES = ("peg corner on face", "peg face on corner", "edge on edge")
@@ -48,14 +55,50 @@ def estimate_pose(
             prior.pose_base_hole, prior.covariance, 0, 0.0, settings.friction_mean, settings.friction_sd, verdicts
         )
     batch = TouchBatch.of(informative, settings)
-    state = _search(tables, prior, batch, rng, settings, previous)
-    for _ in range(settings.retries):
-        # A gated touch may be a bad one, or a search that missed: look again before giving it up.
-        if state.touch_cost[np.argmin(state.cost)].max() < settings.gate:
+    state = _search(tables, prior, batch, rng, settings, _known(previous))
+    for retry in range(settings.retries):
+        # A badly explained touch may be a bad one, or a search that missed: look again before giving it up.
+        costs = state.touch_cost[np.argmin(state.cost)]
+        if costs.max() < settings.doubtful:
             break
-        again = _search(tables, prior, batch, rng, settings, previous)
+        again = _search(
+            tables, prior, batch, rng, settings, _without(tables, prior, batch, rng, settings, costs, retry)
+        )
         state = again if again.cost.min() < state.cost.min() else state
-    return _conclude(state, batch, prior, touches, settings)
+    return _conclude(state, tables, batch, prior, touches, rng, settings)
+
+
+def _known(previous: PoseErrorEstimate | None) -> TrialPoses | None:
+    """The poses of an earlier estimate as starts."""
+    if previous is None:
+        return None
+    kept = [previous.pose_base_hole, *previous.alternatives][:3]
+    return TrialPoses(
+        np.array([pose.rotation for pose in kept]),
+        np.array([pose.translation_m for pose in kept]),
+        np.full(len(kept), previous.friction_coefficient),
+    )
+
+
+def _without(
+    tables: PairTables,
+    prior: PosePrior,
+    batch: TouchBatch,
+    rng: np.random.Generator,
+    settings: EstimatorSettings,
+    costs: Array,
+    retry: int,
+) -> TrialPoses | None:
+    """Starts for one more search: draws of the posterior that one touch, the worst explained first, has no part in."""
+    if len(costs) < 2:
+        return None
+    left_out = int(np.argsort(-costs, kind="stable")[retry % len(costs)])
+    others = batch.picked(np.delete(np.arange(len(costs)), left_out))
+    state = _search(tables, prior, others, rng, settings, None)
+    found = posterior(tables, state, others, prior, settings, rng)
+    picked = rng.choice(len(found.weight), size=settings.samples // 2, p=found.weight)
+    starts = found.draws[picked]
+    return TrialPoses(starts.rotation, starts.translation_m, starts.friction)
 
 
 def _search(
@@ -64,12 +107,12 @@ def _search(
     batch: TouchBatch,
     rng: np.random.Generator,
     settings: EstimatorSettings,
-    previous: PoseErrorEstimate | None,
+    known: TrialPoses | None,
 ) -> FitState:
     """One annealed multi-start fit; the few best trials at the true noise."""
     # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
     first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
-    trials = _starts(tables, prior, batch, rng, settings, previous, first)
+    trials = _starts(tables, prior, batch, rng, settings, known, first)
     for softness in np.geomspace(first, LAST_SOFTNESS, STAGES):
         state = descend(tables, trials, batch, prior, settings, float(softness), STAGE_STEPS)
         trials = _distinct(state, settings.starts)
@@ -83,13 +126,13 @@ def _starts(
     batch: TouchBatch,
     rng: np.random.Generator,
     settings: EstimatorSettings,
-    previous: PoseErrorEstimate | None,
+    known: TrialPoses | None,
     softness: float,
 ) -> TrialPoses:
-    """The best of samples from the prior, each moved along the last push until it just touches; and `previous`."""
+    """The best of samples from the prior, each moved along the last push until it just touches; and the known ones."""
     count = max(settings.samples // len(batch.wrench), 40)
     spread = rng.multivariate_normal(np.zeros(6), prior.covariance, size=count)
-    spread[count // 2 :] *= 1.6
+    spread[1::2] *= 1.6
     spread[0] = 0.0
     base = prior.pose_base_hole
     samples = TrialPoses(
@@ -104,25 +147,14 @@ def _starts(
     # Depth must not leave the prior for a sample that would have to slide far along a bore.
     moved = TrialPoses(
         samples.rotation, samples.translation_m - travel[:, None] * batch.motion_base[last], samples.friction
-    )
+    ).slipping(len(batch.wrench), settings.gap_sd_m, rng)
     pool = [moved]
-    if previous is not None:
-        kept = [previous.pose_base_hole, *previous.alternatives][:3]
-        pool.append(
-            TrialPoses(
-                np.array([pose.rotation for pose in kept]),
-                np.array([pose.translation_m for pose in kept]),
-                np.full(len(kept), previous.friction_coefficient),
-            )
-        )
-    everyone = TrialPoses(
-        np.concatenate([part.rotation for part in pool]),
-        np.concatenate([part.translation_m for part in pool]),
-        np.concatenate([part.friction for part in pool]),
-    )
+    if known is not None:
+        pool.append(known)
+    everyone = TrialPoses.joined(pool)
     state = evaluate(tables, everyone, batch, prior, settings, softness)
     best = np.argsort(state.cost, kind="stable")[: 2 * settings.starts]
-    forced = np.arange(count, len(everyone.rotation))
+    forced = np.arange(count, len(everyone.rotation))[: settings.starts]
     return everyone[np.unique(np.concatenate([best, forced]))]
 
 
@@ -145,32 +177,24 @@ def _distinct(state: FitState, count: int) -> TrialPoses:
 
 def _conclude(
     state: FitState,
+    tables: PairTables,
     batch: TouchBatch,
     prior: PosePrior,
     touches: Sequence[TouchObservation],
+    rng: np.random.Generator,
     settings: EstimatorSettings,
 ) -> PoseErrorEstimate:
-    """The best trial with the spread of the near-equal others in its covariance."""
+    """The posterior about the best trial, and how it takes each touch."""
+    found = posterior(tables, state, batch, prior, settings, rng)
     order = np.argsort(state.cost, kind="stable")
-    best = int(order[0])
+    best = found.mode
     trials = state.trials
     poses = [Pose(trials.rotation[i], trials.translation_m[i]) for i in range(len(order))]
-    covariance = np.linalg.inv(state.information[best])
-    weights = np.exp(-0.5 * np.minimum(state.cost[order] - state.cost[best], 700.0))
-    weights = weights / weights.sum()
-    mixed = np.zeros((7, 7))
-    for weight, index in zip(weights, order, strict=True):
-        between = poses[best].inverse() @ poses[index]
-        gap = np.concatenate(
-            [between.translation_m, between.rotvec_rad(), [trials.friction[index] - trials.friction[best]]]
-        )
-        own = np.linalg.inv(state.information[index])
-        mixed += weight * (own + np.outer(gap, gap))
-    covariance = mixed if len(order) > 1 else covariance
     root = np.linalg.cholesky(prior.covariance)
-    white = np.linalg.solve(root, np.linalg.solve(root, covariance[:6, :6]).T)
+    white = np.linalg.solve(root, np.linalg.solve(root, found.covariance[:6, :6]).T)
     rank = int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (white + white.T)) < 0.25))
-    _, basis, points = contact_basis(state.chosen.features, trials, batch)
+    geometry = candidate_geometry(state.chosen.features, trials, batch)
+    basis = contact_basis(geometry, trials, batch)
     verdicts: list[TouchVerdict] = []
     row = 0
     for touch in touches:
@@ -179,34 +203,35 @@ def _conclude(
             continue
         cost = float(state.touch_cost[best, row])
         used = cost < settings.gate
-        contacts = _contacts(state, best, row, basis, points, batch)
+        contacts = _contacts(state, best, row, basis, geometry.point_peg_m, batch, tables)
         verdicts.append(TouchVerdict(used, cost, contacts, "" if used else "no contact hypothesis explains it"))
         row += 1
     used_costs = [verdict.cost for verdict in verdicts if verdict.used]
     return PoseErrorEstimate(
-        poses[best],
-        covariance[:6, :6],
+        found.pose_base_hole,
+        found.covariance[:6, :6],
         rank,
         float(np.mean(used_costs)) if used_costs else float("inf"),
-        float(trials.friction[best]),
-        float(np.sqrt(covariance[6, 6])),
+        found.friction,
+        float(np.sqrt(found.covariance[6, 6])),
         tuple(verdicts),
-        tuple(poses[i] for i in order[1:] if state.cost[i] - state.cost[best] < 20.0),
+        tuple(poses[i] for i in order if i != best and state.cost[i] - state.cost[best] < 20.0),
     )
 
 
 def _contacts(
-    state: FitState, best: int, row: int, basis: Array, points: Array, batch: TouchBatch
+    state: FitState, best: int, row: int, basis: Array, points: Array, batch: TouchBatch, tables: PairTables
 ) -> tuple[ContactHypothesis, ...]:
     """Name the contacts that explain one touch."""
-    count = int(state.chosen.pressing[best, row].sum())
-    columns = state.chosen.columns[best, row, :count]
+    columns = state.chosen.columns[best, row][state.chosen.pressing[best, row]]
     matrix = (basis[best, row, columns] / batch.sd[row]).T
     forces = np.linalg.lstsq(matrix, batch.wrench[row] / batch.sd[row], rcond=None)[0]
+    blocks = tables.shape[1]
     named = []
     for column, force in zip(columns, forces, strict=True):
-        x, y, _ = points[best, row, column]
+        x, y, z = (float(value) for value in points[best, row, column])
         arm = int(np.round(np.arctan2(y, x) / (np.pi / 2))) % 4 + 1
         kind = KIND_NAMES[int(state.chosen.features.kind[best, row, column])]
-        named.append(ContactHypothesis(kind, arm, int(column) % 8, float(force)))
+        block = int(state.chosen.pair[best, row, column]) % blocks
+        named.append(ContactHypothesis(kind, arm, block, float(force), (x, y, z)))
     return tuple(named)

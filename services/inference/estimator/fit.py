@@ -19,6 +19,7 @@ from services.inference.estimator.hypotheses import (
     ChosenContacts,
     TouchBatch,
     TrialPoses,
+    candidate_geometry,
     choose_contacts,
     contact_basis,
 )
@@ -61,6 +62,7 @@ class FitState:
                 pick(other.trials.rotation, self.trials.rotation),
                 pick(other.trials.translation_m, self.trials.translation_m),
                 pick(other.trials.friction, self.trials.friction),
+                self.trials.slip_m,
             ),
             pick(other.cost, self.cost),
             pick(other.touch_cost, self.touch_cost),
@@ -71,6 +73,7 @@ class FitState:
                 pick(yours.pressing, mine.pressing),
                 pick(yours.overlapping, mine.overlapping),
                 pick(yours.cost, mine.cost),
+                pick(yours.pair, mine.pair),
             ),
         )
 
@@ -124,8 +127,10 @@ def prior_terms(trials: TrialPoses, prior: PosePrior, settings: EstimatorSetting
 def linearise(
     chosen: ChosenContacts, trials: TrialPoses, touches: TouchBatch, gap_sd_m: float, wrench_sd: Array
 ) -> tuple[Array, Array]:
-    """Residuals (K, T, 8 + Q) and Jacobian (K, T, 8 + Q, 7): wrench, two gaps, overlaps; forces projected out."""
+    """Residuals (K, T, 6 + C + Q) and Jacobian (.., 7): wrench, gaps, overlaps; the forces are projected out."""
     k, t, q = chosen.features.kind.shape
+    c = int(chosen.pressing.sum(axis=-1).max())
+    chosen_columns, pressing = chosen.columns[..., :c], chosen.pressing[..., :c]
     steps = np.vstack([np.zeros(7), np.eye(7) * STEP_DIFFERENCE])
     many = TrialPoses(
         np.repeat(trials.rotation, 8, axis=0),
@@ -134,18 +139,19 @@ def linearise(
     ).moved(np.tile(steps, (k, 1)))
     # The clip of the friction must not hide its derivative.
     many = TrialPoses(many.rotation, many.translation_m, np.repeat(trials.friction, 8) + np.tile(steps[:, 6], k))
-    gap, basis, _ = contact_basis(chosen.features[np.repeat(np.arange(k), 8)], many, touches)
-    gap = gap.reshape(k, 8, t, q)
-    basis = basis.reshape(k, 8, t, q, 6) / wrench_sd[None, None, :, None]
-    columns = np.broadcast_to(chosen.columns[:, None], (k, 8, t, 2))
-    pair = np.take_along_axis(basis, columns[..., None], axis=3) * chosen.pressing[:, None, ..., None]
-    pair_gap = np.take_along_axis(gap, columns, axis=3) * chosen.pressing[:, None]
+    every = np.repeat(np.arange(k), 8)
+    gap = candidate_geometry(chosen.features[every], many, touches).gap_m.reshape(k, 8, t, q)
+    at = (np.arange(k)[:, None, None], np.arange(t)[None, :, None], chosen_columns)
+    pressed = candidate_geometry(chosen.features[at][every], many, touches)
+    basis = contact_basis(pressed, many, touches).reshape(k, 8, t, c, 6) / wrench_sd[None, None, :, None]
+    pair = basis * pressing[:, None, ..., None]
+    pair_gap = pressed.gap_m.reshape(k, 8, t, c) * pressing[:, None]
 
     target = (touches.wrench / wrench_sd)[None]
     here = pair[:, 0]
     gram = here @ np.swapaxes(here, -1, -2)
-    gram = gram + np.eye(2) * np.where(chosen.pressing, 0.0, 1.0)[..., None, :] * np.eye(2)
-    gram = gram + 1e-9 * np.einsum("ktii->kt", gram)[..., None, None] * np.eye(2)
+    gram = gram + np.eye(c) * np.where(pressing, 0.0, 1.0)[..., None, :] * np.eye(c)
+    gram = gram + 1e-9 * np.einsum("ktii->kt", gram)[..., None, None] * np.eye(c)
     force = np.linalg.solve(gram, np.einsum("ktci,kti->ktc", here, np.broadcast_to(target, (k, t, 6)))[..., None])[
         ..., 0
     ]
@@ -178,7 +184,7 @@ def evaluate(
     """Cost of trials without their information (which is left empty)."""
     gate = soft_gate(settings, softness)
     gap_sd, wrench_sd = whitening(touches, settings, softness)
-    chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
+    chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd, settings)
     cost, _, _ = prior_terms(trials, prior, settings)
     cost = cost + robust_cost(chosen.cost, gate).sum(axis=1)
     return FitState(trials, cost, chosen.cost, np.zeros((len(cost), 7, 7)), chosen)
@@ -195,7 +201,7 @@ def judge(
     """Trials with their cost, information and gradient (K, 7) at a softness."""
     gate = soft_gate(settings, softness)
     gap_sd, wrench_sd = whitening(touches, settings, softness)
-    chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd)
+    chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd, settings)
     residual, jacobian = linearise(chosen, trials, touches, gap_sd, wrench_sd)
     weight = (gate / (gate + chosen.cost)) ** 2
     cost, gradient, information = prior_terms(trials, prior, settings)

@@ -1,10 +1,9 @@
 """Contact hypotheses: which features of peg and hole touched in each push, judged at many trial poses at once.
 
 For a trial pose of the hole every pair of convex pieces offers one contact: the features that would meet first along
-the
-push. A hypothesis is one or two of these. Its wrench is a nonnegative sum of their bases (Eqs. 21-24), its gaps ought
-to
-be zero, and no other pair may overlap. The hypothesis of least cost is kept; nothing is assumed to be a wall contact.
+the push. A hypothesis is one to four of these. Its wrench is a nonnegative sum of their bases (Eqs. 21-24), its gaps
+ought to be zero, and no other pair may overlap. The hypothesis of least cost is kept; nothing is assumed to be a wall
+contact: the tip on the face and the taper on the chamfer are pairs of pieces like any other.
 """
 
 from __future__ import annotations
@@ -17,10 +16,15 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry.pose import Array
 from services.inference.estimator.observation import EstimatorSettings, TouchObservation
-from services.inference.mechanics import ContactFeatures, PairTables, contact_geometry, first_contacts
-from services.inference.mechanics.contact_wrench import contact_wrench_basis
+from services.inference.mechanics import (
+    ContactFeatures,
+    ContactGeometry,
+    PairTables,
+    contact_geometry,
+    contact_wrench_basis,
+    first_contacts,
+)
 
-SECOND_CONTACT_COST = 6.0
 NO_CONTACT_COST = 1e6
 
 
@@ -54,17 +58,34 @@ class TouchBatch:
             np.array([touch.motion_direction_base for touch in touches]),
         )
 
+    def picked(self, index: NDArray[np.intp]) -> TouchBatch:
+        """Some of them."""
+        return TouchBatch(
+            self.rotation[index],
+            self.translation_m[index],
+            self.wrench[index],
+            self.sd[index],
+            self.compliance[index],
+            self.motion_base[index],
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrialPoses:
-    """K trial poses of the hole in the base frame with a friction coefficient each: (K, 3, 3), (K, 3) m, (K,)."""
+    """K trial poses of the hole in the base frame with a friction coefficient each: (K, 3, 3), (K, 3) m, (K,).
+
+    slip_m (K, T, 3): by how much the peg is moved, hole frame, when it is asked which features touch; None: not at all.
+    Where two features meet, an error of some hundredths of a millimetre decides which of them is felt.
+    """
 
     rotation: Array
     translation_m: Array
     friction: Array
+    slip_m: Array | None = None
 
     def __getitem__(self, index: Array | NDArray[np.int64] | slice) -> TrialPoses:
-        return TrialPoses(self.rotation[index], self.translation_m[index], self.friction[index])
+        slip = None if self.slip_m is None else self.slip_m[index]
+        return TrialPoses(self.rotation[index], self.translation_m[index], self.friction[index], slip)
 
     def moved(self, step: Array) -> TrialPoses:
         """Right perturbation by steps (K, 7): x, y, z, rx, ry, rz, friction."""
@@ -72,19 +93,45 @@ class TrialPoses:
             self.rotation @ Rotation.from_rotvec(step[:, 3:6]).as_matrix(),
             self.translation_m + np.einsum("kij,kj->ki", self.rotation, step[:, :3]),
             np.clip(self.friction + step[:, 6], 0.0, 0.8),
+            self.slip_m,
+        )
+
+    def slipping(self, touches: int, sd_m: float, rng: np.random.Generator) -> TrialPoses:
+        """The same with slips drawn for the second half of them; the first half has none."""
+        slip = rng.normal(size=(len(self.friction), touches, 3)) * sd_m
+        slip[: len(slip) // 2] = 0.0
+        return TrialPoses(self.rotation, self.translation_m, self.friction, slip)
+
+    @classmethod
+    def joined(cls, parts: list[TrialPoses]) -> TrialPoses:
+        """All of them in one; those without a slip have none only if all have none."""
+        slips = [part.slip_m for part in parts]
+        shape = next((slip.shape[1:] for slip in slips if slip is not None), None)
+        filled = None
+        if shape is not None:
+            filled = np.concatenate(
+                [np.zeros((len(p.friction), *shape)) if p.slip_m is None else p.slip_m for p in parts]
+            )
+        return cls(
+            np.concatenate([part.rotation for part in parts]),
+            np.concatenate([part.translation_m for part in parts]),
+            np.concatenate([part.friction for part in parts]),
+            filled,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenContacts:
-    """The least-cost hypothesis of each (trial, touch): two candidate columns (K, T, 2), which of them press (K, T, 2),
-    the cost (K, T), all Q candidates with their gaps (K, T, Q), and which of those overlap but do not press."""
+    """The least-cost hypothesis of each (trial, touch): columns (K, T, C) of its contacts among the Q candidates, which
+    of them press (K, T, C), the cost (K, T), the candidates' features (K, T, Q), which of those overlap but do not
+    press, and which pair of pieces each is (K, T, Q)."""
 
     features: ContactFeatures
     columns: NDArray[np.int64]
     pressing: NDArray[np.bool_]
     overlapping: NDArray[np.bool_]
     cost: Array
+    pair: NDArray[np.int64]
 
 
 def relative_poses(trials: TrialPoses, touches: TouchBatch) -> tuple[Array, Array, Array]:
@@ -98,31 +145,45 @@ def relative_poses(trials: TrialPoses, touches: TouchBatch) -> tuple[Array, Arra
     return rotation, translation, motion
 
 
-def contact_basis(features: ContactFeatures, trials: TrialPoses, touches: TouchBatch) -> tuple[Array, Array, Array]:
-    """Gap (K, T, Q) m, wrench basis (K, T, Q, 6) and contact point (K, T, Q, 3) m of candidate contacts (K, T, Q)."""
+def candidate_geometry(features: ContactFeatures, trials: TrialPoses, touches: TouchBatch) -> ContactGeometry:
+    """Gap, normal and point of candidate contacts (K, T, Q), in the peg frame."""
     rotation, translation, _ = relative_poses(trials, touches)
-    geometry = contact_geometry(features, rotation[:, :, None], translation[:, :, None])
+    return contact_geometry(features, rotation[:, :, None], translation[:, :, None])
+
+
+def contact_basis(geometry: ContactGeometry, trials: TrialPoses, touches: TouchBatch) -> Array:
+    """The wrench bases (K, T, Q, 6) of candidate contacts."""
     motion_peg = np.einsum("tji,tj->ti", touches.rotation, touches.motion_base)
-    basis = contact_wrench_basis(
+    return contact_wrench_basis(
         geometry.normal_peg,
         geometry.point_peg_m,
         motion_peg[None, :, None],
         trials.friction[:, None, None],
         touches.compliance[None, :, None],
     )
-    return geometry.gap_m, basis, geometry.point_peg_m
 
 
 def choose_contacts(
-    tables: PairTables, trials: TrialPoses, touches: TouchBatch, gap_sd_m: float, wrench_sd: Array
+    tables: PairTables,
+    trials: TrialPoses,
+    touches: TouchBatch,
+    gap_sd_m: float,
+    wrench_sd: Array,
+    settings: EstimatorSettings,
 ) -> ChosenContacts:
     """The least-cost hypothesis for every trial pose and touch. wrench_sd (T, 6), gap_sd_m: the whitening to use."""
     k, t = len(trials.rotation), len(touches.wrench)
     rotation, translation, motion = relative_poses(trials, touches)
-    pairs = first_contacts(tables, rotation.reshape(-1, 3, 3), translation.reshape(-1, 3), motion.reshape(-1, 3))
-    q = pairs.travel_m.shape[1]
-    shape = (k, t, q)
-    source = pairs.features
+    slipped = translation if trials.slip_m is None else translation + trials.slip_m
+    pairs = first_contacts(tables, rotation.reshape(-1, 3, 3), slipped.reshape(-1, 3), motion.reshape(-1, 3))
+    depth = np.minimum(np.where(np.isfinite(pairs.travel_m), pairs.separation_m, 0.0), 0.0)
+    others = ((depth / gap_sd_m) ** 2).sum(axis=-1).reshape(k, t)
+    # Those that meet first, or are past it furthest, are the only ones that can press or overlap.
+    count = min(settings.candidates, pairs.travel_m.shape[1])
+    pair = np.argpartition(pairs.travel_m, count - 1, axis=-1)[:, :count]
+    pair.sort(axis=-1)
+    shape = (k, t, count)
+    source = pairs.features[np.arange(k * t)[:, None], pair]
     features = ContactFeatures(
         source.kind.reshape(shape),
         source.peg_point_m.reshape(*shape, 3),
@@ -131,20 +192,54 @@ def choose_contacts(
         source.hole_direction.reshape(*shape, 3),
         source.sign.reshape(shape),
     )
-    meets = np.isfinite(pairs.travel_m).reshape(shape)
-    gap, basis, _ = contact_basis(features, trials, touches)
-    gap_cost = np.where(meets, (gap / gap_sd_m) ** 2, NO_CONTACT_COST)
-    depth = np.minimum(pairs.separation_m.reshape(shape), 0.0)
-    overlap_cost = (depth / gap_sd_m) ** 2
-    others = overlap_cost.sum(axis=-1)
+    meets = np.isfinite(np.take_along_axis(pairs.travel_m, pair, axis=-1)).reshape(shape)
+    depth = np.take_along_axis(depth, pair, axis=-1).reshape(shape)
+    geometry = candidate_geometry(features, trials, touches)
+    basis = contact_basis(geometry, trials, touches)
+    # What a contact costs by itself: its gap, which then is no overlap.
+    own = np.where(meets, (geometry.gap_m / gap_sd_m) ** 2 - (depth / gap_sd_m) ** 2, NO_CONTACT_COST)
+    columns, pressing, cost = _least_cost(
+        touches.wrench / wrench_sd,
+        basis / wrench_sd[None, :, None],
+        own,
+        np.log(gap_sd_m / _normal_compliance(geometry, touches)),
+        min(settings.contacts, count),
+    )
+    overlapping = (depth < 0.0) & (geometry.gap_m < 0.0) & meets
+    at = np.where(pressing, columns, columns[..., :1])
+    np.put_along_axis(overlapping, at, False, axis=-1)
+    return ChosenContacts(features, columns, pressing, overlapping, cost + others, pair.reshape(shape))
 
-    target = touches.wrench / wrench_sd
-    white = basis / wrench_sd[None, :, None]
+
+def _normal_compliance(geometry: ContactGeometry, touches: TouchBatch) -> Array:
+    """How far the wrist lets each contact point (K, T, Q) give way along its normal, m/N."""
+    normal = np.concatenate([geometry.normal_peg, np.cross(geometry.point_peg_m, geometry.normal_peg)], axis=-1)
+    gives = np.einsum("tij,ktqj->ktqi", touches.compliance, normal)
+    return np.asarray(np.maximum(np.einsum("ktqi,ktqi->ktq", normal, gives), 1e-9))
+
+
+def _least_cost(
+    target: Array, white: Array, own: Array, log_gap_per_compliance: Array, most: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], Array]:
+    """Contacts (K, T, most) that explain whitened wrenches (T, 6) best, which of them press, and their cost (K, T).
+
+    white (K, T, Q, 6): whitened wrench bases; own (K, T, Q): cost of each contact by itself. The best contact and the
+    best pair are found exactly, more are added one by one while the cost falls. Each contact past the first pays what
+    its likelihood asks: given the pose, the wrist's compliance c turns its gap, known to sd s, into its force, known
+    to sd f from the wrench, so that a fitted force costs 2 ln(s / (c f)).
+    """
+    k, t, q, _ = white.shape
     norm = np.einsum("ktqi,ktqi->ktq", white, white)
     along = np.einsum("ktqi,ti->ktq", white, target)
     full = np.einsum("ti,ti->t", target, target)[None, :, None]
-    force = np.maximum(along / norm, 0.0)
-    single = full - force * along + gap_cost + others[..., None] - overlap_cost
+    single = full - np.maximum(along, 0.0) * along / norm + own
+    best_one = single.argmin(axis=-1)[..., None]
+    cost = np.take_along_axis(single, best_one, -1)[..., 0]
+    columns = np.repeat(best_one, most, axis=-1)
+    pressing = np.zeros((k, t, most), dtype=bool)
+    pressing[..., 0] = True
+    if most < 2:
+        return columns, pressing, cost
 
     first, second = np.triu_indices(q, 1)
     cross = np.einsum("ktqi,ktri->ktqr", white, white)[..., first, second]
@@ -153,16 +248,65 @@ def choose_contacts(
     safe = np.maximum(determinant, 1e-9 * n1 * n2)
     f1, f2 = (n2 * a1 - cross * a2) / safe, (n1 * a2 - cross * a1) / safe
     valid = (determinant > 1e-6 * n1 * n2) & (f1 > 0.0) & (f2 > 0.0)
-    double = full - f1 * a1 - f2 * a2 + gap_cost[..., first] + gap_cost[..., second]
-    double = double + others[..., None] - overlap_cost[..., first] - overlap_cost[..., second]
-    double = np.where(valid, double + SECOND_CONTACT_COST, np.inf)
-
-    best_one, best_two = single.argmin(axis=-1), double.argmin(axis=-1)
-    cost_one = np.take_along_axis(single, best_one[..., None], -1)[..., 0]
+    # the squares of the forces' sds are n2 / determinant and n1 / determinant; the mean of both views
+    by_first = log_gap_per_compliance[..., first]
+    by_second = log_gap_per_compliance[..., second]
+    extra = np.maximum(0.0, by_first + by_second + np.log(safe) - 0.5 * np.log(n1 * n2))
+    double = full - f1 * a1 - f2 * a2 + own[..., first] + own[..., second] + extra
+    double = np.where(valid, double, np.inf)
+    best_two = double.argmin(axis=-1)
     cost_two = np.take_along_axis(double, best_two[..., None], -1)[..., 0]
-    two = cost_two < cost_one
-    columns = np.stack([np.where(two, first[best_two], best_one), np.where(two, second[best_two], best_one)], axis=-1)
-    pressing = np.stack([np.ones_like(two), two], axis=-1)
-    overlapping = (depth < 0.0) & (gap < 0.0) & meets
-    np.put_along_axis(overlapping, columns, False, axis=-1)
-    return ChosenContacts(features, columns, pressing, overlapping, np.minimum(cost_one, cost_two))
+    two = cost_two < cost
+    cost = np.where(two, cost_two, cost)
+    columns[..., 0] = np.where(two, first[best_two], columns[..., 0])
+    columns[..., 1] = np.where(two, second[best_two], columns[..., 0])
+    pressing[..., 1] = two
+    for index in range(2, most):
+        grown = _grown(target, white, own, log_gap_per_compliance, columns, pressing, cost, index)
+        if grown is None:
+            break
+        columns[..., index], pressing[..., index], cost = grown
+    return columns, pressing, cost
+
+
+def _grown(
+    target: Array,
+    white: Array,
+    own: Array,
+    log_gap_per_compliance: Array,
+    columns: NDArray[np.int64],
+    pressing: NDArray[np.bool_],
+    cost: Array,
+    index: int,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], Array] | None:
+    """One more contact where it lowers the cost: column, whether, and cost (K, T); None where it never does."""
+    rows = np.argwhere(pressing[..., index - 1])
+    if not len(rows):
+        return None
+    at_k, at_t = rows[:, 0], rows[:, 1]
+    candidates = white[at_k, at_t]
+    chosen = np.take_along_axis(candidates, columns[at_k, at_t, :index, None], axis=1)
+    gram = chosen @ np.swapaxes(chosen, -1, -2)
+    gram = gram + 1e-9 * np.einsum("nii->n", gram)[:, None, None] * np.eye(index)
+    shares = np.linalg.solve(gram, chosen @ np.swapaxes(candidates, -1, -2))
+    across = candidates - np.swapaxes(shares, -1, -2) @ chosen
+    force = np.linalg.solve(gram, np.einsum("nci,ni->nc", chosen, target[at_t])[..., None])
+    left = target[at_t] - np.einsum("nc,nci->ni", force[..., 0], chosen)
+    norm = np.einsum("nqi,nqi->nq", across, across)
+    whole = np.einsum("nqi,nqi->nq", candidates, candidates)
+    more = np.einsum("nqi,ni->nq", across, left)
+    new_force = more / np.maximum(norm, 1e-30)
+    rest = force - shares * new_force[:, None]
+    valid = (norm > 1e-4 * whole) & (new_force > 0.0) & np.all(rest > 0.0, axis=1)
+    extra = np.maximum(0.0, 2.0 * log_gap_per_compliance[at_k, at_t] + np.log(np.maximum(norm, 1e-30)))
+    change = np.where(valid, own[at_k, at_t] + extra - more * new_force, np.inf)
+    best = change.argmin(axis=1)
+    gain = np.take_along_axis(change, best[:, None], axis=1)[:, 0]
+    taken = gain < 0.0
+    column = columns[..., index].copy()
+    pressed = np.zeros(column.shape, dtype=bool)
+    column[at_k[taken], at_t[taken]] = best[taken]
+    pressed[at_k[taken], at_t[taken]] = True
+    lower = cost.copy()
+    lower[at_k[taken], at_t[taken]] += gain[taken]
+    return column, pressed, lower

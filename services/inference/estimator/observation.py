@@ -73,32 +73,42 @@ class EstimatorSettings:
 
     gap_sd_m: how far from exact contact a touching pair may be (calibration of arm and compliance). force_floor_n,
     moment_floor_nm and relative_floor: added to the wrench's sd. gate: cost (a sum of squares over 6 + 1 residuals)
-    beyond which a touch is left out. friction_mean, friction_sd: prior of the friction coefficient. starts, finalists,
-    samples: size of the search; retries: further searches while some touch stays unexplained.
+    beyond which a touch is left out; doubtful: from which on the search is repeated. friction_mean, friction_sd: prior
+    of the friction coefficient. starts, finalists, samples: size of the search; retries: further searches while some
+    touch stays doubtful. contacts: most of one touch; candidates: pairs of pieces asked for them. draws: of the
+    posterior, in each of its rounds, until they are worth wanted_draws independent ones.
     """
 
     gap_sd_m: float = 3e-5
     force_floor_n: float = 0.03
     moment_floor_nm: float = 0.0015
     relative_floor: float = 0.002
-    gate: float = 60.0
+    gate: float = 40.0
+    doubtful: float = 20.0
     friction_mean: float = 0.1
     friction_sd: float = 0.1
     starts: int = 8
     finalists: int = 4
     samples: int = 240
     retries: int = 2
+    contacts: int = 4
+    candidates: int = 10
+    draws: int = 160
+    rounds: int = 5
+    wanted_draws: float = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class ContactHypothesis:
-    """What touched what: feature kind ("edge on edge", "peg corner on face", "peg face on corner"), arm 1..4 of the peg
-    (1 = +x, 2 = +y, 3 = -x, 4 = -y), the hole's convex block, and the normal force in N."""
+    """What touched what: feature kind ("edge on edge", "peg corner on face", "peg face on corner"), quarter 1..4 of the
+    peg (1 = about +x, 2 = +y, 3 = -x, 4 = -y: the arms of a cross), the hole's convex block, the normal force in N and
+    where on the peg, m, in the peg frame."""
 
     kind: str
     arm: int
     hole_block: int
     normal_force_n: float
+    point_peg_m: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ PRESSING_N = 0.05
 @dataclass(frozen=True, slots=True)
 class TouchNoise:
     """What makes a synthetic touch differ from the model: a reading's sd (N, Nm, after averaging), an error of the
-    pose of each touch (m, rad), and one of the geometry that all touches of a trial share (m across, share of force).
+    pose of each touch (m, rad) about a point `about_m` along the peg, and one of the wrench as a share of its size.
 
     Defaults: 25 samples of 0.1 N and 0.005 Nm; 0.03 mm and 0.2 mrad for an arm that repeats to 0.02 mm; 0.5 % of the
     wrench in a random direction, for friction that does not point as the law says.
@@ -35,6 +35,7 @@ class TouchNoise:
     position_m: float = 3e-5
     rotation_rad: float = 2e-4
     wrench_share: float = 0.005
+    about_m: float = 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ def touch(
     wild = rng.normal(size=6) * np.repeat([np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])], 3)
     measured = wrench + rng.normal(size=6) * sd + noise.wrench_share * wild
     slip = rng.normal(size=6) * np.repeat([noise.position_m, noise.rotation_rad], 3)
-    seen = pose_base_hole @ commanded @ _about_tip(tables, slip)
+    seen = pose_base_hole @ commanded @ _about(noise.about_m, slip)
     return SyntheticTouch(TouchObservation(seen, measured, sd, compliance_peg, np.asarray(direction_base)), contacts)
 
 
@@ -122,7 +123,7 @@ def settle(
 
 
 def complementarity(matrix: Array, offset: Array) -> Array:
-    """f >= 0 with matrix f + offset >= 0 and their product zero, by projected Gauss-Seidel (Cottle et al. 1992)."""
+    """Forces f >= 0 with matrix f + offset >= 0 and their product zero: projected Gauss-Seidel (Cottle et al. 1992)."""
     force = np.zeros(len(offset))
     diagonal = np.maximum(np.diag(matrix), 1e-12)
     for _ in range(SWEEPS):
@@ -131,8 +132,7 @@ def complementarity(matrix: Array, offset: Array) -> Array:
     return force
 
 
-def _about_tip(tables: PairTables, slip: Array) -> Pose:
-    """A small error of the peg's pose as felt where it touches: turned about the middle of its taper."""
-    corners = tables.peg_corners_m.reshape(-1, 3)
-    middle = Pose.from_translation([0.0, 0.0, float(corners[:, 2].max()) - 0.01])
+def _about(height_m: float, slip: Array) -> Pose:
+    """A small error (6,) of the peg's pose as a motion about a point on its axis."""
+    middle = Pose.from_translation([0.0, 0.0, height_m])
     return middle @ Pose.from_rotvec(slip[3:], slip[:3]) @ middle.inverse()

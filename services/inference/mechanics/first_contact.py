@@ -1,32 +1,31 @@
 """First contact of the peg with the hole along a straight motion, for many poses at once.
 
 Two convex pieces first touch where the ray of motion enters their Minkowski difference: at the largest of (separation
-along a face's normal) / (closing speed along it) over the faces of that body, which `minkowski` lists. So no vertex-face
-or edge-edge case needs its own search (Ericson, "Real-Time Collision Detection", 5.3.8 and 5.5.8).
+along a face's normal) / (closing speed along it) over the faces of that body, which `minkowski` lists. So no
+vertex-face or edge-edge case needs its own search (Ericson, "Real-Time Collision Detection", 5.3.8 and 5.5.8).
 
-Arrays inside keep the poses on their last axis, so that every operation runs over contiguous memory, and poses are
-taken in portions that stay in the cache. Which row of a table won a reduction is carried in the lowest bits of the
-reduced numbers, which spares a search; it costs them 2^-38 of their value.
+Arrays inside are (row of a pair, pair, pose), and poses are taken in portions that stay in the cache. Rows that do not
+count are multiplied by 0 after all others were made positive: a masked copy is ten times slower.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
-from services.inference.mechanics.features import EDGE_ON_EDGE, PEG_CORNER_ON_FACE, PEG_FACE_ON_CORNER, ContactFeatures
+from services.inference.mechanics.features import ContactFeatures
 from services.inference.mechanics.minkowski import CornerSupport, FaceRows, MinkowskiFaces
 from services.inference.mechanics.pairs import CONES_RAD, PairTables
 
 # Numbers of a table that stay in the second-level cache, and the least and the most poses a portion.
-PORTION = 60_000
+PORTION = 100_000
 FEWEST, MOST = 8, 512
-TAG_BITS = 14
-_TAG = np.int64((1 << TAG_BITS) - 1)
-FAR_M = 1e6
+# Travels and separations count up to this; it makes them positive, at a cost of 2^-50 m.
+FAR_M = 4.0
 PARALLEL = 1e-9
 
 
@@ -44,6 +43,16 @@ class PairContacts:
     features: ContactFeatures
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FirstContacts:
+    """For N poses: travel_m (N,) to the first contact of all, inf where there is none; its pair (N,) of pieces, column
+    p * H + h; its features, of shape (N,)."""
+
+    travel_m: Array
+    pair: NDArray[np.intp]
+    features: ContactFeatures
+
+
 def first_contacts(
     tables: PairTables, rotation_hole_peg: Array, translation_hole_peg_m: Array, direction_hole: Array
 ) -> PairContacts:
@@ -52,230 +61,228 @@ def first_contacts(
     rotation_hole_peg (N, 3, 3), translation_hole_peg_m (N, 3): peg poses in the hole frame, m; direction_hole (N, 3):
     unit motion of the peg in the hole frame.
     """
+    n, pairs = len(rotation_hole_peg), tables.shape[0] * tables.shape[1]
+    travel, separation, sign = np.empty((n, pairs)), np.empty((n, pairs)), np.empty((n, pairs))
+    kind, vectors = np.empty((n, pairs), dtype=np.int64), np.empty((n, pairs, 12))
+    for part, faces, swept in _portions(tables, rotation_hole_peg, translation_hole_peg_m, direction_hole, True):
+        travel[part], separation[part], sign[part] = swept.travel_m.T, swept.separation_m.T, swept.sign.T
+        name = swept.name.T
+        kind[part], vectors[part] = faces.names.kind[name], faces.names.vectors[name]
+    return PairContacts(travel, separation, _features(kind, vectors, sign))
+
+
+def first_contact(
+    tables: PairTables, rotation_hole_peg: Array, translation_hole_peg_m: Array, direction_hole: Array
+) -> FirstContacts:
+    """The first contact of all pairs of pieces, for poses and motions as in `first_contacts`; a third faster."""
+    n = len(rotation_hole_peg)
+    travel, sign, pair = np.empty(n), np.empty(n), np.empty(n, dtype=np.intp)
+    kind, vectors = np.empty(n, dtype=np.int64), np.empty((n, 12))
+    for part, faces, swept in _portions(tables, rotation_hole_peg, translation_hole_peg_m, direction_hole, False):
+        first = swept.travel_m.argmin(axis=0)
+        column = np.arange(len(first))
+        travel[part], sign[part], pair[part] = swept.travel_m[first, column], swept.sign[first, column], first
+        name = swept.name[first, column]
+        kind[part], vectors[part] = faces.names.kind[name], faces.names.vectors[name]
+    return FirstContacts(travel, pair, _features(kind, vectors, sign))
+
+
+def _features(kind: NDArray[np.int64], vectors: Array, sign: Array) -> ContactFeatures:
+    return ContactFeatures(kind, vectors[..., 0:3], vectors[..., 3:6], vectors[..., 6:9], vectors[..., 9:12], sign)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Swept:
+    """First contacts of n poses, (Q, n) each: travel, separation (zeros if not asked for), name and sign."""
+
+    travel_m: Array
+    separation_m: Array
+    name: NDArray[np.intp]
+    sign: Array
+
+
+def _portions(
+    tables: PairTables,
+    rotation_hole_peg: Array,
+    translation_hole_peg_m: Array,
+    direction_hole: Array,
+    separations: bool,
+) -> Iterator[tuple[NDArray[np.intp] | slice, MinkowskiFaces, _Swept]]:
+    """The poses portion by portion: which rows, the tables that hold for them, their first contacts."""
     rotation = np.asarray(rotation_hole_peg, float)
     translation = np.asarray(translation_hole_peg_m, float)
     direction = np.asarray(direction_hole, float)
-    n, (pegs, holes) = len(rotation), tables.shape
-    pairs = pegs * holes
-    travel, separation = np.empty((n, pairs)), np.empty((n, pairs))
-    features = _empty_features((n, pairs))
+    n = len(rotation)
     turned = np.arccos(np.clip((np.einsum("nii->n", rotation) - 1.0) / 2.0, -1.0, 1.0))
     level = np.searchsorted(np.array(CONES_RAD[:-1]), turned)
     for which in np.unique(level):
         faces = tables.faces_within(CONES_RAD[which])
         rows = np.flatnonzero(level == which)
-        portion = int(np.clip(PORTION // len(faces.edges.pair), FEWEST, MOST))
+        portion = int(np.clip(PORTION // faces.edges.peg_line.size, FEWEST, MOST))
         for start in range(0, len(rows), portion):
             # A slice where all poses are alike spares copies.
             part: NDArray[np.intp] | slice = rows[start : start + portion]
             if len(rows) == n:
                 part = slice(start, min(start + portion, n))
-            _portion(
-                faces, rotation[part], translation[part], direction[part], part, travel, separation, features
-            )
-    return PairContacts(travel, separation, features)
+            yield part, faces, _sweep(faces, rotation[part], translation[part], direction[part], separations)
 
 
-def _empty_features(shape: tuple[int, ...]) -> ContactFeatures:
-    vectors = [np.empty((*shape, 3)) for _ in range(4)]
-    return ContactFeatures(np.empty(shape, dtype=np.int64), *vectors, np.empty(shape))
-
-
-def _portion(
-    faces: MinkowskiFaces,
-    rotation: Array,
-    translation: Array,
-    direction: Array,
-    part: NDArray[np.intp] | slice,
-    travel: Array,
-    separation: Array,
-    features: ContactFeatures,
-) -> None:
-    """First contacts of some poses, written into rows `part` of travel, separation and features."""
-    n = len(rotation)
+def _sweep(faces: MinkowskiFaces, rotation: Array, translation: Array, direction: Array, separations: bool) -> _Swept:
+    """First contacts of n poses."""
     turn = np.ascontiguousarray(rotation.transpose(1, 2, 0))
     shift = np.ascontiguousarray(translation.T)
     motion = np.ascontiguousarray(direction.T)
-    counts = [len(faces.peg_corners_m), len(faces.peg_normals), len(faces.peg_directions)]
-    moments = np.cross(faces.peg_points_m, faces.peg_directions)
-    everything = np.vstack([faces.peg_corners_m, faces.peg_normals, faces.peg_directions, moments])
-    corners, normals, edges, moment = np.split(everything @ turn, np.cumsum(counts), axis=1)
+    corners, normals, edges, moments = np.split(faces.peg_vectors @ turn, np.cumsum(faces.peg_counts), axis=1)
     corners = corners + shift[:, None]
-    moment = moment + _cross(shift[:, None], edges)
+    # A moment about the hole's origin: (R p + t) x R e.
+    moments = moments + _cross(shift[:, None], edges)
 
-    names = faces.names
-    hole_reach = _reach(faces.peg_support, faces.hole_normals, corners)
-    peg_reach = _reach_back(faces.hole_support, faces.hole_corners_m, normals)
-    own = np.einsum("ifn,in->fn", normals, shift)
-    found = [
-        _face_bounds(faces.hole_faces, hole_reach, None, -(faces.hole_normals @ motion), 0),
-        _face_bounds(
-            faces.peg_faces, peg_reach, own, np.einsum("ifn,in->fn", normals, motion), names.peg_faces_from
-        ),
-        _edge_bounds(faces, normals, edges, moment, motion),
+    hole_reach, hole_corner = _reach(faces.hole_normals, faces.peg_support, corners)
+    peg_reach, peg_corner = _reach_back(faces.hole_corners_m, faces.hole_support, normals)
+    own = _along(normals, shift)
+    bounds = [
+        _face_bounds(faces.hole_faces, hole_reach, None, -(faces.hole_normals @ motion), separations),
+        _face_bounds(faces.peg_faces, peg_reach, own, _along(normals, motion), separations),
     ]
-    apart = np.maximum(np.maximum(found[0][0], found[1][0]), found[2][0])
-    entering = np.maximum(np.maximum(found[0][1], found[1][1]), found[2][1])
-    leaving = np.minimum(np.minimum(found[0][2], found[1][2]), found[2][2])
-    tag = entering.view(np.int64) & _TAG
-    meets = (entering <= leaving + 1e-9) & (leaving > 0.0) & (entering > -FAR_M) & (entering < FAR_M)
-    travel[part] = np.where(meets, entering, np.inf).T
-    separation[part] = apart.T
-    _name(faces, tag, np.concatenate([hole_reach, peg_reach]), turn, motion, part, features)
-    assert n == tag.shape[1]
+    edge_bounds, forth = _edge_bounds(faces, normals, edges, moments, motion, separations)
+    bounds.append(edge_bounds)
+
+    entering, row = bounds[0].entering, bounds[0].row.astype(np.intp)
+    first_row = bounds[0].rows
+    for after in bounds[1:]:
+        row = np.where(after.entering > entering, after.row.astype(np.intp) + first_row, row)
+        entering = np.maximum(entering, after.entering)
+        first_row += after.rows
+    first_row -= bounds[-1].rows
+    leaving = np.minimum(np.minimum(bounds[0].leaving, bounds[1].leaving), bounds[2].leaving)
+    apart = np.maximum(np.maximum(bounds[0].apart, bounds[1].apart), bounds[2].apart)
+    meets = (entering <= leaving + 1e-9) & (leaving > 0.0) & (np.abs(entering) < 0.99 * FAR_M)
+
+    # Names and signs, by flat indices into (group, pose) and (row, pair, pose).
+    n, q = len(rotation), faces.pairs
+    pose, pair = np.arange(n), np.arange(q)[:, None]
+    place = row * q + pair
+    corner = np.concatenate([hole_corner, peg_corner, np.zeros((1, n), dtype=np.uint8)])
+    name = faces.names.first.take(place) + corner.take(faces.names.group.take(place) * n + pose)
+    edge_row = np.maximum(row - first_row, 0)
+    sign = np.where(forth.take((edge_row * q + pair) * n + pose), 1.0, -1.0)
+    return _Swept(np.where(meets, entering, np.inf), apart, name, sign)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """a x b for vectors on the first axis, (3, ...)."""
+    """Cross product of vectors on the first axis, (3, ...)."""
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _tagged(values: Array, tags: NDArray[np.int64]) -> Array:
-    """Values (L, n) with the tags (L,) put, in place, into their lowest bits."""
-    bits = values.view(np.int64)
-    bits &= ~_TAG
-    bits |= tags[:, None]
-    return values
+def _along(vectors: Array, direction: Array) -> Array:
+    """Dot products (U, n) of vectors (3, U, n) with directions (3, n)."""
+    return np.asarray(vectors[0] * direction[0] + vectors[1] * direction[1] + vectors[2] * direction[2])
 
 
-def _local(start: NDArray[np.intp], rows: int) -> NDArray[np.int64]:
-    """The number of each row within its group, for groups that start at `start`."""
-    sizes = np.diff(np.append(start, rows))
-    return (np.arange(rows) - np.repeat(start, sizes)).astype(np.int64)
+def _dots(vectors: Array, others: Array) -> Array:
+    """Dot products of vectors (U, d) with others (d, W, n), as rows (U * W, n)."""
+    return np.asarray((vectors @ others.reshape(vectors.shape[1], -1)).reshape(-1, others.shape[2]))
 
 
-def _reach(support: CornerSupport, hole_normals: Array, corners: Array) -> Array:
-    """Least height (G, n) of the peg's pieces over planes of the hole through its origin, tagged with the corner."""
-    n = corners.shape[2]
-    dots = (hole_normals @ corners.reshape(3, -1)).reshape(-1, n)
-    rows = dots.take(support.normal * corners.shape[1] + support.corner, axis=0)
-    return np.asarray(
-        np.minimum.reduceat(_tagged(rows, _local(support.start, len(rows))), support.start, axis=0)
-    )
+def _least(rows: Array) -> tuple[Array, NDArray[np.uint8]]:
+    """The least of rows (C, G, n), and the last row that has it, (G, n)."""
+    least = rows.min(axis=0)
+    return least, _last_equal(rows, least)
 
 
-def _reach_back(support: CornerSupport, hole_corners: Array, normals: Array) -> Array:
-    """Least height (G, n) of the hole's pieces over planes of the peg through its origin, tagged with the corner."""
-    n = normals.shape[2]
-    dots = (hole_corners @ normals.reshape(3, -1)).reshape(-1, n)
-    rows = dots.take(support.corner * normals.shape[1] + support.normal, axis=0)
-    return np.asarray(
-        np.minimum.reduceat(_tagged(rows, _local(support.start, len(rows))), support.start, axis=0)
-    )
+def _last_equal(rows: Array, value: Array) -> NDArray[np.uint8]:
+    """The last row of (K, ..., n) that equals value (..., n)."""
+    small = np.uint8 if len(rows) <= 256 else np.uint16
+    number = np.arange(len(rows), dtype=small).reshape(-1, *(1,) * value.ndim)
+    return np.asarray(((rows == value).view(np.uint8) * number).max(axis=0))
 
 
-def _bounds(
-    ratio: Array, apart: Array, closing: Array, start: NDArray[np.intp], tags: NDArray[np.int64]
-) -> tuple[Array, Array, Array]:
-    """Of rows (L, n), for each pair (Q, n): largest separation, last entering travel (tagged), first leaving travel."""
-    enters = np.where(closing > PARALLEL, ratio, np.where((closing >= -PARALLEL) & (apart > 0.0), FAR_M, -FAR_M))
-    leaves = np.where(closing < -PARALLEL, ratio, FAR_M)
-    return (
-        np.maximum.reduceat(apart, start, axis=0),
-        np.maximum.reduceat(_tagged(enters, tags), start, axis=0),
-        np.minimum.reduceat(leaves, start, axis=0),
-    )
+def _reach(hole_normals: Array, support: CornerSupport, corners: Array) -> tuple[Array, NDArray[np.uint8]]:
+    """Least height (G, n) of the peg's pieces over planes of the hole through its origin, and of which corner."""
+    dots = _dots(hole_normals, corners)
+    return _least(dots.take(support.normal * corners.shape[1] + support.corner, axis=0))
 
 
-def _face_bounds(
-    rows: FaceRows, reach: Array, own: Array | None, closing: Array, tags_from: int
-) -> tuple[Array, Array, Array]:
-    """Bounds from the faces of one body."""
+def _reach_back(hole_corners: Array, support: CornerSupport, normals: Array) -> tuple[Array, NDArray[np.uint8]]:
+    """Least height (G, n) of the hole's pieces over planes of the peg through its origin, and of which corner."""
+    dots = _dots(hole_corners, normals)
+    return _least(dots.take(support.corner * normals.shape[1] + support.normal, axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bounds:
+    """Of some K rows for each pair, (Q, n): largest separation, last entering travel, its row, first leaving travel."""
+
+    rows: int
+    apart: Array
+    entering: Array
+    row: NDArray[np.uint8]
+    leaving: Array
+
+
+def _bounds(ratio: Array, enters: NDArray[np.bool_], leaves: NDArray[np.bool_], apart: Array) -> _Bounds:
+    """From travels (K, Q, n) at which faces are crossed, into the body and out of it. Overwrites the travels."""
+    inward = ratio + FAR_M
+    inward *= enters
+    last = inward.max(axis=0)
+    np.subtract(FAR_M, ratio, out=ratio)
+    ratio *= leaves
+    return _Bounds(len(inward), apart, last - FAR_M, _last_equal(inward, last), FAR_M - ratio.max(axis=0))
+
+
+def _face_bounds(rows: FaceRows, reach: Array, own: Array | None, closing: Array, separations: bool) -> _Bounds:
+    """Bounds from the faces of one body; closing (U, n): closing speed along each distinct normal."""
+    # Motion along a face still has to be told whether it passes in front of the face or behind.
+    slow = np.abs(closing) < PARALLEL
+    inverse = 1.0 / np.where(slow, PARALLEL, closing)
     apart = reach.take(rows.group, axis=0)
-    apart -= rows.offset_m[:, None]
+    apart -= rows.offset_m[..., None]
     if own is not None:
         apart -= own.take(rows.normal, axis=0)
-    speed = closing.take(rows.normal, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = apart / speed
-    return _bounds(ratio, apart, speed, rows.start, _local(rows.start, len(apart)) + tags_from)
+    ratio = apart * inverse.take(rows.normal, axis=0)
+    enters = (inverse > 0.0).take(rows.normal, axis=0)
+    largest = apart.max(axis=0) if separations else reach[:0]
+    return _bounds(ratio, enters, ~enters, largest)
 
 
 def _edge_bounds(
-    faces: MinkowskiFaces, normals: Array, edges: Array, moment: Array, motion: Array
-) -> tuple[Array, Array, Array]:
-    """Bounds from edge pairs, (peg edge x hole edge) either way round, where their arcs cross."""
+    faces: MinkowskiFaces, normals: Array, edges: Array, moments: Array, motion: Array, separations: bool
+) -> tuple[_Bounds, NDArray[np.bool_]]:
+    """Bounds from edge pairs where their arcs cross, and (K, Q, n) whether peg edge x hole edge is the normal from hole
+    to peg (or its opposite)."""
     rows = faces.edges
-    _, lines, n = edges.shape
-    directions = faces.hole_edge_directions
+    lines = edges.shape[1]
+    # On which side of the peg's edges' planes the hole's normals point, and the other way round: arcs cross where the
+    # ends of either lie on both sides of the other, in the same hemisphere.
+    beyond_peg = _dots(faces.hole_normals, edges) > 0.0
+    beyond_hole = _dots(faces.hole_directions, normals) > 0.0
+    of_normal = rows.hole_direction * normals.shape[1]
+    forth = beyond_peg.take(rows.hole_a * lines + rows.peg_line, axis=0)
+    b = beyond_hole.take(of_normal + rows.peg_b, axis=0)
+    crossing = forth ^ b
+    crossing &= forth ^ beyond_peg.take(rows.hole_b * lines + rows.peg_line, axis=0)
+    crossing &= b ^ beyond_hole.take(of_normal + rows.peg_a, axis=0)
 
-    def dots(vectors: Array, others: Array) -> Array:
-        return np.asarray((vectors @ others.reshape(vectors.shape[1], -1)).reshape(-1, n))
-
-    beyond_peg = dots(faces.hole_normals, edges) > 0.0
-    beyond_hole = dots(directions, normals) > 0.0
+    # Travel = -[hole edge, peg edge, between] / [hole edge, peg edge, motion]: the normal's length drops out.
     on_edge = rows.hole_direction * lines + rows.peg_line
-    on_normal = rows.hole_direction * normals.shape[1]
-    c = beyond_peg.take(rows.hole_a * lines + rows.peg_line, axis=0)
-    d = beyond_peg.take(rows.hole_b * lines + rows.peg_line, axis=0)
-    a = beyond_hole.take(on_normal + rows.peg_a, axis=0)
-    b = beyond_hole.take(on_normal + rows.peg_b, axis=0)
-    crossing = (c ^ d) & (a ^ b) & (c ^ b)
-
-    cosine = dots(directions, edges)
-    square = 1.0 - cosine * cosine
-    scale = np.where(square > 1e-12, 1.0 / np.sqrt(np.maximum(square, 1e-12)), 0.0)
-    speed = -dots(directions, _cross(motion[:, None], edges)) * scale
-    twelve = np.concatenate([faces.hole_directions, np.cross(faces.hole_points_m, faces.hole_directions)], axis=1)
-    volume = dots(twelve, np.concatenate([moment, edges]))
-
-    scale = scale.take(on_edge, axis=0)
-    crossing &= scale > 0.0
-    sign = np.where(c, 1.0, -1.0)
-    apart = volume.take(rows.hole_line * lines + rows.peg_line, axis=0)
-    apart *= scale
-    apart *= sign
-    closing = speed.take(on_edge, axis=0)
-    closing *= sign
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = apart / closing
-    apart = np.where(crossing, apart, -FAR_M)
-    closing = np.where(crossing, closing, 0.0)
-    tags = _local(rows.start, len(apart)) + faces.names.edges_from
-    return _bounds(ratio, apart, closing, rows.start, tags)
-
-
-def _name(
-    faces: MinkowskiFaces,
-    tag: NDArray[np.int64],
-    reach: Array,
-    turn: Array,
-    motion: Array,
-    part: NDArray[np.intp] | slice,
-    features: ContactFeatures,
-) -> None:
-    """Write the features that the tags (Q, n) stand for into rows `part`."""
-    names = faces.names
-    groups = len(faces.peg_support.start)
-    pair = np.arange(faces.pairs)[:, None]
-    on_hole, on_edge = tag < names.peg_faces_from, tag >= names.edges_from
-    row_hole = np.minimum(faces.hole_faces.start[pair] + tag, len(faces.hole_faces.pair) - 1)
-    row_peg = np.clip(faces.peg_faces.start[pair] + tag - names.peg_faces_from, 0, len(faces.peg_faces.pair) - 1)
-    row_edge = np.clip(faces.edges.start[pair] + tag - names.edges_from, 0, len(faces.edges.pair) - 1)
-
-    group = np.where(on_hole, faces.hole_faces.group[row_hole], groups + faces.peg_faces.group[row_peg])
-    which = np.take_along_axis(reach, group, axis=0).view(np.int64) & _TAG
-    start = np.concatenate([faces.peg_support.start, len(faces.peg_support.corner) + faces.hole_support.start])
-    corner = np.concatenate([faces.peg_support.corner, len(faces.peg_corners_m) + faces.hole_support.corner])
-    corners = np.concatenate([faces.peg_corners_m, faces.hole_corners_m])[corner[start[group] + which]]
-
-    peg_line, hole_line = faces.edges.peg_line[row_edge], faces.edges.hole_line[row_edge]
-    edge, hole = on_edge[..., None], on_hole[..., None]
-    peg_direction = np.where(edge, faces.peg_directions[peg_line], faces.peg_faces.direction[row_peg])
-    hole_direction = np.where(edge, faces.hole_directions[hole_line], faces.hole_faces.direction[row_hole])
-    peg_point = np.where(
-        edge, faces.peg_points_m[peg_line], np.where(hole, corners, faces.peg_faces.point_m[row_peg])
+    speed = _dots(faces.hole_directions, _cross(motion[:, None], edges))
+    slow = np.abs(speed) < PARALLEL
+    inverse = -1.0 / np.where(slow, -PARALLEL, speed)
+    volume = _dots(faces.hole_lines, np.concatenate([moments, edges])).take(
+        rows.hole_line * lines + rows.peg_line, axis=0
     )
-    hole_point = np.where(
-        edge, faces.hole_points_m[hole_line], np.where(hole, faces.hole_faces.point_m[row_hole], corners)
-    )
-    # The contact normal, from hole to peg, opposes the motion wherever a contact is entered.
-    crossed = np.cross(np.einsum("ijn,qnj->qni", turn, peg_direction), hole_direction)
-    sign = np.where(on_edge & (np.einsum("qni,in->qn", crossed, motion) > 0.0), -1.0, 1.0)
-    kind = np.where(on_edge, EDGE_ON_EDGE, np.where(on_hole, PEG_CORNER_ON_FACE, PEG_FACE_ON_CORNER))
-    features.kind[part] = kind.T
-    features.peg_point_m[part] = peg_point.swapaxes(0, 1)
-    features.peg_direction[part] = peg_direction.swapaxes(0, 1)
-    features.hole_point_m[part] = hole_point.swapaxes(0, 1)
-    features.hole_direction[part] = hole_direction.swapaxes(0, 1)
-    features.sign[part] = sign.T
+    ratio = volume * inverse.take(on_edge, axis=0)
+    enters = (inverse > 0.0).take(on_edge, axis=0)
+    enters ^= ~forth
+    leaves = crossing & ~enters
+    enters &= crossing
+    largest = volume[0, :0]
+    if separations:
+        cosine = _dots(faces.hole_directions, edges)
+        scale = 1.0 / np.sqrt(np.maximum(1.0 - cosine * cosine, 1e-12))
+        volume *= scale.take(on_edge, axis=0)
+        volume *= np.where(forth, 1.0, -1.0)
+        volume += FAR_M
+        volume *= crossing
+        largest = volume.max(axis=0) - FAR_M
+    return _bounds(ratio, enters, leaves, largest), forth

@@ -48,8 +48,8 @@ class FaceRows:
 class EdgeRows:
     """Edge pairs whose arcs may cross: at most K for each of Q pairs, all (K, Q), repeats for fewer.
 
-    peg_line, hole_line: which edge; hole_direction: which distinct direction the hole's edge has; hole_a, hole_b, peg_a,
-    peg_b: the distinct normals of the faces beside either edge.
+    peg_line, hole_line: which edge; hole_direction: which distinct direction the hole's edge has; hole_a, hole_b,
+    peg_a, peg_b: the distinct normals of the faces beside either edge.
     """
 
     peg_line: Index
@@ -63,10 +63,10 @@ class EdgeRows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureNames:
-    """What the rows stand for. A row k of the K rows of a pair counts hole faces first, then peg faces, then edge pairs.
+    """What the rows stand for. The K rows of a pair are hole faces first, then peg faces, then edge pairs.
 
-    first (K, Q): number of a row's first name; its corner's place in the support is added to it. group (K, Q): which of
-    the supports (the peg's, then the hole's, then one for edges). Names: kind (M,), vectors (M, 12): peg point, peg
+    first (K, Q): number of a row's first name; its corner's place in the support is added to it. group (K, Q): which
+    of the supports (the peg's, then the hole's, then one for edges). Names: kind (M,), vectors (M, 12): peg point, peg
     direction, hole point, hole direction.
     """
 
@@ -154,9 +154,7 @@ class _Catalogue:
 
     @classmethod
     def of(cls, pieces: tuple[Polyhedron, ...], kept: tuple[NDArray[np.bool_], ...]) -> _Catalogue:
-        lines = [
-            np.flatnonzero(used[solid.edge_faces].all(axis=1)) for solid, used in zip(pieces, kept, strict=True)
-        ]
+        lines = [np.flatnonzero(used[solid.edge_faces].all(axis=1)) for solid, used in zip(pieces, kept, strict=True)]
         along = [solid.edge_directions[line] for solid, line in zip(pieces, lines, strict=True)]
         points = [solid.corners_m[solid.edges[line, 0]] for solid, line in zip(pieces, lines, strict=True)]
         return cls(
@@ -208,9 +206,6 @@ def _faces(
                 pairs[pair].append(len(faces))
                 of_group[pair].append(groups[normal, x])
             faces.append((normal, float(owner.offsets_m[face]), point))
-    # Which face a row is, is the same whatever it is held against.
-    numbers = {id(face): index for index, face in enumerate(faces)}
-    assert len(numbers) == len(faces)
     row, group = _stacked(pairs), _stacked(of_group)
     return (
         FaceRows(group, np.array([face[0] for face in faces])[row], np.array([face[1] for face in faces])[row]),

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
 from services.inference.mechanics.minkowski import MinkowskiFaces
 from services.inference.mechanics.polyhedron import Polyhedron
@@ -42,8 +42,8 @@ class PairTables:
 
     peg: tuple[Polyhedron, ...]
     hole: tuple[Polyhedron, ...]
-    peg_faces: tuple[Array, ...]
-    hole_faces: tuple[Array, ...]
+    peg_faces: tuple[NDArray[np.bool_], ...]
+    hole_faces: tuple[NDArray[np.bool_], ...]
     _by_cone: dict[float, MinkowskiFaces] = field(default_factory=dict)
 
     @classmethod
@@ -56,10 +56,10 @@ class PairTables:
         pegs = tuple(Polyhedron.of(piece) for piece in peg.pieces())
         holes = tuple(Polyhedron.of(piece) for piece in hole.pieces())
 
-        def inward(solid: Polyhedron) -> Array:
-            on_side = np.abs(np.abs(solid.corners_m[:, :2]) - plate) < ON_SIDE_M
-            side = [bool(on_side[solid.on_face[:, f]].all(axis=0).any()) for f in range(len(solid.normals))]
-            return np.asarray(~np.array(side) & (solid.normals[:, 2] < 0.5))
+        def inward(solid: Polyhedron) -> NDArray[np.bool_]:
+            side = np.abs(solid.offsets_m - plate) < ON_SIDE_M
+            side &= np.abs(solid.normals[:, :2]).max(axis=1) > 1.0 - 1e-9
+            return np.asarray(~side & (solid.normals[:, 2] < 0.5))
 
         return cls(
             pegs, holes, tuple(solid.normals[:, 2] > -0.5 for solid in pegs), tuple(inward(solid) for solid in holes)
@@ -73,7 +73,5 @@ class PairTables:
     def faces_within(self, cone_rad: float) -> MinkowskiFaces:
         """The faces of the pieces' Minkowski differences while the peg is turned by at most cone_rad from the hole."""
         if cone_rad not in self._by_cone:
-            self._by_cone[cone_rad] = MinkowskiFaces.of(
-                self.peg, self.hole, self.peg_faces, self.hole_faces, cone_rad
-            )
+            self._by_cone[cone_rad] = MinkowskiFaces.of(self.peg, self.hole, self.peg_faces, self.hole_faces, cone_rad)
         return self._by_cone[cone_rad]

@@ -54,9 +54,7 @@ class Polyhedron:
                 forth = float(np.cross(normals[b], normals[a]) @ (corners[second] - corners[first])) > 0.0
                 edges.append((first, second))
                 edge_faces.append((a, b) if forth else (b, a))
-        return cls(
-            corners, normals, piece.offsets_m[proper], np.array(edges), np.array(edge_faces), on_face
-        )
+        return cls(corners, normals, piece.offsets_m[proper], np.array(edges), np.array(edge_faces), on_face)
 
     @property
     def edge_directions(self) -> Array:
@@ -93,7 +91,7 @@ def arc_point_angle(one: Array, other: Array, point: Array) -> Array:
     beside = (dot(np.cross(pole, one), point) >= 0.0) & (dot(np.cross(other, pole), point) >= 0.0)
     to_circle = np.arcsin(np.clip(np.abs(dot(pole, point)), 0.0, 1.0))
     to_ends = np.arccos(np.clip(np.maximum(dot(one, point), dot(other, point)), -1.0, 1.0))
-    return np.where(beside, to_circle, to_ends)
+    return np.asarray(np.where(beside, to_circle, to_ends))
 
 
 def arc_arc_angle(a: Array, b: Array, c: Array, d: Array) -> Array:
@@ -106,11 +104,9 @@ def arc_arc_angle(a: Array, b: Array, c: Array, d: Array) -> Array:
     def dot(x: Array, y: Array) -> Array:
         return np.asarray(np.einsum("...i,...i->...", x, y))
 
-    crossing = (
-        (dot(ab, c) * dot(ab, d) < 0.0) & (dot(cd, a) * dot(cd, b) < 0.0) & (dot(ab, c) * dot(cd, b) > 0.0)
-    )
+    crossing = (dot(ab, c) * dot(ab, d) < 0.0) & (dot(cd, a) * dot(cd, b) < 0.0) & (dot(ab, c) * dot(cd, b) > 0.0)
     ends = np.minimum(
         np.minimum(arc_point_angle(a, b, c), arc_point_angle(a, b, d)),
         np.minimum(arc_point_angle(c, d, a), arc_point_angle(c, d, b)),
     )
-    return np.where(crossing, 0.0, ends)
+    return np.asarray(np.where(crossing, 0.0, ends))

@@ -27,15 +27,16 @@ class Optimiser(str, Enum):
 class TrainingSettings:
     """As printed by default: 150 hidden neurons, MSE 1e-3 on outputs scaled to 0..1, at most 1000 epochs.
 
-    patience: epochs without a better validation error after which training stops (MATLAB's max_fail is 6; plain
-    gradient descent wavers longer). lr: traingdx's and Adam's first rate, their own default when None; batch: Adam's.
+    patience: epochs without a better validation error after which training stops; when None 6, MATLAB's max_fail, for
+    lm and 60 for the others, whose steps are small. lr: traingdx's and Adam's first rate, their own default when None;
+    batch: Adam's.
     """
 
     optimiser: Optimiser = Optimiser.TRAINGDX
     hidden: int = HIDDEN_NEURONS
     epochs: int = 1000
     goal: float = 1e-3
-    patience: int = 60
+    patience: int | None = None
     lr: float | None = None
     batch: int = 256
 
@@ -95,6 +96,7 @@ def train(
         nguyen_widrow(network.layers)
     data = network.scaled(training.wrench, training.angles_rad)
     held = None if validation is None else network.scaled(validation.wrench, validation.angles_rad)
+    patience = settings.patience or (6 if settings.optimiser is Optimiser.LM else 60)
     epoch_step = _stepper(network.layers, data, settings, seed)
 
     def check() -> float | None:
@@ -122,7 +124,7 @@ def train(
         if not goes_on:
             stopped = "no step helps"
             break
-        if epoch - best >= settings.patience:
+        if epoch - best >= patience:
             stopped = "validation"
             break
     if held is not None:

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import Strategy
-from services.operator.bench.conditions import DEFAULT_PEG
+from services.operator.bench.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, TrialsStopped
@@ -22,10 +22,10 @@ from services.operator.stack import cell_session
 from services.operator.statistics import BenchResult, summarise
 
 
-def figures_table(result: BenchResult) -> Table:
+def figures_table(result: BenchResult, condition: str = "") -> Table:
     """The distribution of each figure, and the failures."""
     table = Table(
-        title=f"{result.strategy}: {result.inserted} of {result.trials} inserted "
+        title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
         f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), seeds from {result.seed}"
     )
     table.add_column("figure")
@@ -59,6 +59,10 @@ def assembly(
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
     peg: Annotated[str, typer.Option(help="The peg's name, or its drawing's file.")] = DEFAULT_PEG,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Another setting of the cell's file: hardware.simulated.friction_coefficient=0.2"),
+    ] = None,
     record: Annotated[bool, typer.Option(help="Keep a recording of every trial, done anew for it.")] = False,
     cells: Cells = None,
     executor: Where = ExecutorName.LOCAL,
@@ -72,7 +76,8 @@ def assembly(
     """Assemble with each of N seeds, in cells side by side, and print the distribution of what came out."""
     console = Console(stderr=True)
     with told(console):
-        jobs = [TrialJob(seed=seed + index, strategy=strategy, peg=peg) for index in range(trials)]
+        condition = condition_of(settings or ())
+        jobs = [TrialJob(seed=seed + index, strategy=strategy, condition=condition, peg=peg) for index in range(trials)]
         if running:
             done, ended = _on_the_running_stack(console, jobs, record)
         else:
@@ -86,6 +91,6 @@ def assembly(
                 json.dump(result.model_dump(), sys.stdout, indent=1)
                 print()
             else:
-                Console().print(figures_table(result))
+                Console().print(figures_table(result, " ".join(settings or ())))
         if ended is not None:
             raise ended

@@ -22,6 +22,7 @@ from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, run_trials
 from services.operator.scoring import TrialFigures
 
+FILE_WIDTH = 170
 POOR = {"lateral_m": 0.001, "depth_m": 0.001, "rotation_rad": 0.0524}
 
 
@@ -34,8 +35,8 @@ class Vision(str, Enum):
 
 
 CONDITIONS = {
-    Vision.GOOD: Condition(),
-    Vision.POOR: Condition(name="poor vision", overrides={"vision": {"extra_noise": POOR}}),
+    Vision.GOOD: Condition(name="good vision"),
+    Vision.POOR: Condition(name="poor vision: off by 1 mm, 3° an axis", overrides={"vision": {"extra_noise": POOR}}),
     Vision.OFF: Condition(name="no vision", overrides={"vision": {"enabled": False}}),
 }
 # in the order of the table: from blind to informed
@@ -113,6 +114,7 @@ def _show(comparison: Comparison, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(comparison.model_dump_json(indent=1) + "\n")
         return
-    out = Console()
+    # a file is wide enough for every column
+    out = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
     for condition in comparison.conditions:
         out.print(compare_table(comparison, condition.name))

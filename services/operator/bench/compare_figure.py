@@ -15,6 +15,7 @@ from services.operator.scoring import TrialFigures
 
 COLOURS = ("#3b6ea5", "#d08a2e", "#8a8a8a", "#4f8f5b", "#a14d6e")
 SUFFIXES = (".png", ".svg", ".pdf")
+TICKS_S = (5.0, 10.0, 20.0, 50.0, 100.0)
 BAND = 0.8  # of a row's height
 
 
@@ -58,8 +59,9 @@ def draw(comparison: Comparison) -> Figure:
         axes.grid(axis="x", color="#dddddd", linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
-    time_s.xaxis.set_major_formatter("{x:g}")
+    time_s.set_xticks(TICKS_S, [f"{tick:g}" for tick in TICKS_S], minor=False)
     time_s.xaxis.set_minor_formatter("")
+    force_n.set_xlim(left=0.0)
     success.set_yticks(range(len(strategies)), [strategy.replace("_", " ") for strategy in strategies])
     success.set_ylim(len(strategies) - 0.5, -0.5)
     trials = max(row.all.trials for row in comparison.rows)

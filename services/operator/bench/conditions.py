@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -37,6 +37,27 @@ def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, A
         else:
             result[name] = copy.deepcopy(value)
     return result
+
+
+def condition_of(settings: Sequence[str]) -> Condition:
+    """A condition from settings as a person types them: section.name.name=value, the value in YAML.
+
+    Raises ConfigError for one that is none.
+    """
+    overrides: dict[str, Any] = {}
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        names = path.split(".")
+        if not equals or len(names) < 2 or not all(names):
+            raise ConfigError(f"--set {setting}: want section.name=value, such as cell.hole.clearance_m=0.0002")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise ConfigError(f"--set {setting}: {text!r} is not a value in YAML") from None
+        for name in reversed(names):
+            value = {name: value}
+        overrides = merged(overrides, value)
+    return Condition(name=" ".join(settings) or "default", overrides=overrides)
 
 
 def peg_overrides(peg: str) -> dict[str, Any]:

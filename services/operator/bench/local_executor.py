@@ -23,8 +23,11 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _serve(connection: Connection, index: int) -> None:
+def _serve(connection: Connection, index: int, core: int | None) -> None:
     """The worker's process: do what comes until the pipe closes."""
+    if core is not None and hasattr(os, "sched_setaffinity"):
+        # the stack that it starts inherits this
+        os.sched_setaffinity(0, {core})
 
     def on_term(number: int, frame: FrameType | None) -> None:
         raise SystemExit(0)
@@ -49,7 +52,8 @@ def _serve(connection: Connection, index: int) -> None:
 class LocalExecutor:
     """Implements Executor with processes of this machine."""
 
-    def __init__(self, cells: int) -> None:
+    def __init__(self, cells: int, one_core_each: bool = False) -> None:
+        self._cores = sorted(os.sched_getaffinity(0)) if one_core_each and hasattr(os, "sched_getaffinity") else []
         self._context = multiprocessing.get_context("spawn")
         self._workers: list[tuple[BaseProcess, Connection]] = [self._start(index) for index in range(cells)]
 
@@ -60,7 +64,8 @@ class LocalExecutor:
 
     def _start(self, index: int) -> tuple[BaseProcess, Connection]:
         ours, theirs = self._context.Pipe()
-        process = self._context.Process(target=_serve, args=(theirs, index), name=f"cell-{index}", daemon=True)
+        core = self._cores[index % len(self._cores)] if self._cores else None
+        process = self._context.Process(target=_serve, args=(theirs, index, core), name=f"cell-{index}", daemon=True)
         process.start()
         theirs.close()
         return process, ours

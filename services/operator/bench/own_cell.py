@@ -110,7 +110,7 @@ class OwnCell:
         start_stack(self._request, True, START_DEADLINE_S)
         self._session = session = Session()
         session.wait_for_services(START_DEADLINE_S, self._task.services)
-        if session.speed() != "max":
+        if "hardware" in self._task.services and session.speed() != "max":
             raise NoService("hardware: the cell came up in real time, wanted max")
         if self._task.calibrate:
             session.reset(ResetCell(seed=CALIBRATION_SEED))

@@ -50,13 +50,16 @@ class Watcher(Protocol):
         """A cell has done a task, or lost it; `again`: it will be tried once more."""
 
 
-def open_executor(name: ExecutorName, cells: int | None, tasks: int, ray_address: str | None = None) -> Executor:
-    """The executor; never more cells than tasks. Without `cells`, one a core. Raises ConfigError."""
+def open_executor(
+    name: ExecutorName, cells: int | None, tasks: int, ray_address: str | None = None, one_core_each: bool = False
+) -> Executor:
+    """The executor; never more cells than tasks. Without `cells`, one a core. With `one_core_each` a local cell never
+    leaves its core (Ray minds its own cores). Raises ConfigError."""
     if name is ExecutorName.RAY:
         return RayExecutor(None if cells is None else max(1, min(cells, tasks)), ray_address)
     if ray_address is not None:
         raise ConfigError("--ray-address: only with --executor ray")
-    return LocalExecutor(max(1, min(cells or usable_cores(), tasks)))
+    return LocalExecutor(max(1, min(cells or usable_cores(), tasks)), one_core_each)
 
 
 class _Queue:

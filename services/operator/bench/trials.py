@@ -96,11 +96,13 @@ def run_trials(
     record: bool = False,
     on_done: Callable[[TrialJob, TrialFigures], object] = lambda job, figures: None,
     progress: CellsProgress | None = None,
+    one_core_each: bool = False,
 ) -> list[TrialFigures]:
     """The figures of all jobs, in their order. Jobs that the store has are not done again (but for recorded ones).
 
-    `cells`: how many side by side, one a core when None. `on_done` is called for each new trial as it ends. Raises
-    TrialsEnded when a trial was lost twice, after all others are done; TrialsStopped on Ctrl-C; ConfigError.
+    `cells`: how many side by side, one a core when None; with `one_core_each` a local cell never leaves its core.
+    `on_done` is called for each new trial as it ends. Raises TrialsEnded when a trial was lost twice, after all others
+    are done; TrialsStopped on Ctrl-C; ConfigError.
     """
     base, code = base_cell_text(), code_version()
     contents = [cell_content(base, job.condition, job.peg) for job in jobs]
@@ -129,7 +131,7 @@ def run_trials(
         return [done[index] for index in range(len(jobs))]
     tasks = [_task(jobs[index], contents[index], record) for index in left]
     try:
-        pool = open_executor(executor, cells, len(tasks), ray_address)
+        pool = open_executor(executor, cells, len(tasks), ray_address, one_core_each)
         try:
             with watcher:
                 lost = run_in_cells(tasks, pool, on_result, watcher)

@@ -22,8 +22,8 @@ from services.operator.contact_states.labels import TrueState, label_contacts
 from services.operator.contact_states.plan import RANDOM, STATE_NAMES, Plan, lateral_stiffness_n_m, load_or_make, make_plan
 from services.operator.contact_states.pushing import NEEDED, PushResult, PushTask, make_pushes
 
-CHUNK = 12
-ROUNDS = 5
+CHUNK = 20
+ROUNDS = 7
 SPARE = 4.0
 
 
@@ -111,8 +111,8 @@ class Collection:
     def _key(self, stiffness: float, task: PushTask) -> str:
         return result_key({"cell": self._content[stiffness], "task": task.model_dump(mode="json")})
 
-    def _next(self) -> list[tuple[float, PushTask]]:
-        """What to push now: for each stiffness as many of each state as are short of its share of the wanted."""
+    def _next(self, part: float) -> list[tuple[float, PushTask]]:
+        """What to push now: for each stiffness as many of each state as are short of this part of its share."""
         made: Counter[tuple[float, str]] = Counter()
         total: Counter[str] = Counter()
         for contact in self.contacts():
@@ -123,11 +123,15 @@ class Collection:
         for stiffness, task in self._all():
             if self._store.get(self._key(stiffness, task)) is not None:
                 continue
-            short = self._quota() - made[stiffness, task.target]
-            if task.target == RANDOM or (taken[stiffness, task.target] < short and total[task.target] < self._wanted.each):
+            if task.target == RANDOM:
+                due = task.index < part * self._wanted.random
+            else:
+                short = np.ceil(part * self._quota()) - made[stiffness, task.target]
+                due = taken[stiffness, task.target] < short and total[task.target] < self._wanted.each
+            if due:
                 taken[stiffness, task.target] += 1
                 todo.append((stiffness, task))
-        return todo or self._fill_up(total)
+        return todo if todo or part < 1.0 else self._fill_up(total)
 
     def _fill_up(self, total: Counter[str]) -> list[tuple[float, PushTask]]:
         """States that one stiffness cannot make often enough are made with the others."""
@@ -145,8 +149,10 @@ class Collection:
         """Push until every state has enough, in at most a few rounds. Returns what was lost, in words."""
         lost: list[str] = []
         for number in range(ROUNDS):
-            todo = self._next()
-            if not todo:
+            # half of all first, so that an early stop leaves something of everything
+            part = 0.5 if number == 0 else 1.0
+            todo = self._next(part)
+            if not todo and part == 1.0:
                 break
             lost += self._round(number, todo, cells, executor, ray_address)
         self._store.close()
@@ -156,6 +162,8 @@ class Collection:
         self, number: int, todo: list[tuple[float, PushTask]], cells: int | None, executor: ExecutorName,
         ray_address: str | None,
     ) -> list[str]:  # fmt: skip
+        if not todo:
+            return []
         chunks: list[tuple[float, tuple[PushTask, ...]]] = []
         for stiffness in self._plans:
             tasks = [task for at, task in todo if at == stiffness]

@@ -90,8 +90,8 @@ def make_plan(
 ) -> Plan:  # fmt: skip
     """`each` pushes for each state and `random` ones. workcell: with the joint stiffness of this plan.
 
-    Half of the draws come from the whole range, half are shrunk towards the centred peg by a factor drawn
-    log-uniformly, for only there do several arms touch; threes, the rarest, are also drawn near earlier threes.
+    Draws are shrunk towards the centred peg by a factor drawn log-uniformly, for only there do several arms touch;
+    threes, the rarest, are also drawn near earlier threes, turned to the state that is short.
     """
     rng = np.random.default_rng([seed, round(stiffness_n_mm)])
     peg = workcell.peg.shape()
@@ -106,19 +106,24 @@ def make_plan(
     share = dict.fromkeys((*STATE_NAMES, "none"), 0.0)
     for batch in range(MOST_BATCHES):
         # the first batch is the random one, and tells how often each state comes by itself
-        scale = np.exp(rng.uniform(np.log(0.003), 0.0, (BATCH, 1))) if batch % 2 else np.ones((BATCH, 1))
+        scale = np.exp(rng.uniform(np.log(0.003), 0.0, (BATCH, 1))) if batch else np.ones((BATCH, 1))
         angles = rng.uniform(-HALF_RANGE_RAD, HALF_RANGE_RAD, (BATCH, 3))
         lateral = rng.uniform(-HALF_RANGE_M, HALF_RANGE_M, (BATCH, 2)) * scale
         angles[:, 1:] *= scale
         if batch:
             yaw = angles[:, 0]
             angles[:, 0] = np.sign(yaw) * (LEAST_YAW_RAD + np.abs(yaw) * (1.0 - LEAST_YAW_RAD / HALF_RANGE_RAD))
-            threes = [push for name in STATE_NAMES if name[0] == "3" for push in found[name]]
-            if threes and batch % 2 == 0:
-                centre = rng.integers(0, len(threes), BATCH)
-                spread = rng.normal(0.0, 0.2, (BATCH, 5))
-                angles = np.array([push.angles_rad for push in threes])[centre] * (1.0 + spread[:, :3])
-                lateral = np.array([push.lateral_m for push in threes])[centre] * (1.0 + spread[:, 3:])
+            threes = [name for name in STATE_NAMES if name[0] == "3" and len(found[name]) < each]
+            known = [(name, push) for name in STATE_NAMES if name[0] == "3" for push in found[name]]
+            if threes and known and batch % 2 == 0:
+                near = [
+                    _turned(*known[index], threes[wish])
+                    for index, wish in zip(
+                        rng.integers(0, len(known), BATCH), rng.integers(0, len(threes), BATCH), strict=True
+                    )
+                ]
+                drawn = np.array(near) * (1.0 + rng.normal(0.0, 0.1, (BATCH, 5)))
+                angles, lateral = drawn[:, :3], drawn[:, 3:]
         aimed = pushed(angles, lateral, rng.uniform(*FORCE_N, BATCH))
         patterns = aimed.pattern()
         if batch == 0:
@@ -143,6 +148,22 @@ def make_plan(
     pushes = {name: tuple(rows) for name, rows in found.items()}
     pushes[RANDOM] = tuple(_push(drawn, index) for index in range(random))
     return Plan(stiffness_n_mm=stiffness_n_mm, seed=seed, pushes=pushes, share=share)
+
+
+def _turned(name: str, push: Push, wished: str) -> list[float]:
+    """The errors (alpha, beta, gamma, x, y) of a push mirrored and turned by quarters from one state to another.
+
+    Exact for small angles and an arm that is equally stiff all round: good enough to search near it.
+    """
+    alpha, beta, gamma = push.angles_rad
+    x, y = push.lateral_m
+    arm, sense, case = int(name[4]), name[2], int(wished[4])
+    if sense != wished[2]:
+        alpha, gamma, y = -alpha, -gamma, -y
+        arm = (1, 4, 3, 2)[arm - 1]
+    for _ in range((case - arm) % 4):
+        beta, gamma, x, y = gamma, -beta, -y, x
+    return [alpha, beta, gamma, x, y]
 
 
 def _push(aimed: AimedPushes, index: int) -> Push:

@@ -28,7 +28,7 @@ from services.operator.session import Session
 
 NEEDED = ("hardware", "force_torque", "planning")
 # placed this much short of where the geometry expects first contact, then further back when that overlaps
-SHORT_M = (0.0015, 0.004, 0.012)
+SHORT_M = (0.0008, 0.003, 0.012)
 SPEED_M_S = 0.006
 # Four arms wedged in a stiff wrist resist with 500 N/mm: a creep of 1 mm/s would double the force while it is observed.
 CREEP_M_S = 0.0002

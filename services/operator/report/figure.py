@@ -15,7 +15,7 @@ from crosspih_common.messages import Phase
 from services.operator.report.content import Content
 
 # stands for the page's own text colour, whichever theme it has; replaced after drawing
-_INK = "#010203"
+INK = "#010203"
 # readable on white and on near-black
 LINES = ("#d9534f", "#2f9e6e", "#4a7fd6")
 PHASE_COLOURS = {
@@ -30,17 +30,17 @@ PHASE_COLOURS = {
     Phase.BACKING_OFF: "#a0522d",
     Phase.DONE: "#6f9f3f",
 }
-_STYLE: dict[Any, Any] = {
+FIGURE_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "crosspih",
     "font.family": "sans-serif",
     "font.size": 9.5,
-    "text.color": _INK,
-    "axes.labelcolor": _INK,
-    "axes.edgecolor": _INK,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
     "axes.linewidth": 0.6,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
     "path.simplify": True,
     "path.simplify_threshold": 0.2,
     "lines.linewidth": 1.1,
@@ -52,7 +52,7 @@ def draw_figure(content: Content) -> Figure | None:
     if content.time_s.size == 0 and not content.spans:
         return None
     end_s = max([1e-3, *content.time_s.tolist()[-1:], *(span.end_s for span in content.spans)])
-    with rc_context(_STYLE):
+    with rc_context(FIGURE_STYLE):
         figure = Figure(figsize=(10.0, 6.2), layout="constrained")
         figure.patch.set_alpha(0.0)
         strip, force, moment = figure.subplots(3, 1, sharex=True, height_ratios=[0.22, 2.2, 1.8])
@@ -71,17 +71,17 @@ def draw_figure(content: Content) -> Figure | None:
                     )
                 magnitude = np.linalg.norm(content.wrench[:, first : first + 3], axis=1)
                 axes.plot(
-                    content.time_s, magnitude, color=_INK, linewidth=0.8, linestyle=(0, (4, 2)), label=f"|{symbol}|"
+                    content.time_s, magnitude, color=INK, linewidth=0.8, linestyle=(0, (4, 2)), label=f"|{symbol}|"
                 )
                 axes.legend(loc="upper left", ncols=4, frameon=False, handlelength=1.6, columnspacing=1.4)
                 # room for the legend above the curves
                 low, high = axes.get_ylim()
                 axes.set_ylim(low, high + 0.18 * (high - low))
-            axes.axhline(0.0, color=_INK, linewidth=0.4, alpha=0.5)
+            axes.axhline(0.0, color=INK, linewidth=0.4, alpha=0.5)
             axes.set_ylabel(f"contact {'force' if symbol == 'F' else 'moment'} / {unit}")
             axes.spines[["top", "right"]].set_visible(False)
             for entry in content.touches:
-                axes.axvline(entry.time_s, color=_INK, linewidth=0.8, linestyle=":")
+                axes.axvline(entry.time_s, color=INK, linewidth=0.8, linestyle=":")
         for label, time_s in _touch_labels(content, end_s):
             force.annotate(
                 label,
@@ -141,13 +141,16 @@ def _shade(axes: Axes, content: Content) -> None:
 def figure_svg(content: Content) -> str | None:
     """The figure as an `<svg>` element whose text takes the page's colour and font; None when nothing can be drawn."""
     figure = draw_figure(content)
-    if figure is None:
-        return None
+    return None if figure is None else inline_svg(figure)
+
+
+def inline_svg(figure: Figure) -> str:
+    """A figure drawn in FIGURE_STYLE as an `<svg>` element for a page: text in the page's own colour and font."""
     buffer = io.StringIO()
-    with rc_context(_STYLE):
+    with rc_context(FIGURE_STYLE):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    svg = text[text.index("<svg") :].replace(_INK, "currentColor")
+    svg = text[text.index("<svg") :].replace(INK, "currentColor")
     for pattern, instead in (
         (r"<metadata>.*?</metadata>", ""),
         # inside HTML an <svg> needs no namespaces: without them the page holds no address of any kind
@@ -161,4 +164,4 @@ def figure_svg(content: Content) -> str | None:
     return re.sub(r'(<svg\b[^>]*?) width="[^"]*"', r'\1 width="100%"', svg, count=1)
 
 
-__all__ = ["PHASE_COLOURS", "draw_figure", "figure_svg"]
+__all__ = ["FIGURE_STYLE", "INK", "LINES", "PHASE_COLOURS", "draw_figure", "figure_svg", "inline_svg"]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from crosspih_common.messages import PosePrior, Strategy
 from services.planning.run import Run
 from services.planning.strategies.admittance import admittance
+from services.planning.strategies.force_alone import force_alone
 from services.planning.strategies.fused import fused
 from services.planning.strategies.network_spiral import network_spiral
 from services.planning.strategies.paper import paper
@@ -18,6 +19,7 @@ from services.planning.strategies.vision_only import vision_only
 
 STRATEGIES: dict[Strategy, Callable[[Run], PosePrior]] = {
     Strategy.FUSED: fused,
+    Strategy.FORCE_ALONE: force_alone,
     Strategy.PAPER: paper,
     Strategy.STRAIGHT: straight,
     Strategy.VISION_ONLY: vision_only,

@@ -10,24 +10,34 @@ from crosspih_common.messages import (
     Failure,
     LocateMethod,
     NextTouch,
+    Phase,
     PosePrior,
 )
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
+from services.planning.strategies.force_alone import force_alone
+from services.planning.strategies.pushing import push_in
 from services.planning.strategies.steps import correct, locate, tell_estimate
 
 
 def fused(run: Run) -> PosePrior:
     """6-DoF vision, compliant push; where that does not enter: touch, fuse all touches, correct, push again."""
-    seen = locate(run, LocateMethod.RIM)
+    try:
+        seen = locate(run, LocateMethod.RIM)
+    except AssemblyFailed as unseen:
+        if unseen.failure is not Failure.NOT_SEEN or not run.config.feel_when_unseen:
+            raise
+        run.vision_refused = unseen.detail
+        return force_alone(run)
     prior = PosePrior(pose_base_hole=seen.pose_base_hole, covariance=seen.covariance)
     belief = prior
     explained = True
     run.approach(seen.pose_base_hole.pose())
     for attempt in range(run.config.max_attempts):
         run.attempt = attempt
-        if run.push(belief.pose_base_hole.pose()):
-            return belief
+        seated = push_in(run, belief)
+        if seated is not None:
+            return seated
         run.withdraw(belief.pose_base_hole.pose(), run.config.standoff_m)
         plan = run.ports.ask(
             NEXT_TOUCH,
@@ -55,4 +65,8 @@ def fused(run: Run) -> PosePrior:
             continue
         belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
         correct(run, estimate.pose_base_hole.pose())
-    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")
+    if not run.config.feel_when_unseen:
+        raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")
+    run.tell(Phase.TOUCHING, "what vision saw does not lead in: it is forgotten")
+    run.withdraw(run.workcell.hole_prior.pose_base_hole(), run.config.approach_m)
+    return force_alone(run)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import ADMITTANCE_MOVE, GUARDED_MOVE
@@ -22,7 +23,9 @@ from services.planning.run import Run
 
 SEARCH_SPEED_M_S = 0.01
 SEARCH_FORCE_N = 5.0
-SEARCH_DAMPING_N_S_M = 6000.0  # stiffer than in a push: the path is to be followed, not the friction
+# a wall met on the way stops the search at 10 N; the face's friction only makes its path a little smaller
+SEARCH_DAMPING_N_S_M = 1000.0
+SEARCH_YIELD_M_S = 0.02
 YIELDING_NM_S_RAD = 20.0
 HELD_NM_S_RAD = 1e6  # does not turn by itself
 DROP_M = 0.003  # deeper than where it touched by this much: it has found its way
@@ -45,26 +48,21 @@ def tip_depth_m(run: Run, pose_base_peg: Pose, pose_base_hole: Pose) -> float:
     return float(pose_base_hole.inverse().apply(tip)[2])
 
 
-def room_m(run: Run, tip_depth: float) -> float:
+def room_m(workcell: Workcell, tip_depth: float) -> float:
     """How far an aligned peg can move sideways, either way, with its tip that deep in the hole, m.
 
     On the face, and before it, this is what the tip has: the lateral error from which it drops in.
     """
-    shape = run.workcell.peg.shape()
-    hole = run.workcell.hole.shape(shape)
-    scale = float(np.max(np.abs(shape.outline_m(_at_rim_m(shape.tip_m, tip_depth, hole.chamfer_m))[:, :2])))
-    scale /= float(np.max(np.abs(shape.outline_m(shape.body_start_m)[:, :2])))
-    bore, body = _edge_distances_m(hole.inner_rim_m()), _edge_distances_m(shape.outline_m(shape.body_start_m))
-    return float(np.min(bore - scale * body))
+    peg = workcell.peg.shape()
+    hole = workcell.hole.shape(peg)
+    at_rim_m = peg.tip_m - max(tip_depth - hole.chamfer_m, 0.0)
+    bore, section = _edge_distances_m(hole.inner_rim_m()), _edge_distances_m(peg.outline_m(at_rim_m))
+    return float(np.min(bore - section))
 
 
-def _at_rim_m(tip_m: float, tip_depth: float, chamfer_m: float) -> float:
-    return tip_m - max(tip_depth - chamfer_m, 0.0)
-
-
-def _edge_distances_m(corners: Array) -> Array:
-    """How far each edge's line of an outline (n, 3) is from its centre, (n,), m."""
-    first = corners[:, :2]
+def _edge_distances_m(corners_m: Array) -> Array:
+    """How far the line of each edge of an outline (n, 3) is from its centre, (n,), m."""
+    first = corners_m[:, :2]
     along = np.roll(first, -1, axis=0) - first
     return np.asarray(np.abs(first[:, 0] * along[:, 1] - first[:, 1] * along[:, 0]) / np.linalg.norm(along, axis=1))
 
@@ -118,10 +116,11 @@ def search_push(
             travel_m=run.config.touch_clearance_m + DROP_M,
             axial_force_n=SEARCH_FORCE_N,
             lateral_damping_n_s_m=SEARCH_DAMPING_N_S_M,
+            lateral_speed_limit_m_s=SEARCH_YIELD_M_S,
             rotational_damping_nm_s_rad=YIELDING_NM_S_RAD if turn_yields else HELD_NM_S_RAD,
             centre_peg_m=(0.0, 0.0, run.workcell.peg.shape().tip_m - max(depth_m, 0.0)),
             timeout_s=SEARCH_S,
-            path=path(room_m(run, depth_m)) if callable(path) else path,
+            path=path(room_m(run.workcell, depth_m)) if callable(path) else path,
         ),
     )
     return _told(run, outcome, outcome.stop_reason is StopReason.SEATED)

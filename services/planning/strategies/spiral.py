@@ -15,7 +15,7 @@ from services.planning.run import Run
 from services.planning.strategies.moves import SEARCH_S, search_push
 from services.planning.strategies.start import begin
 
-SPEED_M_S = 0.012
+SPEED_M_S = 0.01
 SETTLE_S = 0.3  # to come back into contact before the path begins
 STEP_RAD = 0.25
 SDS = 3.0  # of the belief's lateral spread

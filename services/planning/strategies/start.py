@@ -21,6 +21,8 @@ FACE_TILT_SD_RAD = 5e-3
 # three corners of a square about the hole: beside any hole that a plate of this size has room for
 CORNERS = ((1.0, 1.0), (-1.0, 1.0), (0.0, -1.4))
 EDGE_M = 0.004  # from the tip to the plate's edge, at least
+FACE_SPEED_M_S = 0.005  # the face is hard
+SPARE_M = 0.003
 
 
 def begin(run: Run, method: LocateMethod = LocateMethod.RIM) -> PosePrior:
@@ -41,11 +43,18 @@ def _by_the_face(run: Run) -> PosePrior:
     hole = run.workcell.hole.shape(peg)
     tip_radius_m = float(np.linalg.norm(peg.outline_m(peg.tip_m)[:, :2], axis=1).max())
     beside_m = hole.plate_half_size_m - float(half_ranges[0]) - tip_radius_m - EDGE_M
-    margin_m = float(half_ranges[2] + half_ranges[3] * np.sqrt(2.0) * beside_m)
+    slope = float(np.sqrt(2.0) * half_ranges[3])
     run.tell(Phase.TOUCHING, "without a picture: three touches of the face give its depth and tilt")
-    spots = [nominal @ Pose.from_translation([beside_m * x, beside_m * y, -margin_m]) for x, y in CORNERS]
-    run.approach(spots[0])
-    points = [_touch_the_face(run, spot) for spot in spots]
+    points: list[Array] = []
+    for x, y in CORNERS:
+        spot = np.array([beside_m * x, beside_m * y, -half_ranges[2] - slope * beside_m])
+        if points:
+            # the last one says how deep the face is, but for its tilt
+            last = nominal.inverse().apply(points[-1])
+            spot[2] = last[2] - slope * np.linalg.norm(last[:2] - spot[:2]) - SPARE_M
+        else:
+            run.approach(nominal @ Pose.from_translation(spot))
+        points.append(_touch_the_face(run, nominal @ Pose.from_translation(spot)))
     pose = on_the_face(nominal, np.array(points))
     run.believed = pose
     variances = half_ranges**2 / 3.0
@@ -60,7 +69,7 @@ def _touch_the_face(run: Run, spot: Pose) -> Array:
     tip_m = run.workcell.peg.shape().tip_m
     for further_m in (0.0, 0.8 * run.config.touch_travel_m):
         start = spot @ Pose.from_translation([0.0, 0.0, further_m - tip_m])
-        touch = run.touch(start, spot.rotation[:, 2], run.config.touch_speed_m_s, run.config.touch_threshold_n)
+        touch = run.touch(start, spot.rotation[:, 2], FACE_SPEED_M_S, run.config.touch_threshold_n)
         if touch is not None:
             return touch.pose_base_peg.pose().apply(where_the_tip_touches(touch, tip_m))
     raise AssemblyFailed(Failure.NOT_SEEN, "the plate was neither seen nor felt")

@@ -1,0 +1,125 @@
+"""`crosspih results`: run what is missing, then write the page."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from crosspih_common.errors import ConfigError, CrosspihError
+from services.operator.bench.local_executor import usable_cores
+from services.operator.bench.options import Cells, RayAddress, Where
+from services.operator.bench.pool import ExecutorName
+from services.operator.bench.source import code_version
+from services.operator.results.page import duration, make_page
+from services.operator.results.plan import PLAN, Entry, arguments, load_plan
+from services.operator.results.printed import Printed, PrintedFolder
+
+WIDTH = 118
+
+
+def _run(command: str) -> tuple[int, str]:
+    """Run a command, its standard error as it comes; its status and its standard output."""
+    environment = {**os.environ, "COLUMNS": str(WIDTH)}
+    with subprocess.Popen(arguments(command), stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        try:
+            text = process.stdout.read()
+        except KeyboardInterrupt:
+            # Ctrl-C reached it too: it stops its cells and says how far it came
+            process.wait()
+            raise
+        return process.wait(), text
+
+
+def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path) -> Printed:
+    started = time.monotonic()
+    # where its cells are has no say in what comes out, so it is no part of the command that the page shows
+    status, text = _run(shlex.join([*shlex.split(command), *where]))
+    elapsed_s = time.monotonic() - started
+    if status == 0 and entry.has_json:
+        status, content = _run(shlex.join([*shlex.split(command), *where, "--json"]))
+        json_path.parent.mkdir(parents=True, exist_ok=True)
+        json_path.write_text(content, encoding="utf-8")
+    return Printed(
+        name=entry.name, command=command, code=code_version(), cores=usable_cores(), status=status,
+        elapsed_s=round(elapsed_s, 1), text=text,
+    )  # fmt: skip
+
+
+def _wanted(entries: list[Entry], names: list[str]) -> list[Entry]:
+    known = [entry.name for entry in entries]
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"{name}: no such result; want some of {', '.join(known)}")
+    return [entry for entry in entries if not names or entry.name in names]
+
+
+def results(
+    names: Annotated[list[str] | None, typer.Argument(help="Only these; all when none is named.")] = None,
+    plan: Annotated[Path, typer.Option(help="The list of commands.")] = PLAN,
+    page: Annotated[Path, typer.Option(help="Where the page goes; its pictures go beside it, in results/.")] = Path(
+        "docs/results.md"
+    ),
+    kept: Annotated[Path, typer.Option(help="Where what was printed is kept.")] = Path("results/printed"),
+    again: Annotated[bool, typer.Option("--again", help="Run them even if the code is the same as last time.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small runs, into results/quick: do all commands work?")
+    ] = False,
+    cells: Cells = None,
+    executor: Where = ExecutorName.LOCAL,
+    ray_address: RayAddress = None,
+    page_only: Annotated[bool, typer.Option("--page-only", help="Run nothing, only write the page.")] = False,
+) -> None:
+    """Make docs/results.md: run every command whose result is missing or of other code, and write down what it said."""
+    console = Console(stderr=True)
+    failed: list[str] = []
+    try:
+        entries = load_plan(plan)
+        chosen = _wanted(entries, names or [])
+        if quick:
+            page, kept = Path("results/quick/results.md"), Path("results/quick/printed")
+        folder, code = page.parent / "results", code_version()
+        folder.mkdir(parents=True, exist_ok=True)
+        shelf = PrintedFolder(kept)
+        where: tuple[str, ...] = () if cells is None else ("--cells", str(cells))
+        if executor is not ExecutorName.LOCAL:
+            where += ("--executor", executor.value)
+        if ray_address is not None:
+            where += ("--ray-address", ray_address)
+
+        def write() -> None:
+            printed = {entry.name: found for entry in entries if (found := shelf.get(entry.name)) is not None}
+            page.write_text(make_page(entries, printed, folder.as_posix(), code), encoding="utf-8")
+
+        write()
+        for entry in [] if page_only else chosen:
+            command = entry.shown(folder.as_posix(), tuple(entry.quick.split()) if quick else ())
+            before = shelf.get(entry.name)
+            same = before is not None and (before.command, before.code, before.status) == (command, code, 0)
+            if same and not again:
+                console.print(f"{entry.name}: known", highlight=False)
+                continue
+            console.print(f"{entry.name}: {command}", style="bold", markup=False, highlight=False, soft_wrap=True)
+            printed = _make(entry, command, where if entry.in_cells else (), folder / f"{entry.name}.json")
+            shelf.put(printed)
+            write()
+            if printed.status != 0:
+                failed.append(entry.name)
+            console.print(f"{entry.name}: {duration(printed.elapsed_s)}", highlight=False)
+    except CrosspihError as error:
+        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from here", highlight=False)
+        raise typer.Exit(130) from None
+    console.print(f"{page} is written", highlight=False)
+    if failed:
+        console.print(f"failed: {', '.join(failed)}", style="red", highlight=False)
+        raise typer.Exit(1)

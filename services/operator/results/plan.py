@@ -1,0 +1,65 @@
+"""The list of what docs/results.md shows: one entry a command. Adding a result is adding an entry to plan.yaml."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from crosspih_common.errors import ConfigError
+
+PLAN = Path(__file__).with_name("plan.yaml")
+
+
+class Entry(BaseModel):
+    """One section of the page."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$", description="its files are called so")
+    title: str
+    says: str = Field(default="", description="what to look for, above the command")
+    command: str = Field(description="crosspih ... or python -m ...; {out} is the folder for its pictures")
+    quick: str = Field(default="", description="options that --quick adds: a small run that only shows that it works")
+    in_cells: bool = Field(default=True, description="takes --cells, --executor, --ray-address")
+    has_json: bool = Field(default=True, description="can print --json; done in a second call, which finds all stored")
+
+    def shown(self, out: str, extra: tuple[str, ...] = ()) -> str:
+        """The command as a person types it."""
+        return shlex.join([*shlex.split(self.command.replace("{out}", out)), *extra])
+
+
+def arguments(command: str) -> list[str]:
+    """What to run for a command as a person types it. Raises ConfigError for one that is not of this project."""
+    words = shlex.split(command)
+    if words[:1] == ["crosspih"]:
+        return [sys.executable, "-m", "services.operator", *words[1:]]
+    if words[:2] == ["python", "-m"]:
+        return [sys.executable, *words[1:]]
+    raise ConfigError(f"command {command!r}: want it to begin with crosspih or python -m")
+
+
+def load_plan(path: Path = PLAN) -> list[Entry]:
+    """Read the list. Raises ConfigError naming the entry and the field."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(content, list):
+        raise ConfigError(f"{path}: wants a list of entries")
+    entries: list[Entry] = []
+    for number, item in enumerate(content):
+        try:
+            entry = Entry.model_validate(item)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise ConfigError(f"{path}: entry {number + 1}: {where}: {first['msg']}") from None
+        if any(entry.name == other.name for other in entries):
+            raise ConfigError(f"{path}: entry {number + 1}: the name {entry.name} is taken")
+        arguments(entry.command)
+        entries.append(entry)
+    return entries

@@ -1,0 +1,45 @@
+"""What each command printed, kept beside the store so that a stopped run goes on where it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+
+class Printed(BaseModel):
+    """The outcome of one entry."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    command: str
+    code: str
+    cores: int
+    status: int
+    elapsed_s: float
+    text: str
+
+
+class PrintedFolder:
+    """A JSON file an entry."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def _path(self, name: str) -> Path:
+        return self._folder / f"{name}.json"
+
+    def get(self, name: str) -> Printed | None:
+        """What the entry printed last, if it can be read."""
+        try:
+            return Printed.model_validate_json(self._path(name).read_text(encoding="utf-8"))
+        except (OSError, ValidationError):
+            return None
+
+    def put(self, printed: Printed) -> None:
+        """Keep it, as a whole or not at all."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        scratch = self._path(printed.name).with_suffix(".new")
+        scratch.write_text(printed.model_dump_json(indent=1), encoding="utf-8")
+        scratch.replace(self._path(printed.name))

@@ -1,0 +1,168 @@
+"""Which cell does what, what happens when one is lost, and that a trial is the same in every cell."""
+
+from __future__ import annotations
+
+import glob
+import os
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crosspih_common.errors import ConfigError, CrosspihError
+from services.operator.bench.local_executor import LocalExecutor
+from services.operator.bench.own_cell import CellTask
+from services.operator.bench.pool import TRIES, ExecutorName, open_executor, run_in_cells
+from services.operator.bench.progress import CellsProgress
+from services.operator.bench.ray_executor import RayExecutor
+from services.operator.bench.store import ResultStore
+from services.operator.bench.trials import WALL_FIGURES, TrialJob, run_trials
+from services.operator.bench.worker import Outcome
+from services.operator.session import Session
+
+SILENT = CellsProgress(None)
+
+
+class PlannedExecutor:
+    """Cells that answer at once: with the task's payload, or by being lost as often as the plan says."""
+
+    def __init__(self, cells: int, losses: dict[int, int]) -> None:
+        self.cells = cells
+        self._losses = dict(losses)
+        self._running: dict[int, CellTask] = {}
+        self.stacks = 0
+        self.last: dict[int, CellTask] = {}
+
+    def submit(self, cell: int, task: CellTask) -> None:
+        assert cell not in self._running, "a cell does one task at a time"
+        self._running[cell] = task
+        if not task.same_cell(self.last.get(cell)):
+            self.stacks += 1
+        self.last[cell] = task
+
+    def wait(self, busy: list[int], timeout_s: float) -> list[tuple[int, Outcome]]:
+        assert busy == sorted(self._running)
+        cell = busy[-1]
+        task = self._running.pop(cell)
+        if self._losses.get(task.payload, 0) > 0:
+            self._losses[task.payload] -= 1
+            return [(cell, Outcome(lost="its stack died"))]
+        return [(cell, Outcome(task.payload))]
+
+    def close(self) -> None: ...
+
+
+def _nothing(session: Session, payload: Any) -> Any:
+    return payload
+
+
+def _tasks(kinds: list[int]) -> list[CellTask]:
+    return [CellTask(f"{index}", {"cell": {"kind": kind}}, _nothing, index) for index, kind in enumerate(kinds)]
+
+
+@given(
+    st.lists(st.integers(0, 3), max_size=12),
+    st.integers(1, 4),
+    st.dictionaries(st.integers(0, 11), st.integers(1, 3), max_size=4),
+)
+def test_every_task_is_done_once_or_named_as_lost(kinds: list[int], cells: int, losses: dict[int, int]) -> None:
+    done: dict[int, Any] = {}
+
+    def on_result(index: int, result: Any) -> None:
+        assert index not in done
+        done[index] = result
+
+    lost = run_in_cells(_tasks(kinds), PlannedExecutor(cells, losses), on_result, SILENT)
+    expected = {index for index, times in losses.items() if times >= TRIES and index < len(kinds)}
+    assert set(lost) == expected
+    assert set(done) == set(range(len(kinds))) - expected
+    assert all(result == index for index, result in done.items())
+
+
+def test_a_cell_keeps_its_stack_as_long_as_it_can() -> None:
+    executor = PlannedExecutor(2, {})
+    run_in_cells(_tasks([0, 1, 0, 1, 0, 1, 0, 1]), executor, lambda index, result: None, SILENT)
+    # one for each kind, and one where a cell that has nothing left to do helps the other
+    assert executor.stacks <= 3
+
+
+def _pid(session: Session, payload: Any) -> int:
+    return os.getpid()
+
+
+def _die_once(session: Session, payload: str) -> str:
+    flag = Path(payload)
+    if not flag.exists():
+        flag.touch()
+        os._exit(3)
+    return session.cell.workcell.name
+
+
+def _refuse(session: Session, payload: Any) -> None:
+    raise CrosspihError("no such luck")
+
+
+def _bare(label: str, work: Any, payload: Any = None) -> CellTask:
+    """A task in a cell that is a router only: it is up within a second."""
+    return CellTask(label, {}, work, payload, services=(), calibrate=False)
+
+
+def test_a_worker_that_dies_is_replaced_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    before = set(glob.glob(f"{tempfile.gettempdir()}/crosspih-bench-*"))
+    executor = LocalExecutor(1)
+    found: dict[int, Any] = {}
+    try:
+        tasks = [
+            _bare("dies", _die_once, str(tmp_path / "flag")),
+            _bare("refuses", _refuse),
+            _bare("a", _pid),
+            _bare("b", _pid),
+        ]
+        lost = run_in_cells(tasks, executor, found.__setitem__, SILENT)
+    finally:
+        executor.close()
+    assert set(lost) == {1} and "no such luck" in lost[1]
+    assert found[0] == "bench-0"
+    assert found[2] == found[3] != os.getpid()
+    # the dead worker's stack is stopped by its lifeline
+    deadline = time.monotonic() + 20.0
+    while set(glob.glob(f"{tempfile.gettempdir()}/crosspih-bench-*")) - before and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not set(glob.glob(f"{tempfile.gettempdir()}/crosspih-bench-*")) - before
+
+
+def test_a_trial_is_the_same_in_every_cell_and_is_not_done_again(tmp_path: Path) -> None:
+    """Two cells, each seed once in either, after another one and after none."""
+    jobs = [TrialJob(seed=seed) for seed in (1000, 1001, 1001, 1000)]
+    made: list[int] = []
+    with ResultStore(tmp_path / "trials.jsonl") as store:
+        figures = run_trials(jobs, cells=2, store=store, on_done=lambda job, done: made.append(job.seed))
+    assert sorted(made) == [1000, 1000, 1001, 1001]
+    plain = [one.model_dump(exclude=set(WALL_FIGURES)) for one in figures]
+    assert plain[0] == plain[3] and plain[1] == plain[2] and plain[0] != plain[1]
+    assert all(one.inserted for one in figures)
+    with ResultStore(tmp_path / "trials.jsonl") as store:
+        known = run_trials(jobs, cells=2, store=store, on_done=lambda job, done: pytest.fail("done again"))
+    assert [one.model_dump(exclude=set(WALL_FIGURES)) for one in known] == plain
+
+
+@pytest.mark.filterwarnings("ignore")  # of Ray's own
+def test_ray_does_the_same_tasks() -> None:
+    pytest.importorskip("ray")
+    executor = RayExecutor(1)
+    found: dict[int, Any] = {}
+    try:
+        lost = run_in_cells([_bare("a", _pid), _bare("b", _pid)], executor, found.__setitem__, SILENT)
+    finally:
+        executor.close()
+    assert not lost
+    assert found[0] == found[1] != os.getpid()
+
+
+def test_an_address_is_for_ray_only() -> None:
+    with pytest.raises(ConfigError, match="--ray-address"):
+        open_executor(ExecutorName.LOCAL, 1, 1, "auto")

@@ -1,0 +1,135 @@
+"""What a run keeps and finds again: conditions, the code's version, and the store."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crosspih_common.errors import ConfigError
+from services.operator.bench.conditions import Condition, cell_content, condition_of, merged
+from services.operator.bench.source import code_version, hash_sources
+from services.operator.bench.store import ResultStore, result_key
+from services.operator.bench.trials import TrialJob, trial_key
+
+NAMES = st.sampled_from(["a", "b", "c"])
+TREES = st.recursive(
+    st.dictionaries(NAMES, st.integers(0, 3), max_size=3), lambda inner: st.dictionaries(NAMES, inner, max_size=3)
+)
+
+
+def _leaves(tree: dict[str, Any], at: tuple[str, ...] = ()) -> dict[tuple[str, ...], Any]:
+    found: dict[tuple[str, ...], Any] = {}
+    for name, value in tree.items():
+        found |= _leaves(value, (*at, name)) if isinstance(value, dict) else {(*at, name): value}
+    return found
+
+
+@given(TREES, TREES)
+def test_overrides_win_and_all_else_stays(base: dict[str, Any], overrides: dict[str, Any]) -> None:
+    before = json.dumps(base)
+    result = merged(base, overrides)
+    assert json.dumps(base) == before
+    wanted, kept = _leaves(overrides), _leaves(result)
+    assert wanted.items() <= kept.items()
+    # nothing new but what was asked for
+    assert kept.keys() <= wanted.keys() | _leaves(base).keys()
+
+
+def test_settings_are_typed_as_in_the_cell_file() -> None:
+    condition = condition_of(["cell.hole.clearance_m=0.0002", "vision.enabled=false", "cell.name=b"])
+    assert condition.overrides == {
+        "cell": {"hole": {"clearance_m": 0.0002}, "name": "b"},
+        "vision": {"enabled": False},
+    }
+    assert condition_of([]) == Condition()
+
+
+@pytest.mark.parametrize("setting", ["clearance=1", "cell.hole.clearance_m", "cell..x=1", "cell.x=[1"])
+def test_a_setting_that_is_none_is_refused_by_name(setting: str) -> None:
+    with pytest.raises(ConfigError, match="--set"):
+        condition_of([setting])
+
+
+def test_an_empty_section_can_be_overridden() -> None:
+    content = cell_content("cell:\nvision:\n", condition_of(["vision.enabled=false"]))
+    assert content == {"cell": {}, "vision": {"enabled": False}}
+    with pytest.raises(ConfigError, match="mapping"):
+        cell_content("- a", Condition())
+
+
+def test_a_trial_is_the_same_whatever_its_cell_and_condition_are_called() -> None:
+    job = TrialJob(seed=1)
+    renamed = TrialJob(seed=1, condition=Condition(name="other"))
+    key = trial_key({"cell": {"name": "a"}}, job, "code")
+    assert key == trial_key({"cell": {"name": "b"}}, renamed, "code")
+    assert key != trial_key({"cell": {"name": "a"}}, TrialJob(seed=2), "code")
+    assert key != trial_key({"cell": {"name": "a", "flange_to_ft_m": 0.07}}, job, "code")
+    assert key != trial_key({"cell": {"name": "a"}}, job, "other code")
+
+
+def test_what_was_put_is_there_for_the_next_run(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "trials.jsonl"
+    key, other = result_key({"seed": 1}), result_key({"seed": 2})
+    with ResultStore(path) as store:
+        assert store.get(key) is None and len(store) == 0
+        store.put(key, {"x": 0.1}, note="for people")
+        store.put(other, {"x": 0.2})
+        store.put(key, {"x": 0.3})
+        # another reader sees it at once: nothing waits for the end of the run
+        assert ResultStore(path).get(key) == {"x": 0.3}
+    with ResultStore(path) as store:
+        assert store.get(key) == {"x": 0.3} and store.get(other) == {"x": 0.2} and len(store) == 2
+
+
+@given(st.integers(min_value=0, max_value=60))
+def test_a_line_that_a_kill_cut_short_costs_that_line_only(tmp_path_factory: pytest.TempPathFactory, kept: int) -> None:
+    path = tmp_path_factory.mktemp("store") / "trials.jsonl"
+    with ResultStore(path) as store:
+        store.put("first", {"x": 1})
+        whole = len(path.read_bytes())
+        store.put("second", {"x": 2})
+    path.write_bytes(path.read_bytes()[: whole + kept])
+    with ResultStore(path) as store:
+        assert store.get("first") == {"x": 1}
+        store.put("third", {"x": 3})
+    again = ResultStore(path)
+    assert again.get("first") == {"x": 1} and again.get("third") == {"x": 3}
+
+
+def test_a_store_that_cannot_be_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--store"):
+        ResultStore(tmp_path).put("key", {})
+
+
+def _tree(root: Path, code: str) -> Path:
+    for folder in ("crosspih_common", "services/hardware", "services/operator"):
+        (root / folder).mkdir(parents=True, exist_ok=True)
+    (root / "crosspih_common/a.py").write_text(code, encoding="utf-8")
+    for name in ("scoring", "session", "show"):
+        (root / f"services/operator/{name}.py").write_text("x = 1\n", encoding="utf-8")
+    return root
+
+
+def test_the_code_version_is_of_what_the_code_does(tmp_path: Path) -> None:
+    version = hash_sources(_tree(tmp_path, 'def f():\n    """One."""\n    return 1\n'))
+    assert version == hash_sources(_tree(tmp_path, 'def f():\n    """Two."""\n\n    return 1  # why\n'))
+    (tmp_path / "services/operator/show.py").write_text("x = 2\n", encoding="utf-8")
+    assert version == hash_sources(tmp_path)
+    (tmp_path / "services/operator/scoring.py").write_text("x = 2\n", encoding="utf-8")
+    assert version != hash_sources(tmp_path)
+    assert version != hash_sources(_tree(tmp_path, "def f():\n    return 2\n"))
+
+
+def test_weights_count_as_code(tmp_path: Path) -> None:
+    version = hash_sources(_tree(tmp_path, "x = 1\n"))
+    (tmp_path / "services/hardware/net.safetensors").write_bytes(b"1")
+    assert version != hash_sources(tmp_path)
+
+
+def test_this_code_has_a_version() -> None:
+    assert len(code_version()) == 16
