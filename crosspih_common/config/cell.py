@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from crosspih_common.config.section import Section
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
+from crosspih_common.shapes.importing import FILE_SUFFIXES
 
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
 
@@ -46,6 +47,15 @@ class CellFile:
             raise _explain(self.path, service, error) from None
 
 
+def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
+    """The cell's section, its peg's drawing looked for from the folder of the cell's file."""
+    peg = cell.get("peg")
+    outline = peg.get("outline") if isinstance(peg, dict) else None
+    if not isinstance(outline, str) or Path(outline).suffix.lower() not in FILE_SUFFIXES:
+        return cell
+    return {**cell, "peg": {**peg, "outline": str(path.parent / outline)}}
+
+
 def load_cell(path: str | Path) -> CellFile:
     """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
     path = Path(path)
@@ -66,7 +76,7 @@ def load_cell(path: str | Path) -> CellFile:
         if section is not None and not isinstance(section, dict):
             raise ConfigError(f"{path}: {name}: wants a mapping, got {type(section).__name__}")
     try:
-        workcell = Workcell.model_validate(content.get("cell") or {})
+        workcell = Workcell.model_validate(_outline_beside(path, content.get("cell") or {}))
     except ValidationError as error:
         raise _explain(path, "cell", error) from None
     return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

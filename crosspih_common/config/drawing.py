@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from crosspih_common.config.section import Section
+from crosspih_common.errors import ConfigError
 from crosspih_common.shapes import CrossPeg, Hole, Outline, Peg
 from crosspih_common.shapes.importing import FILE_SUFFIXES, outline_from_file
 from crosspih_common.shapes.named import NAMED, Sizes, tapered, tip_scale_of
@@ -88,6 +90,22 @@ class HoleDrawing(Section):
     def shape(self, peg: Peg) -> Hole:
         """The hole around a peg."""
         return _hole(peg, self.clearance_m, self.chamfer_m)
+
+
+def peg_section(peg: str) -> dict[str, Any]:
+    """What the section `cell.peg` of a cell's file says to have a peg by its name, or by the SVG or DXF file of its
+    outline; the outline's corners are written out, so that no other machine needs the file. Raises ConfigError.
+    """
+    try:
+        if Path(peg).suffix.lower() not in FILE_SUFFIXES:
+            return {"outline": PegDrawing(outline=peg).outline}
+        outline = outline_from_file(Path(peg))
+    except ValidationError as error:
+        raise ConfigError(f"--peg: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+    except ValueError as error:
+        raise ConfigError(f"--peg: {error}") from None
+    corners = [[round(float(value), 9) for value in corner] for corner in outline.corners_m]
+    return {"outline": outline.name, "corners_m": corners}
 
 
 @lru_cache(maxsize=64)

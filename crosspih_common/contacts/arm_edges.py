@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import wrench_of_force_at_point
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossHole, CrossPeg, Hole, Peg
 
 ARM_DIRECTIONS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 EDGES = 8
@@ -54,8 +54,10 @@ class ArmEdges:
     end_m: float
 
     @classmethod
-    def of(cls, peg: CrossPeg, hole: CrossHole) -> ArmEdges:
-        """From the two drawings."""
+    def of(cls, peg: Peg, hole: Hole) -> ArmEdges:
+        """From the two drawings. Raises ValueError unless both are crosses: the 26 states are theirs."""
+        if not isinstance(peg, CrossPeg) or not isinstance(hole, CrossHole):
+            raise ValueError(f"the 26 contact states are those of a cross, the peg is a {peg.outline.name}")
         tips, bodies = peg.taper_edges_m()
         directions = np.repeat(ARM_DIRECTIONS, 2, axis=0)
         turned = np.cross([0.0, 0.0, 1.0], directions) * np.tile([-1.0, 1.0], 4)[:, None]

@@ -101,7 +101,7 @@ class ContactRow(BaseModel):
 def _schema(origin: DatasetOrigin) -> Any:
     fields = []
     for name, (length, kind, doc) in CONTACT_COLUMNS.items():
-        value = {"int64": pa.int64(), "double": pa.float64(), "string": pa.string()}[kind]
+        value: Any = {"int64": pa.int64(), "double": pa.float64(), "string": pa.string()}[kind]
         fields.append(
             pa.field(name, value if length is None else pa.list_(value, length), metadata={b"doc": doc.encode()})
         )

@@ -6,7 +6,8 @@ from enum import Enum
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Frame, Message, PoseData
+from crosspih_common.messages.base import Covariance6, Frame, Message, PoseData
+from crosspih_common.messages.estimate import PosePrior
 
 
 class Strategy(str, Enum):
@@ -23,6 +24,7 @@ class Strategy(str, Enum):
     ADMITTANCE = "admittance"  # vision, compliant pushes alone
     NETWORK_SPIRAL = "network_spiral"  # vision, the paper's network, and a spiral after each correction
     SEQUENCE = "sequence"  # vision, touches through a recurrent network to the pose
+    KNOWN_POSE = "known_pose"  # the hole's pose is told, from an assembly with another peg: a compliant push alone
 
 
 class Phase(str, Enum):
@@ -59,6 +61,7 @@ class Assemble(Message):
 
     strategy: Strategy = Strategy.FUSED
     assembly_id: str = ""
+    known: PosePrior | None = Field(default=None, description="where the hole is, for the strategy known_pose")
 
 
 class AbortAssembly(Message):
@@ -92,6 +95,7 @@ class AssemblyResult(Message):
     failure_detail: str = ""
     backed_off: bool
     pose_base_hole: PoseData | None
+    covariance: Covariance6 | None = Field(default=None, description="of T2, as in HoleEstimate; when inserted")
     pose_base_peg: PoseData | None
     vision_pose_base_hole: PoseData | None
     vision_refused: str = Field(default="", description="why vision did not see the hole, which was then felt for")

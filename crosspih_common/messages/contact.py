@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 from pydantic import Field
 
-from crosspih_common.messages.base import Message
+from crosspih_common.messages.base import Frame, Message, Vector6
+
+
+class ContactClassifier(str, Enum):
+    """How a contact state is judged."""
+
+    RULE = "rule"  # the paper's: signs, and n_z0 in its bands
+    LIKELIHOOD = "likelihood"  # by the mechanics: how likely each set of touching edges makes the wrench
 
 
 class ContactState(Message):
@@ -16,3 +25,21 @@ class ContactState(Message):
     n_z0: float = Field(description="|Fz| over |F|, signless as the paper prints it")
     confidence: float = Field(ge=0.0, le=1.0)
     reason: str = ""
+    classifier: ContactClassifier = ContactClassifier.RULE
+
+
+class ClassifyContacts(Message):
+    """Ask for the states of compensated wrenches, each with its standard deviations; without a classifier, by the
+    service's own.
+    """
+
+    frame: Frame = Frame.PEG
+    wrenches: tuple[Vector6, ...] = Field(min_length=1, max_length=1000)
+    wrench_sds: tuple[Vector6, ...]
+    classifier: ContactClassifier | None = None
+
+
+class ContactStates(Message):
+    """The states asked for, in the same order."""
+
+    states: tuple[ContactState, ...]

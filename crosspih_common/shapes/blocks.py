@@ -30,10 +30,11 @@ def plate_blocks(outline: Outline, chamfer_m: float, depth_m: float, half_size_m
     Raises ValueError when the outline has details finer than the chamfer.
     """
     plate = box(-half_size_m, -half_size_m, half_size_m, half_size_m)
+    outer = outline.grown(chamfer_m)
     openings = {back: Polygon(outline.grown(back).corners_m) for back in (0.0, chamfer_m / 2.0, chamfer_m)}
     walls: list[tuple[int, ...]] = []
     for edge in range(len(outline.corners_m)):
-        for chosen in _walls_of(outline, edge, plate):
+        for chosen in _walls_of(outline, outer, edge, plate):
             if chosen not in walls:
                 walls.append(chosen)
     regions = {back: [_region(plate, outline, chosen, back) for chosen in walls] for back in openings}
@@ -67,34 +68,43 @@ def _region(plate: Polygon, outline: Outline, walls: tuple[int, ...], back_m: fl
     return region
 
 
-def _walls_of(outline: Outline, edge: int, plate: Polygon) -> list[tuple[int, ...]]:
-    """For one edge: the edges whose lines bound its block; for an edge that has to be split, one tuple a part."""
-    start, end = outline.corners_m[edge], np.roll(outline.corners_m, -1, axis=0)[edge]
+def _walls_of(outline: Outline, outer: Outline, edge: int, plate: Polygon) -> list[tuple[int, ...]]:
+    """For one edge: the edges whose lines bound its block; for an edge that has to be split, one tuple a part.
+
+    `outer` is the outline on the plate's face.
+    """
+    rims = np.stack([outline.corners_m, outer.corners_m])
+    ends = np.stack([rims[:, edge], np.roll(rims, -1, axis=1)[:, edge]], axis=1)
     opening = Polygon(outline.corners_m)
 
-    def of(first: Array, last: Array, splits: int) -> list[tuple[int, ...]]:
-        chosen = _separating(outline, edge, np.array([first, last]), opening, plate)
+    def of(segments: Array, splits: int) -> list[tuple[int, ...]]:
+        chosen = _separating(outline, outer, edge, segments, opening, plate)
         if chosen is not None:
             return [chosen]
         if splits == 0:
             raise ValueError(
                 f"outline {outline.name}: no convex block fits behind edge {edge}; draw this detail coarser"
             )
-        middle = (first + last) / 2.0
-        return [*of(first, middle, splits - 1), *of(middle, last, splits - 1)]
+        middle = segments.mean(axis=1)
+        first, last = np.stack([segments[:, 0], middle], axis=1), np.stack([middle, segments[:, 1]], axis=1)
+        return [*of(first, splits - 1), *of(last, splits - 1)]
 
-    return of(start, end, SPLITS)
+    return of(ends, SPLITS)
 
 
 def _separating(
-    outline: Outline, edge: int, segment: Array, opening: Polygon, plate: Polygon
+    outline: Outline, outer: Outline, edge: int, segments: Array, opening: Polygon, plate: Polygon
 ) -> tuple[int, ...] | None:
-    """Edges, this one and others, in order, whose lines keep the opening out of the region behind them and the segment in it."""
-    in_front = segment @ outline.normals.T - outline.offsets_m
+    """Edges, this one and others, in order, whose lines keep the opening out of the region behind them and the
+    segments in it: (2, 2, 2), both ends on the bore's rim, then on the face's."""
+    in_front = [
+        np.all(ends @ outline.normals.T - rim.offsets_m >= -TOLERANCE_M, axis=0)
+        for ends, rim in zip(segments, (outline, outer), strict=True)
+    ]
     lines = np.column_stack([outline.normals, outline.offsets_m])
     # of edges on one line the first one stands for all
     same = np.argmax(np.max(np.abs(lines[:, None] - lines[None]), axis=-1) < TOLERANCE_M, axis=1)
-    usable = sorted({int(same[other]) for other in np.flatnonzero(np.all(in_front >= -TOLERANCE_M, axis=0))})
+    usable = sorted({int(same[other]) for other in np.flatnonzero(np.all(in_front, axis=0))})
     chosen = [int(same[edge])]
     region = plate & half_plane(_behind(outline, edge, 0.0))
     while sum(part.area for part in polygons(region & opening)) > LEAST_AREA_M2:

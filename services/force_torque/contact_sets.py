@@ -19,8 +19,10 @@ from crosspih_common.geometry.pose import Array
 from services.force_torque.contact_table import STATES
 
 SLOTS = 4
-UNKNOWNS = 7 + SLOTS
-RESIDUALS = 6 + SLOTS + 8 + UNKNOWNS
+POSE = 6  # alpha, beta, gamma, the first contact's place along its peg edge and along its rim, friction
+UNKNOWNS = POSE + SLOTS
+FELT, MET, CLEAR = 6, SLOTS - 1, 8
+RESIDUALS = FELT + MET + CLEAR + POSE + 1 + SLOTS
 Z = np.array([0.0, 0.0, 1.0])
 NO_STATE = -1
 
@@ -70,24 +72,24 @@ class FitScales:
     angle_rad: float = 0.06
     lateral_m: float = 0.003
     depth_m: float = 0.008
-    friction: float = 0.03
+    friction: float = 0.04
     log_force: float = 1.0
     gap_m: float = 2e-5
     force_floor_n: float = 0.02
     moment_floor_nm: float = 0.001
     share: float = 0.004
     coarse_share: float = 0.1
-    candidates: int = 24
+    candidates: int = 16
     first_looseness: float = 10.0
-    first_iterations: int = 5
-    finalists: int = 9
-    more_iterations: int = 5
+    first_iterations: int = 4
+    finalists: int = 8
+    more_iterations: int = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetFits:
     """For H subsets: cost (H,) the sum of squares at the best fit; evidence (H,) the log of the likelihood with the
-    unknowns integrated out (Laplace), up to a constant; unknowns (H, 11) in standard deviations about what is expected.
+    unknowns integrated out (Laplace), up to a constant; unknowns (H, 10) in standard deviations about what is expected.
     """
 
     sets: EdgeSets
@@ -112,7 +114,7 @@ class _Search:
         h = len(unknowns)
         return cls(
             unknowns, unknowns, np.full(h, np.inf), np.zeros((h, RESIDUALS)),
-            np.zeros((h, RESIDUALS, UNKNOWNS)), np.full(h, 0.1),
+            np.zeros((h, RESIDUALS, UNKNOWNS)), np.full(h, 1e-3),
         )  # fmt: skip
 
     def evidence(self) -> Array:
@@ -134,10 +136,11 @@ class SetModel:
     scales: FitScales = FitScales()
 
     def _spread(self) -> tuple[Array, Array]:
-        """Mean (7,) and standard deviation (7,) of alpha, beta, gamma, rim's x, y, z in the peg frame, friction."""
-        s = self.scales
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.0, self.rim_ahead_m, self.friction])
-        return mean, np.array([s.angle_rad] * 3 + [s.lateral_m] * 2 + [s.depth_m, max(s.friction, 1e-3)])
+        """Mean (6,) and scale (6,) of the unknowns of the pose."""
+        q = self.scales
+        along, out = 0.5 * float(self.edges.length_m.mean()), 0.5 * (self.edges.root_m + self.edges.end_m)
+        mean = np.array([0.0, 0.0, 0.0, along, out, self.friction])
+        return mean, np.array([q.angle_rad] * 3 + [q.depth_m, q.lateral_m, max(q.friction, 1e-3)])
 
     def wrench_sd(self, wrench: Array, sensor_sd: Array) -> Array:
         """(6,): the sensor's noise and the model's own."""
@@ -148,23 +151,41 @@ class SetModel:
         return np.asarray(np.sqrt(sensor_sd**2 + floor**2 + share**2))
 
     def _contacts(self, pose: Array, sets: EdgeSets) -> tuple[Array, Array]:
-        """Bases (H, 4, 6) and gap residuals (H, 12) at whitened poses and friction (H, 7)."""
+        """Bases (H, 4, 6) and the residuals (H, 18) of gaps and prior at whitened poses and friction (H, 6).
+
+        The first edge meets its rim by construction, so only the others' gaps are residuals.
+        """
         mean, spread = self._spread()
         x = mean + pose * spread
+        first = sets.edges[:, 0]
         rotation = _hole_peg(x[:, :3])
-        translation = -np.einsum("hij,hj->hi", rotation, x[:, 3:6])
-        translation[:, 2] += self.chamfer_m
+        point = self.edges.tip_m[first] + x[:, 3:4] * self.edges.along[first]
+        on_rim = self.edges.rim_m[first] + x[:, 4:5] * self.edges.outward[first]
+        translation = on_rim - np.einsum("hij,hj->hi", rotation, point)
         contact = self.edges.at(rotation, translation)
         rows = np.arange(len(x))[:, None]
         basis = self._bases(
-            contact.normal_peg[rows, sets.edges], contact.point_peg_m[rows, sets.edges], np.maximum(x[:, 6], 0.0),
+            contact.normal_peg[rows, sets.edges], contact.point_peg_m[rows, sets.edges], np.maximum(x[:, 5], 0.0),
             sets.used,
         )  # fmt: skip
         gap = contact.gap_m / self.scales.gap_m
-        touching = gap[rows, sets.edges] * sets.used
         free = np.ones(gap.shape, dtype=bool)
         np.put_along_axis(free, sets.edges, False, axis=1)
-        return basis, np.concatenate([touching, np.minimum(gap, 0.0) * free], axis=1)
+        centre = -translation
+        centre[:, 2] += self.chamfer_m
+        rim = np.einsum("hij,hi->hj", rotation, centre)
+        lateral, depth = self.scales.lateral_m, self.scales.depth_m
+        offset = (rim - [0.0, 0.0, self.rim_ahead_m]) / [lateral, lateral, depth]
+        return basis, np.concatenate(
+            [
+                (gap[rows, sets.edges] * sets.used)[:, 1:],
+                np.minimum(gap, 0.0) * free,
+                pose[:, :3],
+                offset,
+                pose[:, 5:],
+            ],
+            axis=1,
+        )
 
     def _bases(self, normal: Array, point: Array, friction: Array, used: NDArray[np.bool_]) -> Array:
         """Wrenches (H, 4, 6) of 1 N on each edge of a subset while the peg is driven along z and all of them slide."""
@@ -182,31 +203,21 @@ class SetModel:
         return np.concatenate([force, np.cross(point, force)], axis=-1) * used[..., None]
 
     def _start(self, sets: EdgeSets, wrench: Array, sd: Array) -> tuple[Array, Array]:
-        """Where the search begins (H, 11): turned by the subset's sense, the first edge at its rim, forces by least
+        """Where the search begins (H, 10): turned by the subset's sense, contacts halfway along, forces by least
         squares; and how far from the wrench that is (H,), in parts of the wrench's size.
         """
         start = np.zeros((len(sets.edges), UNKNOWNS))
         sense = np.where(sets.edges % 2 == 1, 1.0, -1.0)
         turn = np.where(sets.used, sense, 0.0).sum(axis=1) / sets.count
         start[:, 0] = 0.05 * turn / self.scales.angle_rad
-        _, spread = self._spread()
-        step = 1e-3
-        for _ in range(2):
-            # gaps are linear in the depth
-            _, here = self._contacts(start[:, :7], sets)
-            moved = start.copy()
-            moved[:, 5] += step
-            _, there = self._contacts(moved[:, :7], sets)
-            slope = (there[:, :SLOTS] - here[:, :SLOTS]) / step
-            start[:, 5] -= np.einsum("hk,hk->h", slope, here[:, :SLOTS]) / np.einsum("hk,hk->h", slope, slope)
-        basis, _ = self._contacts(start[:, :7], sets)
+        basis, _ = self._contacts(start[:, :POSE], sets)
         white = basis / sd
         square = np.einsum("hki,hli->hkl", white, white)
         size = np.einsum("hkk->h", square)
         square = square + (size[:, None] * np.where(sets.used, 1e-3, 1.0))[..., None] * np.eye(SLOTS)
         force = np.linalg.solve(square, np.einsum("hki,i->hk", white, wrench / sd)[..., None])[..., 0]
         whole = float(np.linalg.norm(wrench[:3]))
-        start[:, 7:] = np.log(np.clip(force / whole, 0.1, 3.0)) / self.scales.log_force * sets.used
+        start[:, POSE:] = np.log(np.clip(force / whole, 0.1, 3.0)) / self.scales.log_force * sets.used
         size = np.repeat([whole, float(np.linalg.norm(wrench[3:])) + 0.01 * whole], 3)
         miss = (np.einsum("hki,hk->hi", basis, np.maximum(force, 0.0)) - wrench) / (self.scales.coarse_share * size)
         return start, np.einsum("hi,hi->h", miss, miss) + 2.0 * sets.count
@@ -214,24 +225,30 @@ class SetModel:
     def _linearise(
         self, unknowns: Array, sets: EdgeSets, wrench: Array, sd: Array, looseness: float
     ) -> tuple[Array, Array]:
-        """Residuals (H, 29) in standard deviations, those of wrench and gaps made that many times smaller, and their
-        derivatives (H, 29, 11).
+        """Residuals (H, 28) in standard deviations, those of wrench and gaps made that many times smaller, and their
+        derivatives (H, 28, 10).
         """
         h = len(unknowns)
         step = 1e-3
-        tried = (unknowns[:, None, :7] + np.vstack([np.zeros(7), step * np.eye(7)])).reshape(-1, 7)
-        eight = EdgeSets(np.repeat(sets.edges, 8, 0), np.repeat(sets.used, 8, 0), np.repeat(sets.state, 8, 0))
-        basis, gaps = self._contacts(tried, eight)
+        tried = (unknowns[:, None, :POSE] + np.vstack([np.zeros(POSE), step * np.eye(POSE)])).reshape(-1, POSE)
+        times = POSE + 1
+        every = EdgeSets(
+            np.repeat(sets.edges, times, 0), np.repeat(sets.used, times, 0), np.repeat(sets.state, times, 0)
+        )
+        basis, others = self._contacts(tried, every)
         whole = float(np.linalg.norm(wrench[:3]))
-        force = whole * np.exp(np.clip(self.scales.log_force * unknowns[:, 7:], -8.0, 3.0)) * sets.used
-        white = basis.reshape(h, 8, SLOTS, 6) / sd
+        force = whole * np.exp(np.clip(self.scales.log_force * unknowns[:, POSE:], -8.0, 3.0)) * sets.used
+        white = basis.reshape(h, times, SLOTS, 6) / sd
         felt = np.einsum("hekr,hk->her", white, force) - wrench / sd
-        parts = np.concatenate([felt, gaps.reshape(h, 8, -1)], axis=2) / looseness
-        residual = np.concatenate([parts[:, 0], unknowns], axis=1)
+        parts = np.concatenate([felt, others.reshape(h, times, -1)], axis=2)
+        parts[:, :, : FELT + MET + CLEAR] /= looseness
+        residual = np.concatenate([parts[:, 0], unknowns[:, POSE:]], axis=1)
         jacobian = np.zeros((h, RESIDUALS, UNKNOWNS))
-        jacobian[:, : parts.shape[2], :7] = np.swapaxes((parts[:, 1:] - parts[:, :1]) / step, 1, 2)
-        jacobian[:, :6, 7:] = np.swapaxes(white[:, 0] * (self.scales.log_force / looseness * force)[..., None], 1, 2)
-        jacobian[:, parts.shape[2] :] = np.eye(UNKNOWNS)
+        jacobian[:, :-SLOTS, :POSE] = np.swapaxes((parts[:, 1:] - parts[:, :1]) / step, 1, 2)
+        jacobian[:, :FELT, POSE:] = np.swapaxes(
+            white[:, 0] * (self.scales.log_force / looseness * force)[..., None], 1, 2
+        )
+        jacobian[:, -SLOTS:, POSE:] = np.eye(SLOTS)
         return residual, jacobian
 
     def _search(
@@ -245,7 +262,7 @@ class SetModel:
             search.kept = np.where(better[:, None], search.unknowns, search.kept)
             search.residual = np.where(better[:, None], residual, search.residual)
             search.jacobian = np.where(better[:, None, None], jacobian, search.jacobian)
-            search.damping = np.where(better, np.maximum(0.2 * search.damping, 1e-6), 8.0 * search.damping)
+            search.damping = np.where(better, np.maximum(0.1 * search.damping, 1e-7), 10.0 * search.damping)
             information = np.einsum("hri,hrj->hij", search.jacobian, search.jacobian)
             lifted = information + (search.damping[:, None] * np.einsum("hii->hi", information))[..., None] * np.eye(
                 UNKNOWNS
@@ -253,7 +270,7 @@ class SetModel:
             downhill = np.einsum("hri,hr->hi", search.jacobian, search.residual)
             step = np.linalg.solve(lifted, downhill[..., None])[..., 0]
             longest = np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12)
-            search.unknowns = search.kept - step * np.minimum(1.0, 1.5 / longest)
+            search.unknowns = search.kept - step * np.minimum(1.0, 2.5 / longest)
 
     def fit(self, sets: EdgeSets, wrench: Array, sensor_sd: Array) -> SetFits:
         """The best subsets' fits to a wrench (6,) with the sensor's sd (6,): a few steps for those that come near it where

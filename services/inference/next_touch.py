@@ -8,7 +8,7 @@ import numpy as np
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossPeg
+from crosspih_common.shapes import Peg
 
 WIDE_LATERAL_SD_M = 5e-4
 WIDE_ROTATION_SD_RAD = 0.02
@@ -17,7 +17,7 @@ WIDE_ROTATION_SD_RAD = 0.02
 @dataclass(frozen=True, slots=True, eq=False)
 class TouchPlan:
     """Start of a guarded push: the peg's pose with its tip short of the rim, the unit direction in the base frame, and
-    which idea it is: "estimate" (aim at the estimate) or "arm 1" to "arm 4" (make that arm's edge touch first)."""
+    which idea it is: "estimate" (aim at the estimate) or "arm 1" and on (make that part of the outline touch first)."""
 
     pose_base_peg_start: Pose
     direction_base: Array
@@ -40,7 +40,7 @@ class ArmPattern:
 
 
 def next_touch(
-    peg: CrossPeg,
+    peg: Peg,
     pose_base_hole: Pose,
     covariance: Array,
     failed_pushes: int,
@@ -52,11 +52,9 @@ def next_touch(
     """The next touch, given the posterior (mean, covariance (6, 6)), how many pushes failed, and the touches so far.
 
     While the posterior is wide, fewer than two pushes have failed and the last touch could be explained: straight at
-    the
-    estimate, where the errors themselves decide what touches. Otherwise arm by arm, each time the one after the last,
-    so
-    that two touches in a row measure across one another; the turn changes its sense after every round. The tip starts
-    `standoff_m` and 2.5 sd of depth short of the rim.
+    the estimate, where the errors themselves decide what touches. Otherwise arm by arm, each time the one after the
+    last, so that two touches in a row measure across one another; the turn changes its sense after every round. The
+    tip starts `standoff_m` and 2.5 sd of depth short of the rim.
     """
     sd = np.sqrt(np.diag(covariance))
     wide = bool(sd[:2].max() > WIDE_LATERAL_SD_M or sd[3:].max() > WIDE_ROTATION_SD_RAD)
@@ -65,13 +63,27 @@ def next_touch(
     if wide and failed_pushes < 2 and last_touch_used:
         start = pose_base_hole @ Pose.from_translation([0.0, 0.0, -standoff_m - peg.tip_m])
         return TouchPlan(start, direction, "estimate")
-    pattern = pattern or ArmPattern()
+    arms = arms_of(peg)
+    sense = 1.0 if (touches_made // arms) % 2 == 0 else -1.0
+    return arm_touch(peg, pose_base_hole, covariance, touches_made % arms, sense, standoff_m, pattern or ArmPattern())
+
+
+def arms_of(peg: Peg) -> int:
+    """About how many directions a pattern goes round: one for each turn that brings the outline onto itself, three to
+    six of them; four where there are none or too many."""
+    order = peg.outline.symmetry_order
+    return order if 3 <= order <= 6 else 4
+
+
+def arm_touch(
+    peg: Peg, pose_base_hole: Pose, covariance: Array, arm: int, sense: float, standoff_m: float, pattern: ArmPattern
+) -> TouchPlan:
+    """The touch that lets one part of the outline, counted from +x, touch first, turned one way (1) or other (-1)."""
+    sd = np.sqrt(np.diag(covariance))
     # Wide of the mark, the shift must outweigh the error, within what the taper still catches.
     shift_m = min(pattern.shift_m + float(sd[:2].max()), pattern.largest_shift_m)
     turn_rad = min(pattern.turn_rad + float(sd[5]), pattern.largest_turn_rad)
-    arm = touches_made % 4
-    sense = 1.0 if (touches_made // 4) % 2 == 0 else -1.0
-    azimuth = arm * np.pi / 2
+    azimuth = arm * 2.0 * np.pi / arms_of(peg)
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     sideways = sense * np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     # A tilt about the rim, so that the shift stays what it says.
@@ -79,4 +91,4 @@ def next_touch(
     tilt = Pose.from_rotvec(pattern.tilt_rad * outward, np.zeros(3))
     offset = Pose.from_translation([*(shift_m * sideways)[:2], -standoff_m]) @ turn @ tilt
     start = pose_base_hole @ offset @ Pose.from_translation([0.0, 0.0, -peg.tip_m])
-    return TouchPlan(start, direction, f"arm {arm + 1}")
+    return TouchPlan(start, pose_base_hole.rotation[:, 2].copy(), f"arm {arm + 1}")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import AssemblyResult, SimulationTruth
+from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth
 from services.operator.challenge_score import challenge_score
 
 # a peg in its bore is off by its clearance; one that is off by more than this is deep, but not in the hole
@@ -27,11 +27,17 @@ class PoseError:
     tilt_deg: float
 
 
-def pose_error(estimate_base_hole: Pose, true_base_hole: Pose) -> PoseError:
-    """The error in the true hole's frame; rotation is up to the cross's own symmetry of 90 degrees."""
+def pose_error(estimate_base_hole: Pose, true_base_hole: Pose, symmetry_order: int = 4) -> PoseError:
+    """The error in the true hole's frame. Turns about the axis that bring the section onto itself do not count: by
+    quarters for the cross, none for a keyed round (1), any for a round (0)."""
     error = true_base_hole.inverse() @ estimate_base_hole
-    quarter_turns = Rotation.from_rotvec(np.outer(np.arange(4) * np.pi / 2, [0.0, 0.0, 1.0]))
-    angles = (Rotation.from_matrix(error.rotation) * quarter_turns).magnitude()
+    if symmetry_order == 0:
+        # the least rotation that brings one axis onto the other
+        angles = np.arccos(np.clip(error.rotation[2, 2], -1.0, 1.0))
+    else:
+        turns = np.arange(symmetry_order) * (2.0 * np.pi / symmetry_order)
+        same = Rotation.from_rotvec(np.outer(turns, [0.0, 0.0, 1.0]))
+        angles = (Rotation.from_matrix(error.rotation) * same).magnitude()
     return PoseError(
         lateral_mm=float(np.hypot(error.translation_m[0], error.translation_m[1])) * 1e3,
         depth_mm=float(error.translation_m[2]) * 1e3,
@@ -95,6 +101,7 @@ class TrialFigures(BaseModel):
     final_error_deg: float | None
     final_depth_mm: float | None
     insertion_depth_mm: float | None
+    found: PosePrior | None = None  # T2 with its covariance, for the assembly of another peg there
     recording: str | None
     report: str | None
 
@@ -107,10 +114,11 @@ def score(
     inserted, failure = result.inserted, result.failure.value if result.failure else None
     if truth is not None:
         true_hole = truth.pose_base_hole.pose()
+        order = workcell.peg.shape().outline.symmetry_order
         if result.vision_pose_base_hole is not None:
-            vision = pose_error(result.vision_pose_base_hole.pose(), true_hole)
+            vision = pose_error(result.vision_pose_base_hole.pose(), true_hole, order)
         if result.inserted and result.pose_base_hole is not None:
-            final = pose_error(result.pose_base_hole.pose(), true_hole)
+            final = pose_error(result.pose_base_hole.pose(), true_hole, order)
         depth_m = insertion_depth_m(workcell, truth.pose_base_peg.pose(), true_hole)
         if inserted and beside_m(workcell, truth.pose_base_peg.pose(), true_hole) > BESIDE_LEAST_M:
             inserted, failure = False, "beside_the_hole"
@@ -163,6 +171,13 @@ def score(
         final_error_deg=None if final is None else final.rotation_deg,
         final_depth_mm=None if final is None else final.depth_mm,
         insertion_depth_mm=None if depth_m is None else depth_m * 1e3,
+        found=_found(result) if inserted else None,
         recording=recording,
         report=None,
     )
+
+
+def _found(result: AssemblyResult) -> PosePrior | None:
+    if result.pose_base_hole is None or result.covariance is None:
+        return None
+    return PosePrior(pose_base_hole=result.pose_base_hole, covariance=result.covariance)

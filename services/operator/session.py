@@ -32,6 +32,7 @@ from crosspih_common.messages import (
     Event,
     FtCalibration,
     Phase,
+    PosePrior,
     ResetCell,
     SimulationTruth,
     StartRecording,
@@ -139,10 +140,12 @@ class Session:
         strategy: Strategy,
         record: bool,
         on_begin: Callable[[int], None] = lambda now_ns: None,
+        known: PosePrior | None = None,
     ) -> tuple[TrialFigures, AssemblyResult]:
         """One assembly, scored: reset (when simulated), record, assemble, stop recording.
 
-        `on_begin` is called with the cell's time when the assembly starts.
+        `on_begin` is called with the cell's time when the assembly starts. `known` is where the hole is, for the
+        strategy known_pose.
         """
         truth: SimulationTruth | None = None
         if seed is not None:
@@ -154,7 +157,8 @@ class Session:
         on_begin(self.bus.clock.now_ns())
         started = time.monotonic()
         try:
-            result = self.bus.call(ASSEMBLE, Assemble(strategy=strategy, assembly_id=name), ASSEMBLY_DEADLINE_S)
+            request = Assemble(strategy=strategy, assembly_id=name, known=known)
+            result = self.bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
         except KeyboardInterrupt:
             # the planner takes the peg out; the stack must live until it has
             began_ns = self.bus.clock.now_ns()

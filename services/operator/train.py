@@ -12,7 +12,7 @@ from rich.table import Table
 
 from services.operator.bench.options import told
 from services.operator.dataset.inference_process import run_tool
-from services.operator.training_report import PAPER_LEAVE_ONE_OUT_DEG, write_training_report
+from services.operator.training_report import write_training_report
 
 ANGLES = ("alpha", "beta", "gamma")
 
@@ -27,9 +27,9 @@ class Optimiser(str, Enum):
 
 
 def train(
-    data: Annotated[
-        Path, typer.Option(help="A data set that `crosspih dataset collect` or `synthesise` made.")
-    ] = Path("run/contacts"),
+    data: Annotated[Path, typer.Option(help="A data set that `crosspih dataset collect` or `synthesise` made.")] = Path(
+        "run/contacts"
+    ),
     paper_rows: Annotated[
         bool, typer.Option("--paper-rows", help="The paper's ten rows instead: in-sample, and each left out.")
     ] = False,
@@ -116,5 +116,9 @@ def _rows_table(result: dict[str, Any]) -> Table:
     ):  # fmt: skip
         pairs = zip(_cells(result[key]["rms_deg"]), _cells(result[key]["max_deg"]), strict=True)
         table.add_row(name, *(f"{rms} / {largest}" for rms, largest in pairs))
-    table.add_row("known for each by the others", *_cells(list(PAPER_LEAVE_ONE_OUT_DEG)))
+    least, most = (_cells(result[f"leave_one_out_rms_{name}_deg"]) for name in ("least", "most"))
+    table.add_row(
+        f"RMS of {result['leave_one_out_networks']} networks, least to most",
+        *(f"{low} to {high}" for low, high in zip(least, most, strict=True)),
+    )
     return table

@@ -50,6 +50,7 @@ class Finished:
 def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: Assemble) -> Finished:
     """Do one assembly. Never raises for what can happen to an assembly: it ends with a named failure instead."""
     run = Run(workcell, config, ports, request.assembly_id)
+    run.known = request.known
     try:
         run.dwell(0.05)
         run.home()
@@ -79,6 +80,8 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
         ),
     )
     found = seated
+    if run.known is not None:
+        return seated  # it was known better than the clearance before: nothing is to be felt
     for press_round in range(PRESS_ROUNDS):
         if press_round > 0:
             run.tell(Phase.SEATED, "the walls felt do not fit well: aligned with what they said, and once more")

@@ -33,6 +33,7 @@ from crosspih_common.messages import (
     MoveLinear,
     Phase,
     PoseData,
+    PosePrior,
     StopReason,
     Touch,
     floats,
@@ -87,6 +88,7 @@ class Run:
         self.vision_pose: Pose | None = None
         self.vision_refused = ""
         self.believed: Pose | None = None
+        self.known: PosePrior | None = None  # told with the request
 
     # ------------------------------------------------------------------------------------------------------- telling
 

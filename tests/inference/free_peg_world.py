@@ -17,7 +17,8 @@ from pybullet_utils import bullet_client
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import ConvexPiece, CrossHole, CrossPeg
+from crosspih_common.shapes import ConvexPiece
+from services.inference.mechanics.pairs import HoleShape, PegShape
 
 STEP_S = 0.001
 COLLISION_MARGIN_M = 1e-6
@@ -25,12 +26,24 @@ MASS_KG = 4.0
 INERTIA_KG_M2 = 0.02
 
 
+@dataclass(frozen=True)
+class EngineContact:
+    """One contact point in the hole frame: point (m), normal from hole to peg, normal force (N), friction on the peg
+    (N), velocity of the peg there (m/s)."""
+
+    point_m: Array
+    normal: Array
+    normal_n: float
+    friction_n: Array
+    velocity_m_s: Array
+
+
 @dataclass
 class FreePegWorld:
     """Peg and hole in one engine client. Stiffness: N/m in translation, Nm/rad in rotation, at the F/T origin."""
 
-    peg: CrossPeg
-    hole: CrossHole
+    peg: PegShape
+    hole: HoleShape
     friction_coefficient: float = 0.0
     stiffness_n_m: float = 1e5
     stiffness_nm_rad: float = 1e3
@@ -46,25 +59,26 @@ class FreePegWorld:
             restitutionVelocityThreshold=1e9,
         )
         self.hole_bodies = [self._static(piece) for piece in self.hole.pieces()]
-        bar_x, bar_y = (self._shape(piece) for piece in self.peg.pieces())
-        self._set_margin(bar_x)
-        self._set_margin(bar_y)
+        first, *others = [self._shape(piece) for piece in self.peg.pieces()]
+        for shape in (first, *others):
+            self._set_margin(shape)
+        links = len(others)
         self.body: int = self.client.createMultiBody(
             MASS_KG,
-            bar_x,
+            first,
             basePosition=[0, 0, -0.3],
-            linkMasses=[1e-6],
-            linkCollisionShapeIndices=[bar_y],
-            linkVisualShapeIndices=[-1],
-            linkPositions=[[0, 0, 0]],
-            linkOrientations=[[0, 0, 0, 1]],
-            linkInertialFramePositions=[[0, 0, 0]],
-            linkInertialFrameOrientations=[[0, 0, 0, 1]],
-            linkParentIndices=[0],
-            linkJointTypes=[pybullet.JOINT_FIXED],
-            linkJointAxis=[[0, 0, 1]],
+            linkMasses=[1e-6] * links,
+            linkCollisionShapeIndices=others,
+            linkVisualShapeIndices=[-1] * links,
+            linkPositions=[[0, 0, 0]] * links,
+            linkOrientations=[[0, 0, 0, 1]] * links,
+            linkInertialFramePositions=[[0, 0, 0]] * links,
+            linkInertialFrameOrientations=[[0, 0, 0, 1]] * links,
+            linkParentIndices=[0] * links,
+            linkJointTypes=[pybullet.JOINT_FIXED] * links,
+            linkJointAxis=[[0, 0, 1]] * links,
         )
-        for link in (-1, 0):
+        for link in range(-1, links):
             self.client.changeDynamics(self.body, link, lateralFriction=self.friction_coefficient)
             self.client.changeDynamics(
                 self.body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, restitution=0.0,
@@ -127,6 +141,19 @@ class FreePegWorld:
         self.client.applyExternalTorque(self.body, -1, moment.tolist(), pybullet.WORLD_FRAME)
         self.client.stepSimulation()
         return np.concatenate([force @ rotation, moment @ rotation])
+
+    def contacts(self) -> list[EngineContact]:
+        """The contact points that carry force, with the velocity of the peg there."""
+        position, _ = self.client.getBasePositionAndOrientation(self.body)
+        velocity, turning = self.client.getBaseVelocity(self.body)
+        found = []
+        for contact in self.client.getContactPoints(bodyA=self.body):
+            if contact[9] > 1e-6:
+                point, normal = np.array(contact[5]), np.array(contact[7])
+                friction = -contact[10] * np.array(contact[11]) - contact[12] * np.array(contact[13])
+                moving = np.array(velocity) + np.cross(turning, point - position)
+                found.append(EngineContact(point, normal, float(contact[9]), friction, np.asarray(moving)))
+        return found
 
     def contact_wrench_peg(self) -> Array:
         """The contact wrench (6,) on the peg in the peg frame, from the engine's contact points and frictions."""

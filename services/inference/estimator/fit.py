@@ -62,7 +62,7 @@ class FitState:
                 pick(other.trials.rotation, self.trials.rotation),
                 pick(other.trials.translation_m, self.trials.translation_m),
                 pick(other.trials.friction, self.trials.friction),
-                self.trials.slip_m,
+                self.trials.slip,
             ),
             pick(other.cost, self.cost),
             pick(other.touch_cost, self.touch_cost),

@@ -9,6 +9,7 @@ contact: the tip on the face and the taper on the chamfer are pairs of pieces li
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from services.inference.mechanics import (
 )
 
 NO_CONTACT_COST = 1e6
+SLIP_LEVER_M = 0.02  # over which an error of position shows as one of rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,17 +76,18 @@ class TouchBatch:
 class TrialPoses:
     """K trial poses of the hole in the base frame with a friction coefficient each: (K, 3, 3), (K, 3) m, (K,).
 
-    slip_m (K, T, 3): by how much the peg is moved, hole frame, when it is asked which features touch; None: not at all.
-    Where two features meet, an error of some hundredths of a millimetre decides which of them is felt.
+    slip (K, T, 6): a small motion of the peg (m, rad, hole frame); which features touch is asked with it and with its
+    opposite. Where two features are about to touch, an error of some hundredths of a millimetre decides between them,
+    and a line against a plane may press at both its ends. None: no such motion.
     """
 
     rotation: Array
     translation_m: Array
     friction: Array
-    slip_m: Array | None = None
+    slip: Array | None = None
 
     def __getitem__(self, index: Array | NDArray[np.int64] | slice) -> TrialPoses:
-        slip = None if self.slip_m is None else self.slip_m[index]
+        slip = None if self.slip is None else self.slip[index]
         return TrialPoses(self.rotation[index], self.translation_m[index], self.friction[index], slip)
 
     def moved(self, step: Array) -> TrialPoses:
@@ -93,25 +96,22 @@ class TrialPoses:
             self.rotation @ Rotation.from_rotvec(step[:, 3:6]).as_matrix(),
             self.translation_m + np.einsum("kij,kj->ki", self.rotation, step[:, :3]),
             np.clip(self.friction + step[:, 6], 0.0, 0.8),
-            self.slip_m,
+            self.slip,
         )
 
     def slipping(self, touches: int, sd_m: float, rng: np.random.Generator) -> TrialPoses:
-        """The same with slips drawn for the second half of them; the first half has none."""
-        slip = rng.normal(size=(len(self.friction), touches, 3)) * sd_m
-        slip[: len(slip) // 2] = 0.0
+        """The same with slips drawn for all of them."""
+        slip = rng.normal(size=(len(self.friction), touches, 6)) * np.repeat([sd_m, sd_m / SLIP_LEVER_M], 3)
         return TrialPoses(self.rotation, self.translation_m, self.friction, slip)
 
     @classmethod
     def joined(cls, parts: list[TrialPoses]) -> TrialPoses:
         """All of them in one; those without a slip have none only if all have none."""
-        slips = [part.slip_m for part in parts]
+        slips = [part.slip for part in parts]
         shape = next((slip.shape[1:] for slip in slips if slip is not None), None)
         filled = None
         if shape is not None:
-            filled = np.concatenate(
-                [np.zeros((len(p.friction), *shape)) if p.slip_m is None else p.slip_m for p in parts]
-            )
+            filled = np.concatenate([np.zeros((len(p.friction), *shape)) if p.slip is None else p.slip for p in parts])
         return cls(
             np.concatenate([part.rotation for part in parts]),
             np.concatenate([part.translation_m for part in parts]),
@@ -174,26 +174,22 @@ def choose_contacts(
     """The least-cost hypothesis for every trial pose and touch. wrench_sd (T, 6), gap_sd_m: the whitening to use."""
     k, t = len(trials.rotation), len(touches.wrench)
     rotation, translation, motion = relative_poses(trials, touches)
-    slipped = translation if trials.slip_m is None else translation + trials.slip_m
-    pairs = first_contacts(tables, rotation.reshape(-1, 3, 3), slipped.reshape(-1, 3), motion.reshape(-1, 3))
-    depth = np.minimum(np.where(np.isfinite(pairs.travel_m), pairs.separation_m, 0.0), 0.0)
-    others = ((depth / gap_sd_m) ** 2).sum(axis=-1).reshape(k, t)
+    found = []
+    for sign in (1.0,) if trials.slip is None else (1.0, -1.0):
+        turned, shifted, along = _slipped(trials, sign, rotation, translation, motion)
+        found.append(first_contacts(tables, turned, shifted, along))
     # Those that meet first, or are past it furthest, are the only ones that can press or overlap.
-    count = min(settings.candidates, pairs.travel_m.shape[1])
-    pair = np.argpartition(pairs.travel_m, count - 1, axis=-1)[:, :count]
-    pair.sort(axis=-1)
-    shape = (k, t, count)
-    source = pairs.features[np.arange(k * t)[:, None], pair]
-    features = ContactFeatures(
-        source.kind.reshape(shape),
-        source.peg_point_m.reshape(*shape, 3),
-        source.peg_direction.reshape(*shape, 3),
-        source.hole_point_m.reshape(*shape, 3),
-        source.hole_direction.reshape(*shape, 3),
-        source.sign.reshape(shape),
+    count = min(settings.candidates // len(found), found[0].travel_m.shape[1])
+    pair = np.concatenate(
+        [np.sort(np.argpartition(one.travel_m, count - 1, axis=-1)[:, :count], axis=-1) for one in found], axis=-1
     )
-    meets = np.isfinite(np.take_along_axis(pairs.travel_m, pair, axis=-1)).reshape(shape)
-    depth = np.take_along_axis(depth, pair, axis=-1).reshape(shape)
+    shape = (k, t, count * len(found))
+    features = _gathered([one.features for one in found], pair, count, shape)
+    meets = np.take_along_axis(np.isfinite(found[0].travel_m) | np.isfinite(found[-1].travel_m), pair, -1)
+    depth = np.minimum(np.maximum(found[0].separation_m, found[-1].separation_m), 0.0)
+    depth = np.where(np.isfinite(found[0].travel_m) | np.isfinite(found[-1].travel_m), depth, 0.0)
+    others = ((depth / gap_sd_m) ** 2).sum(axis=-1).reshape(k, t)
+    meets, depth = meets.reshape(shape), np.take_along_axis(depth, pair, axis=-1).reshape(shape)
     geometry = candidate_geometry(features, trials, touches)
     basis = contact_basis(geometry, trials, touches)
     # What a contact costs by itself: its gap, which then is no overlap.
@@ -209,6 +205,38 @@ def choose_contacts(
     at = np.where(pressing, columns, columns[..., :1])
     np.put_along_axis(overlapping, at, False, axis=-1)
     return ChosenContacts(features, columns, pressing, overlapping, cost + others, pair.reshape(shape))
+
+
+def _slipped(
+    trials: TrialPoses, sign: float, rotation: Array, translation: Array, motion: Array
+) -> tuple[Array, Array, Array]:
+    """Peg in hole (K T, 3, 3), (K T, 3) and motion (K T, 3) with the trials' slip one way (1) or the other (-1)."""
+    flat_r, flat_t = rotation.reshape(-1, 3, 3), translation.reshape(-1, 3)
+    if trials.slip is not None:
+        slip = sign * trials.slip.reshape(-1, 6)
+        turn = Rotation.from_rotvec(slip[:, 3:]).as_matrix()
+        flat_r, flat_t = turn @ flat_r, np.einsum("nij,nj->ni", turn, flat_t) + slip[:, :3]
+    return flat_r, flat_t, motion.reshape(-1, 3)
+
+
+def _gathered(
+    sources: list[ContactFeatures], pair: NDArray[np.int64], count: int, shape: tuple[int, int, int]
+) -> ContactFeatures:
+    """The features of the chosen pairs (N, count of each source), shaped (K, T, Q)."""
+    rows = np.arange(len(pair))[:, None]
+    parts = [source[rows, pair[:, i * count : (i + 1) * count]] for i, source in enumerate(sources)]
+
+    def joined(name: str, *more: int) -> Any:
+        return np.concatenate([getattr(part, name) for part in parts], axis=1).reshape(*shape, *more)
+
+    return ContactFeatures(
+        joined("kind"),
+        joined("peg_point_m", 3),
+        joined("peg_direction", 3),
+        joined("hole_point_m", 3),
+        joined("hole_direction", 3),
+        joined("sign"),
+    )
 
 
 def _normal_compliance(geometry: ContactGeometry, touches: TouchBatch) -> Array:

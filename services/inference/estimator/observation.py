@@ -92,7 +92,7 @@ class EstimatorSettings:
     samples: int = 240
     retries: int = 2
     contacts: int = 4
-    candidates: int = 10
+    candidates: int = 12
     draws: int = 160
     rounds: int = 5
     wanted_draws: float = 60.0

@@ -145,7 +145,7 @@ class _Sampler:
             own = self._mode_roots[mode] @ self._mode_roots[mode].T
             moved = best.moved(mean[None])
             self._centres.append(TrialPoses(moved.rotation, moved.translation_m, moved.friction))
-            self._roots.append(np.linalg.cholesky(_symmetric(spread + 0.1 * own))[None] * WIDENED)
+            self._roots.append(np.asarray(np.linalg.cholesky(_symmetric(spread + 0.1 * own))[None] * WIDENED))
             added.append(float(held[mode]))
         old = np.zeros(sum(len(root) for root in self._roots) - len(added))
         old[: len(self._mode_roots)] = 0.15 / len(self._mode_roots) + 0.15 * held
@@ -158,7 +158,7 @@ def _flattened(weight: Array) -> Array:
     power = 1.0
     while True:
         flat = np.asarray((weight / weight.max()) ** power)
-        flat = flat / flat.sum()
+        flat = np.asarray(flat / flat.sum())
         if power < 0.02 or 1.0 / np.sum(flat**2) >= min(25.0, 0.5 * len(weight)):
             return flat
         power *= 0.7

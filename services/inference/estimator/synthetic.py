@@ -16,9 +16,11 @@ from crosspih_common.geometry.pose import Array
 from services.inference.estimator.observation import TouchObservation
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 
-NEWTON_STEPS = 5
-SWEEPS = 120
+NEWTON_STEPS = 4
+SWEEPS = 60
 PRESSING_N = 0.05
+BISECTIONS = 5
+LARGEST_BEND_M = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,8 @@ def touch(
     noise: TouchNoise | None = None,
     push: GuardedPush | None = None,
 ) -> SyntheticTouch | None:
-    """A push along a unit direction from a start in free air; None when nothing is met within its limit."""
+    """A push along a unit direction from a start in free air; None when nothing is met within its
+    limit, or nothing that holds."""
     noise, push = noise or TouchNoise(), push or GuardedPush()
     into = pose_base_hole.inverse()
     start, direction = into @ pose_base_peg_start, into.rotate(direction_base)
@@ -76,19 +79,24 @@ def touch(
     )
     if not -0.001 < travel < push.limit_m:
         return None
-    commanded, wrench, contacts = start, np.zeros(6), 0
-    past = 2e-5
-    for _ in range(8):
-        commanded = Pose(start.rotation, start.translation_m + (travel + past) * direction)
-        wrench, contacts = settle(tables, commanded, direction, compliance_peg, friction)
-        reached = max(
-            float(np.linalg.norm(wrench[:3])) / push.force_n, float(np.linalg.norm(wrench[3:])) / push.moment_nm
-        )
-        if abs(reached - 1.0) < 0.03:
-            break
-        past = float(np.clip(past / max(reached, 0.2), past / 5.0, past * 5.0))
-    commanded = Pose(start.rotation, start.translation_m + (travel + past + push.creep_m) * direction)
-    wrench, contacts = settle(tables, commanded, direction, compliance_peg, friction)
+
+    def pushed(past_m: float) -> tuple[Pose, Array, int]:
+        at = Pose(start.rotation, start.translation_m + (travel + past_m) * direction)
+        return at, *settle(tables, at, direction, compliance_peg, friction)
+
+    def reached(past_m: float) -> float:
+        _, felt, _ = pushed(past_m)
+        return max(float(np.linalg.norm(felt[:3])) / push.force_n, float(np.linalg.norm(felt[3:])) / push.moment_nm)
+
+    low, high = 0.0, 1e-4
+    while reached(high) < 1.0:
+        low, high = high, 2.0 * high
+        if high > LARGEST_BEND_M:
+            return None
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if reached(middle) >= 1.0 else (middle, high)
+    commanded, wrench, contacts = pushed(high + push.creep_m)
     sd = np.repeat([noise.force_n, noise.moment_nm], 3)
     wild = rng.normal(size=6) * np.repeat([np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])], 3)
     measured = wrench + rng.normal(size=6) * sd + noise.wrench_share * wild

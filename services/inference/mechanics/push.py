@@ -146,7 +146,7 @@ class _State:
         most = self.forces.shape[1]
         near = self.surfaces.near(rotation, translation, 4.0 * stride_m[rows] + AHEAD_M, most)
         count = max(int(near.present.sum(axis=1).max(initial=0)), 1)
-        basis, points, normal = _basis(near, count, rotation, translation)
+        basis, points = _basis(near, count, rotation, translation)
         c = compliance[rows]
         moved = np.einsum("nij,nmkj->nmki", c, basis)
         delassus = np.einsum("nmka,npla->nmkpl", basis, moved)
@@ -191,8 +191,8 @@ class _State:
         )  # fmt: skip
 
 
-def _basis(near: NearContacts, count: int, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
-    """Wrenches (N, count, 3, 6) of 1 N along each contact's normal and two tangents; points and normals, peg frame."""
+def _basis(near: NearContacts, count: int, rotation: Array, translation: Array) -> tuple[Array, Array]:
+    """Wrenches (N, count, 3, 6) of 1 N along each contact's normal and two tangents; points, peg frame."""
     geometry = contact_geometry(near.features[:, :count], rotation[:, None], translation[:, None])
     normal = geometry.normal_peg
     # A tangent square to the axis that the normal is least along is never short.
@@ -202,4 +202,4 @@ def _basis(near: NearContacts, count: int, rotation: Array, translation: Array) 
     directions = np.stack([normal, first, np.cross(normal, first)], axis=-2)
     moments = np.cross(geometry.point_peg_m[..., None, :], directions)
     present = near.present[:, :count, None, None]
-    return np.concatenate([directions, moments], axis=-1) * present, geometry.point_peg_m, normal
+    return np.concatenate([directions, moments], axis=-1) * present, geometry.point_peg_m

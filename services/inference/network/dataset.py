@@ -29,7 +29,13 @@ class ContactDataset:
         n = len(self.wrench)
         if self.pose is None:
             object.__setattr__(self, "pose", np.arange(n))
-        shapes = (("wrench", (n, 6)), ("angles_rad", (n, 3)), ("translation_m", (n, 3)), ("state", (n,)), ("pose", (n,)))
+        shapes = (
+            ("wrench", (n, 6)),
+            ("angles_rad", (n, 3)),
+            ("translation_m", (n, 3)),
+            ("state", (n,)),
+            ("pose", (n,)),
+        )
         for name, shape in shapes:
             if np.shape(getattr(self, name)) != shape:
                 raise ValueError(f"ContactDataset.{name} wants shape {shape}, got {np.shape(getattr(self, name))}")

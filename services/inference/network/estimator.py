@@ -8,7 +8,7 @@ import numpy as np
 
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables
 from services.inference.mechanics.translation import solve_translation
 
@@ -25,7 +25,7 @@ class NetworkEstimator:
     weights: a safetensors file; empty: the shipped one. Raises `NetworkUnavailable` when it cannot be read.
     """
 
-    def __init__(self, weights: str, peg: CrossPeg, hole: CrossHole) -> None:
+    def __init__(self, weights: str, peg: Peg, hole: Hole) -> None:
         path = Path(weights) if weights else SHIPPED_WEIGHTS
         if not path.is_file():
             raise NetworkUnavailable(f"no network weights at {path}: train some, or name their file in `weights`")

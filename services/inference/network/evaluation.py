@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,15 +77,20 @@ def synthetic_floor(known: ContactDataset, asked: ContactDataset) -> dict[str, A
 
 
 def leave_one_out(
-    dataset: ContactDataset, seed: int, settings: TrainingSettings, on_left: Callable[[int], None] = lambda done: None
+    dataset: ContactDataset,
+    seeds: Sequence[int],
+    settings: TrainingSettings,
+    on_left: Callable[[int], None] = lambda done: None,
 ) -> tuple[Array, Array]:
-    """Every contact predicted by a network trained on all others: (predicted (n, 3), mean of the others (n, 3)), rad."""
-    predicted, means = np.empty((len(dataset), 3)), np.empty((len(dataset), 3))
+    """Every contact predicted by networks trained on all others, one from each of the S seeds: (predicted (S, n, 3),
+    mean of the others (n, 3)), rad."""
+    predicted, means = np.empty((len(seeds), len(dataset), 3)), np.empty((len(dataset), 3))
     for left in range(len(dataset)):
         others = dataset.rows(np.delete(np.arange(len(dataset)), left))
-        network, _ = train(others, seed, "leave one out", settings=settings)
-        predicted[left] = network.predict(dataset.wrench[left])
         means[left] = others.angles_rad.mean(axis=0)
+        for number, seed in enumerate(seeds):
+            network, _ = train(others, seed, "leave one out", settings=settings)
+            predicted[number, left] = network.predict(dataset.wrench[left])
         on_left(left + 1)
     return predicted, means
 

@@ -60,7 +60,7 @@ class LevenbergMarquardt:
         normal = torch.zeros(count, count, dtype=inputs.dtype)
         gradient = torch.zeros(count, dtype=inputs.dtype)
         total = 0.0
-        for x, t in zip(inputs.split(BLOCK), targets.split(BLOCK), strict=True):
+        for x, t in zip(torch.split(inputs, BLOCK), torch.split(targets, BLOCK), strict=True):
             active = torch.sigmoid(self._hidden(x))
             error = self._output(active) - t
             slope = active * (1.0 - active)

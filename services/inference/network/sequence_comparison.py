@@ -62,8 +62,8 @@ def compare(
     seed: int,
     tell: Callable[[str, int, int], None],
 ) -> dict[str, Any]:
-    """Errors after 1 to `touches` touches under each of PRIORS: median and p95, lateral (mm) and rotation (degrees), and
-    how often the 95 % region of each holds the truth."""
+    """Errors after 1 to `touches` touches under each of PRIORS: median and p95, lateral (mm) and rotation (degrees),
+    and how often the 95 % region of each holds the truth."""
     peg = cell.peg.shape()
     hole = cell.hole.shape(peg)
     network = SequenceNetwork.load(weights or SHIPPED_WEIGHTS, peg)
@@ -97,9 +97,7 @@ def compare(
 def _left(found: Array, truth: Array) -> Array:
     """What is left of the error (..., 6), as a right perturbation of what was found."""
     shape = np.broadcast_shapes(found.shape, truth.shape)
-    pairs = zip(
-        np.broadcast_to(found, shape).reshape(-1, 6), np.broadcast_to(truth, shape).reshape(-1, 6), strict=True
-    )
+    pairs = zip(np.broadcast_to(found, shape).reshape(-1, 6), np.broadcast_to(truth, shape).reshape(-1, 6), strict=True)
     rows = []
     for one, other in pairs:
         between = Pose.from_rotvec(one[3:], one[:3]).inverse() @ Pose.from_rotvec(other[3:], other[:3])

@@ -19,7 +19,7 @@ from safetensors.torch import save_file
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossPeg
+from crosspih_common.shapes import Peg
 from services.inference.network.sequence_data import SequenceDataset
 from services.inference.network.touch_features import (
     FEATURES,
@@ -82,7 +82,7 @@ class _Layers(torch.nn.Module):
 class SequenceNetwork:
     """Touch history to the hole's pose error and its covariance."""
 
-    peg: CrossPeg
+    peg: Peg
     record: SequenceRecord
     hidden: int = HIDDEN
     layers: _Layers = field(init=False)
@@ -117,7 +117,7 @@ class SequenceNetwork:
         save_file(tensors, str(path), metadata={"sequence_record": json.dumps(asdict(self.record))})
 
     @classmethod
-    def load(cls, path: Path, peg: CrossPeg) -> SequenceNetwork:
+    def load(cls, path: Path, peg: Peg) -> SequenceNetwork:
         """Read what `save` wrote; ValueError when the file is none of ours or was trained for another peg."""
         with safe_open(str(path), framework="pt") as file:
             metadata = file.metadata() or {}
@@ -136,7 +136,7 @@ class SequenceNetwork:
         return network
 
 
-def section_of(peg: CrossPeg) -> tuple[tuple[float, float], ...]:
+def section_of(peg: Peg) -> tuple[tuple[float, float], ...]:
     """The peg's section at the body and at the tip, by which a network knows its peg; m, to the micrometre."""
     corners = np.concatenate([peg.outline_m(z)[:, :2] for z in (peg.taper_start_m, peg.tip_m)])
     corners = np.round(np.vstack([corners, [peg.taper_start_m, peg.tip_m]]), 6) + 0.0
@@ -144,7 +144,7 @@ def section_of(peg: CrossPeg) -> tuple[tuple[float, float], ...]:
 
 
 def train_sequence_network(
-    peg: CrossPeg,
+    peg: Peg,
     dataset: SequenceDataset,
     seed: int,
     command: str,
@@ -158,9 +158,9 @@ def train_sequence_network(
     settings = settings or SequenceTraining()
     rng = np.random.default_rng(seed)
     order = rng.permutation(len(dataset))
-    held = max(int(round(settings.validation_share * len(dataset))), 1)
+    held = max(round(settings.validation_share * len(dataset)), 1)
     training, validation = dataset.rows(order[held:]), dataset.rows(order[:held])
-    touches = dataset.error.shape[0] and dataset.history.wrench.shape[1]
+    touches = dataset.history.wrench.shape[1]
     record = SequenceRecord(command, seed, dataset.sha256(), len(dataset), touches, 0, (), (), section_of(peg))
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -178,7 +178,7 @@ def train_sequence_network(
         features, target = _tensors(peg, _augmented(training, turns, rng))
         shuffled = torch.from_numpy(rng.permutation(len(training)))
         total = 0.0
-        for part in shuffled.split(settings.batch):
+        for part in torch.split(shuffled, settings.batch):
             optimiser.zero_grad()
             loss = _negative_log_likelihood(network.layers(features[part]), target[part])
             loss.backward()  # type: ignore[no-untyped-call]
@@ -208,7 +208,7 @@ def _augmented(dataset: SequenceDataset, turns: Array, rng: np.random.Generator)
     return SequenceDataset(dataset.history.turned(chosen), turn_pose_error(chosen, dataset.error))
 
 
-def _tensors(peg: CrossPeg, dataset: SequenceDataset) -> tuple[torch.Tensor, torch.Tensor]:
+def _tensors(peg: Peg, dataset: SequenceDataset) -> tuple[torch.Tensor, torch.Tensor]:
     """Features (N, K, F) and the error in units of the prior's sd, once for each touch (N, K, 6)."""
     features = touch_features(peg, dataset.history)
     target = (dataset.error / dataset.history.prior_sd).astype(np.float32)
@@ -217,7 +217,7 @@ def _tensors(peg: CrossPeg, dataset: SequenceDataset) -> tuple[torch.Tensor, tor
 
 def _split(output: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Mean (..., 6) and lower triangular precision factor L (..., 6, 6): the precision is L^T L."""
-    mean, log_diagonal, below = output.split((6, 6, 15), dim=-1)
+    mean, log_diagonal, below = torch.split(output, [6, 6, 15], dim=-1)
     # a smooth limit, so that no gradient dies
     middle, half = 0.5 * (LOG_LOW + LOG_HIGH), 0.5 * (LOG_HIGH - LOG_LOW)
     diagonal = torch.exp(middle + half * torch.tanh((log_diagonal - middle) / half))

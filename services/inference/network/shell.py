@@ -36,9 +36,7 @@ class SequenceShell:
     one. Friction is not told by the network: the reply carries what the cell's file expects.
     """
 
-    def __init__(
-        self, context: ServiceContext, weights: str, observation: Callable[[Touch], TouchObservation]
-    ) -> None:
+    def __init__(self, context: ServiceContext, weights: str, observation: Callable[[Touch], TouchObservation]) -> None:
         self._workcell: Workcell = context.cell.workcell
         self._path = Path(weights) if weights else SHIPPED_WEIGHTS
         self._observation = observation

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from crosspih_common.geometry import rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 from services.inference.network.dataset import ContactDataset
 
@@ -56,8 +56,8 @@ def pushed_until_contact(
 
 
 def single_contact_dataset(
-    peg: CrossPeg,
-    hole: CrossHole,
+    peg: Peg,
+    hole: Hole,
     count: int,
     rng: np.random.Generator,
     half_range_rad: float = 0.1,

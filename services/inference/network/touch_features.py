@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossPeg
+from crosspih_common.shapes import Peg
 
 # scales that bring the features to about one
 LATERAL_M, DEPTH_M, ANGLE_RAD, LEVER_M, FORCE_N, OFF_AXIS = 0.005, 0.01, 0.05, 0.02, 20.0, 0.1
@@ -58,10 +58,10 @@ def turn_pose_error(symmetry: Array, error: Array) -> Array:
 def turn_sd(symmetry: Array, sd: Array) -> Array:
     """Standard deviations (..., 6) after a symmetry (..., 3, 3); exact for those that are alike in x and y."""
     parts = [np.einsum("...ij,...j->...i", symmetry**2, part**2) for part in (sd[..., :3], sd[..., 3:])]
-    return np.sqrt(np.concatenate(parts, axis=-1))
+    return np.asarray(np.sqrt(np.concatenate(parts, axis=-1)))
 
 
-def symmetries(peg: CrossPeg) -> Array:
+def symmetries(peg: Peg) -> Array:
     """The turns and mirrors (S, 3, 3) about the peg's axis that leave its section as it is, the identity first.
 
     Of the turns by multiples of 90 and 60 degrees, and their mirrors.
@@ -77,7 +77,7 @@ def symmetries(peg: CrossPeg) -> Array:
     return np.array(kept)
 
 
-def touch_features(peg: CrossPeg, history: TouchHistory) -> Array:
+def touch_features(peg: Peg, history: TouchHistory) -> Array:
     """Features (..., K, FEATURES) of order one.
 
     The peg's place and turn in {P} at the middle of the taper, the force's direction in both frames, its lever about

@@ -172,7 +172,7 @@ def _stepper(
         return error.detach()
 
     def step() -> tuple[float, bool]:
-        optimiser.step(closure)  # type: ignore[arg-type]
+        optimiser.step(closure)
         return _error(layers, data), True
 
     return step
@@ -187,7 +187,7 @@ def _adam(
     generator = torch.Generator().manual_seed(seed)
 
     def step() -> tuple[float, bool]:
-        for part in torch.randperm(len(inputs), generator=generator).split(settings.batch):
+        for part in torch.split(torch.randperm(len(inputs), generator=generator), settings.batch):
             optimiser.zero_grad()
             torch.nn.functional.mse_loss(layers(inputs[part]), targets[part]).backward()  # type: ignore[no-untyped-call]
             optimiser.step()

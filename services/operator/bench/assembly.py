@@ -11,11 +11,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from crosspih_common.config.drawing import OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import Strategy
 from services.operator.bench.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
 from services.operator.bench.pool import ExecutorName
+from services.operator.bench.swap import Trials, Way, swapped
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, TrialsStopped
 from services.operator.scoring import TrialFigures
 from services.operator.stack import cell_session
@@ -58,7 +60,10 @@ def assembly(
     trials: Annotated[int, typer.Option(min=1, help="How many seeds.")] = 50,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
-    peg: Annotated[str, typer.Option(help="The peg's name, or its drawing's file.")] = DEFAULT_PEG,
+    peg: Annotated[str, typer.Option(help=f"{', '.join(OUTLINES)}, or an SVG or DXF file.")] = DEFAULT_PEG,
+    way: Annotated[
+        Way, typer.Option(help="direct, or swap: the cross first, then the peg at the pose known from it, untouched.")
+    ] = Way.DIRECT,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="Another setting of the cell's file: hardware.simulated.friction_coefficient=0.2"),
@@ -81,12 +86,17 @@ def assembly(
         if running:
             done, ended = _on_the_running_stack(console, jobs, record)
         else:
-            done, ended = trials_of(
-                console, strategy.value, jobs, cells=cells, executor=executor, ray_address=ray_address, store=store,
-                record=record,
-            )  # fmt: skip
+
+            def run(title: str, some: list[TrialJob]) -> Trials:
+                return trials_of(
+                    console, title, some, cells=cells, executor=executor, ray_address=ray_address, store=store,
+                    record=record,
+                )  # fmt: skip
+
+            done, ended = swapped(jobs, run) if way is Way.SWAP else run(strategy.value, jobs)
         if done:
-            result = summarise(strategy.value, seed, [figures for _, figures in done])
+            name = strategy.value if peg == DEFAULT_PEG else f"{peg}, {strategy.value}, {way.value}"
+            result = summarise(name, seed, [figures for _, figures in done])
             if as_json:
                 json.dump(result.model_dump(), sys.stdout, indent=1)
                 print()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from enum import Enum
 from pathlib import Path
@@ -11,7 +12,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.messages import Strategy
-from services.operator.bench.compare_figure import save_figure
+from services.operator.bench.compare_figure import check_suffix, save_figure
 from services.operator.bench.compare_table import compare_table
 from services.operator.bench.comparison import Comparison, compare_strategies
 from services.operator.bench.conditions import Condition
@@ -22,7 +23,7 @@ from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, run_trials
 from services.operator.scoring import TrialFigures
 
-FILE_WIDTH = 170
+FILE_WIDTH = 118
 POOR = {"lateral_m": 0.001, "depth_m": 0.001, "rotation_rad": 0.0524}
 
 
@@ -63,9 +64,9 @@ def compare(
     strategy: Annotated[
         list[Strategy] | None, typer.Option(help="Only this one; may be repeated; all that are compared if left out.")
     ] = None,
-    figure: Annotated[
-        list[Path] | None, typer.Option(help="Draw it: a file that ends in .png or .svg; may be repeated.")
-    ] = None,
+    picture: Annotated[Path, typer.Option(help="Where the figure goes: .png, .svg or .pdf.")] = Path(
+        "results/compare.png"
+    ),
     cells: Cells = None,
     executor: Where = ExecutorName.LOCAL,
     ray_address: RayAddress = None,
@@ -75,18 +76,18 @@ def compare(
     """Every strategy on the same seeds: success, time, touches, forces, errors, failures, and a score."""
     console = Console(stderr=True)
     with told(console):
+        check_suffix(picture)
         jobs = [
             TrialJob(seed=seed + index, strategy=one, condition=CONDITIONS[seeing])
             for seeing in vision or list(Vision)
-            for one in strategy or STRATEGIES
             for index in range(trials)
+            for one in strategy or STRATEGIES
         ]
         done, ended = _trials(console, jobs, cells, executor, ray_address, store)
         if done:
             comparison = compare_strategies(seed, done)
             _show(comparison, as_json)
-            for path in figure or []:
-                save_figure(comparison, path)
+            save_figure(comparison, picture)
         if ended is not None:
             raise ended
 
@@ -114,7 +115,7 @@ def _show(comparison: Comparison, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(comparison.model_dump_json(indent=1) + "\n")
         return
-    # a file is wide enough for every column
-    out = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+    # a file is wide enough for every column, where nobody says how wide it is
+    out = Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else FILE_WIDTH)
     for condition in comparison.conditions:
         out.print(compare_table(comparison, condition.name))

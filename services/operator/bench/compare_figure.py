@@ -19,10 +19,15 @@ TICKS_S = (5.0, 10.0, 20.0, 50.0, 100.0)
 BAND = 0.8  # of a row's height
 
 
-def save_figure(comparison: Comparison, path: Path) -> None:
-    """Draw and save. Raises ConfigError for a name that says no format known here."""
+def check_suffix(path: Path) -> None:
+    """Raises ConfigError for a name that says no format known here."""
     if path.suffix.lower() not in SUFFIXES:
-        raise ConfigError(f"--figure {path}: want a name that ends in {', '.join(SUFFIXES)}")
+        raise ConfigError(f"--picture {path}: want a name that ends in {', '.join(SUFFIXES)}")
+
+
+def save_figure(comparison: Comparison, path: Path) -> None:
+    """Draw and save. Raises ConfigError as `check_suffix`."""
+    check_suffix(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     draw(comparison).savefig(path, dpi=150)
 

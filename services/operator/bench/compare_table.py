@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from services.operator.bench.comparison import Comparison, Row
 from services.operator.statistics import BenchResult
 
 SCORE_CAPTION = (
-    "p50 / p95; time and final error over the inserted, all else over all trials. time: motion and thinking. mean and "
-    "peak force: |F| in contact. score: mean points of 100 as in the AI for Industry Challenge, adapted: inserted 75, "
-    "time 12 (5 s) to 0 (60 s), smoothness 6 (mean jerk 0) to 0 (50 m/s^3), way of the tip 6 (straight) to 0 (1 m "
-    "more), valid 1, -12 for more than 1 s above 20 N; nothing for being near"
+    "p50, or p50/p95. time (motion and thinking) and final error: of the inserted; all else: of all trials. "
+    "mean and peak: |F| in contact. score: mean points of 100 as in the AI for Industry Challenge, adapted: "
+    "inserted 75, time 12 (5 s) to 0 (60 s), smoothness 6 (mean jerk 0) to 0 (50 m/s³), way of the tip 6 "
+    "(straight) to 0 (1 m more), valid 1, -12 for more than 1 s above 20 N; nothing for being near"
 )
 
 
@@ -20,13 +21,14 @@ def compare_table(comparison: Comparison, condition: str) -> Table:
     rows = comparison.of(condition)
     trials = max(row.all.trials for row in rows)
     table = Table(
-        title=f"{condition}, seeds {comparison.seed} to {comparison.seed + trials - 1}", caption=SCORE_CAPTION
+        title=f"{condition}, seeds {comparison.seed} to {comparison.seed + trials - 1}",
+        caption=SCORE_CAPTION,
+        box=SIMPLE_HEAD,
+        padding=(0, 1),
     )
-    table.add_column("strategy")
-    for name in (
-        "inserted", "95 % Wilson", "time s", "touches", "mean N", "peak N", "peak Nm", "final mm", "final °", "score",
-    ):  # fmt: skip
-        table.add_column(name, justify="right")
+    table.add_column("strategy", no_wrap=True)
+    for name in ("inserted", "95 %\nWilson", "time s", "touches", "mean N", "peak N", "final\nmm", "final\n°", "score"):
+        table.add_column(name, justify="right", no_wrap=True)
     table.add_column("failures")
     for row in rows:
         table.add_row(*_cells(row))
@@ -42,11 +44,10 @@ def _cells(row: Row) -> list[str]:
         f"{whole.wilson95_low:.0%}-{whole.wilson95_high:.0%}",
         _spread(inserted, "duration_s", 1),
         _spread(whole, "touches", 0),
-        _spread(whole, "mean_force_n", 1),
+        _median(whole, "mean_force_n", 1),
         _spread(whole, "peak_force_n", 0),
-        _spread(whole, "peak_moment_nm", 1),
-        _spread(inserted, "final_error_mm", 3),
-        _spread(inserted, "final_error_deg", 2),
+        _median(inserted, "final_error_mm", 3),
+        _median(inserted, "final_error_deg", 2),
         "-" if row.mean_score is None else f"{row.mean_score:.1f}",
         failures or "-",
     ]
@@ -54,4 +55,9 @@ def _cells(row: Row) -> list[str]:
 
 def _spread(result: BenchResult | None, name: str, digits: int) -> str:
     value = None if result is None else result.figures.get(name)
-    return "-" if value is None else f"{value.p50:.{digits}f} / {value.p95:.{digits}f}"
+    return "-" if value is None else f"{value.p50:.{digits}f}/{value.p95:.{digits}f}"
+
+
+def _median(result: BenchResult | None, name: str, digits: int) -> str:
+    value = None if result is None else result.figures.get(name)
+    return "-" if value is None else f"{value.p50:.{digits}f}"

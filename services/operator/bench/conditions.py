@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
+from crosspih_common.config.drawing import peg_section
 from crosspih_common.errors import ConfigError
 
 DEFAULT_PEG = "cross"
@@ -62,7 +63,7 @@ def condition_of(settings: Sequence[str]) -> Condition:
 
 def peg_overrides(peg: str) -> dict[str, Any]:
     """What a cell's file says to have a peg by its name or by its drawing's file; nothing for the cell's own."""
-    return {} if peg == DEFAULT_PEG else {"cell": {"peg": {"name": peg}}}
+    return {} if peg == DEFAULT_PEG else {"cell": {"peg": peg_section(peg)}}
 
 
 def cell_content(base_text: str, condition: Condition, peg: str = DEFAULT_PEG) -> dict[str, Any]:
@@ -72,4 +73,7 @@ def cell_content(base_text: str, condition: Condition, peg: str = DEFAULT_PEG) -
         raise ConfigError(f"the cell's file wants a mapping of sections, got {type(base).__name__}")
     # a section without content is None in YAML
     base = {name: {} if section is None else section for name, section in base.items()}
+    if peg != DEFAULT_PEG and "cell" in base:
+        # another peg has nothing of the cell's own
+        base["cell"] = {name: value for name, value in base["cell"].items() if name != "peg"}
     return merged(merged(base, peg_overrides(peg)), condition.overrides)

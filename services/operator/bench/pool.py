@@ -13,6 +13,8 @@ from services.operator.bench.ray_executor import RayExecutor
 from services.operator.bench.worker import Outcome
 
 TRIES = 2
+# a kind of cell that has lost so many tasks for good, and done none, will do none
+HOPELESS = 2
 _POLL_S = 0.5
 
 
@@ -77,6 +79,8 @@ class _Queue:
                 self._kinds.append([index])
         self._kind_of = {index: number for number, kind in enumerate(self._kinds) for index in kind}
         self._workers = [0] * len(self._kinds)
+        self._done = [0] * len(self._kinds)
+        self._lost = [0] * len(self._kinds)
 
     def take(self, current: int | None) -> int | None:
         """The next task for a cell whose last one was `current`: of the same kind, else of the kind that has the most
@@ -92,9 +96,22 @@ class _Queue:
             self._workers[number] += 1
         return self._kinds[number].pop(0)
 
+    def done(self, index: int) -> None:
+        """Its kind of cell works."""
+        self._done[self._kind_of[index]] += 1
+
+    def lost(self, index: int) -> list[int]:
+        """Lost for good. Returns what is no longer tried: all of a kind whose cells never come to anything."""
+        number = self._kind_of[index]
+        self._lost[number] += 1
+        if self._done[number] or self._lost[number] < HOPELESS:
+            return []
+        left, self._kinds[number] = self._kinds[number], []
+        return left
+
     def again(self, index: int) -> None:
-        """To be done once more, after all else of its kind."""
-        self._kinds[self._kind_of[index]].append(index)
+        """To be done once more, first of its kind: should no cell of that kind come up, that is soon known."""
+        self._kinds[self._kind_of[index]].insert(0, index)
 
 
 def run_in_cells(
@@ -102,7 +119,8 @@ def run_in_cells(
 ) -> dict[int, str]:
     """Do all tasks; `on_result(index, result)` is called as each is done. Returns what was lost, by index, with why.
 
-    A task whose cell is lost is tried once more on a new stack. The executor stays open. A KeyboardInterrupt comes
+    A task whose cell is lost is tried once more on a new stack. When a kind of cell has never done a task and has lost
+    several, its other tasks are given up untried. The executor stays open. A KeyboardInterrupt comes
     through: what was told to `on_result` by then is done, the rest is not.
     """
     queue = _Queue(tasks)
@@ -134,8 +152,10 @@ def run_in_cells(
             again = outcome.lost is not None and tries[index] < TRIES
             watcher.ended(cell, tasks[index], outcome, again)
             if outcome.lost is None:
+                queue.done(index)
                 on_result(index, outcome.result)
             elif again:
                 queue.again(index)
             else:
                 lost[index] = outcome.lost
+                lost |= {other: f"not tried, for {outcome.lost}" for other in queue.lost(index)}

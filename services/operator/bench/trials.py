@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from crosspih_common.errors import CrosspihError
-from crosspih_common.messages import Failure, Strategy
+from crosspih_common.messages import Failure, PosePrior, Strategy
 from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_content
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
@@ -33,6 +33,7 @@ class TrialJob(BaseModel):
     strategy: Strategy = Strategy.FUSED
     condition: Condition = Condition()
     peg: str = DEFAULT_PEG
+    known: PosePrior | None = None  # where the hole is, for the strategy known_pose
 
 
 class TrialsEnded(CrosspihError):
@@ -56,6 +57,8 @@ def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:
     """Under what a trial is kept. Neither the cell's own name nor the condition's has a say."""
     cell = {name: value for name, value in (content.get("cell") or {}).items() if name != "name"}
     identity = {"content": {**content, "cell": cell}, "seed": job.seed, "strategy": job.strategy.value, "code": code}
+    if job.known is not None:
+        identity["known"] = job.known.model_dump(mode="json")
     return result_key(identity)
 
 
@@ -64,17 +67,21 @@ class ServiceLost(CrosspihError):
 
 
 def run_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
-    """One trial in a worker's cell: `payload` has seed, strategy and record; returns TrialFigures as plain data."""
-    figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), payload["record"])
+    """One trial in a worker's cell: `payload` has seed, strategy, record and what is known of the hole; returns
+    TrialFigures as plain data."""
+    known = None if payload["known"] is None else PosePrior.model_validate(payload["known"])
+    figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), payload["record"], known=known)
     if figures.failure == Failure.SERVICE_LOST.value:
         raise ServiceLost(f"seed {figures.seed}: {figures.failure_detail}")
     return figures.model_dump()
 
 
-def _task(job: TrialJob, content: dict[str, Any], record: bool) -> CellTask:
+def trial_task(job: TrialJob, content: dict[str, Any], record: bool = False) -> CellTask:
+    """The job as a task for a cell with this content."""
     where = "" if job.condition.name == "default" else f"{job.condition.name} "
     services = (*NEEDED, "recorder") if record else NEEDED
-    payload = {"seed": job.seed, "strategy": job.strategy.value, "record": record}
+    known = None if job.known is None else job.known.model_dump(mode="json")
+    payload = {"seed": job.seed, "strategy": job.strategy.value, "record": record, "known": known}
     return CellTask(f"{where}{job.strategy.value} {job.seed}", content, run_trial, payload, services)
 
 
@@ -129,7 +136,7 @@ def run_trials(
     watcher.taken_over(len(jobs), len(done))
     if not left:
         return [done[index] for index in range(len(jobs))]
-    tasks = [_task(jobs[index], contents[index], record) for index in left]
+    tasks = [trial_task(jobs[index], contents[index], record) for index in left]
     try:
         pool = open_executor(executor, cells, len(tasks), ray_address, one_core_each)
         try:
@@ -142,7 +149,7 @@ def run_trials(
     if lost:
         first = next(iter(lost))
         raise TrialsEnded(
-            f"{len(lost)} of {len(jobs)} trials could not be made, each tried twice; the first, "
+            f"{len(lost)} of {len(jobs)} trials could not be made, also when tried again; the first, "
             f"{tasks[first].label}: {lost[first]}",
             ended(),
         )

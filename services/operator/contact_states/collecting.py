@@ -19,7 +19,14 @@ from services.operator.bench.progress import CellsProgress
 from services.operator.bench.source import code_version
 from services.operator.bench.store import ResultStore, result_key
 from services.operator.contact_states.labels import TrueState, label_contacts
-from services.operator.contact_states.plan import RANDOM, STATE_NAMES, Plan, lateral_stiffness_n_m, load_or_make, make_plan
+from services.operator.contact_states.plan import (
+    RANDOM,
+    STATE_NAMES,
+    Plan,
+    lateral_stiffness_n_m,
+    load_or_make,
+    make_plan,
+)
 from services.operator.contact_states.pushing import NEEDED, PushResult, PushTask, make_pushes
 
 CHUNK = 20

@@ -116,7 +116,8 @@ def pose_table(content: Content) -> tuple[tuple[str, ...], list[PoseRow], list[t
     ]
     if truth is not None:
         true_hole = truth.pose_base_hole.pose()
-        offs = [_difference(pose, true_hole) for _, pose in columns]
+        order = content.workcell.peg.shape().outline.symmetry_order
+        offs = [_difference(pose, true_hole, order) for _, pose in columns]
         names = (
             "off along the hole's x / mm",
             "off along the hole's y / mm",
@@ -129,10 +130,14 @@ def pose_table(content: Content) -> tuple[tuple[str, ...], list[PoseRow], list[t
     return tuple(name for name, _ in columns), rows, [(name, _matrix(pose)) for name, pose in columns]
 
 
-def _difference(pose: Pose, true_hole: Pose) -> list[float]:
-    """x, y, z in mm and the rotation vector in degrees, in the true hole's frame, up to the cross's quarter turns."""
+def _difference(pose: Pose, true_hole: Pose, symmetry_order: int) -> list[float]:
+    """x, y, z in mm and the rotation vector in degrees, in the true hole's frame, up to the section's own turns."""
     error = true_hole.inverse() @ pose
-    candidates = Rotation.from_matrix(error.rotation) * Rotation.from_euler("z", np.arange(4)[:, None] * (np.pi / 2))
+    turns = np.arange(symmetry_order) * (2.0 * np.pi / symmetry_order) if symmetry_order else np.zeros(1)
+    if symmetry_order == 0:
+        turned_by = np.arctan2(error.rotation[1, 0] - error.rotation[0, 1], error.rotation[0, 0] + error.rotation[1, 1])
+        turns = np.array([-turned_by])
+    candidates = Rotation.from_matrix(error.rotation) * Rotation.from_euler("z", turns[:, None])
     turned = candidates[int(np.argmin(candidates.magnitude()))].as_rotvec(degrees=True)
     return [*(error.translation_m * 1e3).tolist(), *turned.tolist()]
 
@@ -155,12 +160,12 @@ class TouchRow:
     use: str
 
 
-def touch_row(index: int, entry: TouchEntry, true_hole: Pose | None) -> TouchRow:
+def touch_row(index: int, entry: TouchEntry, true_hole: Pose | None, symmetry_order: int = 4) -> TouchRow:
     """A touch, the estimate made after it, and how far that estimate was from the truth."""
     state, estimate, use = entry.touch.state, entry.estimate, entry.use
     off: PoseError | None = None
     if estimate is not None and true_hole is not None:
-        off = pose_error(estimate.pose_base_hole.pose(), true_hole)
+        off = pose_error(estimate.pose_base_hole.pose(), true_hole, symmetry_order)
     return TouchRow(
         number=index,
         time_s=number(entry.time_s),
@@ -222,7 +227,10 @@ def render(content: Content) -> str:
         missing=content.missing,
         figure=figure_svg(content),
         phases=used_phases,
-        touches=[touch_row(index, entry, true_hole) for index, entry in enumerate(content.touches, start=1)],
+        touches=[
+            touch_row(index, entry, true_hole, content.workcell.peg.shape().outline.symmetry_order)
+            for index, entry in enumerate(content.touches, start=1)
+        ],
         has_truth=truth is not None,
         left=picture(content.left),
         right=picture(content.right),

@@ -30,7 +30,7 @@ def _section(entry: Entry, printed: Printed | None, folder: str, code: str) -> l
         # the page lies one folder above its pictures
         name = picture.rsplit("/", 2)
         lines += [f"![{entry.title}]({'/'.join(name[-2:])})", ""]
-    said = f"{duration(printed.elapsed_s)} on {printed.cores} cores, code {printed.code}"
+    said = f"Last run: {duration(printed.elapsed_s)} on {printed.cores} cores, code {printed.code}"
     if printed.status != 0:
         said += f"; **it ended with status {printed.status}**"
     if printed.code != code:

@@ -1,5 +1,5 @@
 """One HTML page about a training."""
 
-from services.operator.training_report.page import PAPER_LEAVE_ONE_OUT_DEG, write_training_report
+from services.operator.training_report.page import render_training, write_training_report
 
-__all__ = ["PAPER_LEAVE_ONE_OUT_DEG", "write_training_report"]
+__all__ = ["render_training", "write_training_report"]

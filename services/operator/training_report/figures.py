@@ -63,7 +63,7 @@ def scatter_figure(true_deg: Any, said_deg: Any, limit_deg: float) -> str:
     """Said against true for each angle (n, 3): on the diagonal is right, flat is guessing the mean."""
     true, predicted = np.asarray(true_deg, float), np.asarray(said_deg, float)
     with rc_context(FIGURE_STYLE):
-        figure = _new(10.0, 3.6)
+        figure = _new(10.0, 4.3)
         for index, (axes, name) in enumerate(zip(figure.subplots(1, 3, sharex=True, sharey=True), NAMES, strict=True)):
             axes.plot([-limit_deg, limit_deg], [-limit_deg, limit_deg], color=INK, linewidth=0.6, linestyle=":")
             axes.plot(true[:, index], predicted[:, index], "o", color=LINES[index], markersize=2.6, alpha=0.55)

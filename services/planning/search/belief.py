@@ -22,7 +22,8 @@ SURPRISE = 0.01  # how likely a contact was not what it seemed
 MARGIN_M = 5.0e-4  # by which a probe shall clear the rim
 CELLS_ACROSS = 33
 TURNS = 7
-DRAWN = 800
+OFFSET_STEP_M = 5.0e-4
+NEGLIGIBLE = 1.0e-3
 PLACES = 13
 
 
@@ -101,13 +102,19 @@ class HoleBelief:
 
     def entry_chances(self, places_m: Array, turn_rad: float) -> Array:
         """(p,): how likely the tip, centred at each of (p, 2) and turned so, goes in."""
-        drawn = self.cells[np.random.default_rng(0).choice(len(self.cells), DRAWN, p=self.weights)]
-        tip = _turned(self.tip_m, np.array([turn_rad]))
-        chances = []
-        for place in places_m:
-            inside = self._inside_m(tip + place, drawn).min(axis=1)
-            chances.append(float(np.mean(ndtr((inside - MARGIN_M) / MARGIN_M))))
-        return np.array(chances)
+        half = float(np.abs(places_m).max() + np.abs(self.cells[:, :2]).max()) * 1.5
+        chances = np.zeros(len(places_m))
+        for turn in np.unique(self.cells[:, 2]):
+            these = np.flatnonzero((self.cells[:, 2] == turn) & (self.weights > NEGLIGIBLE * self.weights.max()))
+            if len(these) == 0:
+                continue
+            # the tip as this cell's hole sees it
+            section = _turned(self.tip_m, np.array([turn_rad - turn]))[0]
+            fits = self.rim.eroded(section, half, OFFSET_STEP_M)
+            offsets = places_m[:, None] - self.cells[None, these, :2]
+            inside = fits.inside_m(_turned(offsets, np.full(len(offsets), -turn)))
+            chances += ndtr((inside - MARGIN_M) / MARGIN_M) @ self.weights[these]
+        return chances
 
     def best_probe(self) -> tuple[Array, float, float]:
         """Where the tip is likeliest to go in: its centre (2,), m, its turn, rad, and the chance.

@@ -13,16 +13,17 @@ from crosspih_common.geometry.pose import Array
 def inside_m(corners_m: Array, points_m: Array) -> Array:
     """The signed distance (n,) of points (n, 2) to an outline with corners (m, 2), m: positive inside."""
     start = np.asarray(corners_m, float)[:, :2]
-    side = np.roll(start, -1, axis=0) - start
     points = np.asarray(points_m, float)
     nearest = np.full(len(points), np.inf)
     crossings = np.zeros(len(points), dtype=int)
-    for (x, y), (dx, dy) in zip(start, side, strict=True):
+    for (x, y), (x_end, y_end) in zip(start, np.roll(start, -1, axis=0), strict=True):
+        dx, dy = x_end - x, y_end - y
         px, py = points[:, 0] - x, points[:, 1] - y
         share = np.clip((px * dx + py * dy) / (dx * dx + dy * dy), 0.0, 1.0)
         nearest = np.minimum(nearest, np.hypot(px - share * dx, py - share * dy))
         if dy != 0.0:
-            crossings += ((py >= 0.0) != (py >= dy)) & (px < dx * py / dy)
+            # the very numbers are compared, so that a shared corner counts once
+            crossings += ((points[:, 1] >= y) != (points[:, 1] >= y_end)) & (px < dx * py / dy)
     return np.asarray(np.where(crossings % 2 == 1, nearest, -nearest))
 
 
@@ -50,3 +51,20 @@ class OutlineField:
         at = (points.reshape(-1, 2).T + self.half_size_m) / self.step_m
         found = map_coordinates(self.table_m, at, order=1, mode="nearest")
         return np.asarray(found.reshape(points.shape[:-1]))
+
+    def eroded(self, section_m: Array, half_size_m: float, step_m: float) -> OutlineField:
+        """How deep a whole section, its points (n, 2) moved by an offset, lies inside: a field over the offset.
+
+        To the nearest place of this grid, so exact to half its step.
+        """
+        count = 2 * int(np.ceil(half_size_m / step_m)) + 1
+        offsets = (np.arange(count) - count // 2) * step_m
+        last = len(self.table_m) - 1
+        lowest = np.full((count, count), np.inf)
+        for x, y in np.asarray(section_m, float)[:, :2]:
+            rows, columns = (
+                np.clip(np.rint((offsets + here + self.half_size_m) / self.step_m).astype(int), 0, last)
+                for here in (x, y)
+            )
+            np.minimum(lowest, self.table_m[np.ix_(rows, columns)], out=lowest)
+        return OutlineField(lowest, (count // 2) * step_m, step_m)

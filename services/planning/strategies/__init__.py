@@ -9,6 +9,7 @@ from services.planning.run import Run
 from services.planning.strategies.admittance import admittance
 from services.planning.strategies.force_alone import force_alone
 from services.planning.strategies.fused import fused
+from services.planning.strategies.known_pose import known_pose
 from services.planning.strategies.network_spiral import network_spiral
 from services.planning.strategies.paper import paper
 from services.planning.strategies.sequence import sequence
@@ -28,4 +29,5 @@ STRATEGIES: dict[Strategy, Callable[[Run], PosePrior]] = {
     Strategy.ADMITTANCE: admittance,
     Strategy.NETWORK_SPIRAL: network_spiral,
     Strategy.SEQUENCE: sequence,
+    Strategy.KNOWN_POSE: known_pose,
 }

@@ -21,8 +21,8 @@ from crosspih_common.messages import (
 )
 from services.planning.run import Run
 
-SEARCH_SPEED_M_S = 0.01
-SEARCH_FORCE_N = 5.0
+SEARCH_SPEED_M_S = 0.005  # the face is hard
+SEARCH_FORCE_N = 8.0
 # a wall met on the way stops the search at 10 N; the face's friction only makes its path a little smaller
 SEARCH_DAMPING_N_S_M = 1000.0
 SEARCH_YIELD_M_S = 0.02
@@ -104,7 +104,7 @@ def search_push(
     """
     run.withdraw(pose_base_hole, run.config.standoff_m)
     start = run.before_hole(pose_base_hole, run.config.standoff_m)
-    touch = run.touch(start, pose_base_hole.rotation[:, 2], run.config.touch_speed_m_s, run.config.touch_threshold_n)
+    touch = run.touch(start, pose_base_hole.rotation[:, 2], SEARCH_SPEED_M_S, run.config.touch_threshold_n)
     if touch is None:
         return True
     depth_m = tip_depth_m(run, touch.pose_base_peg.pose(), pose_base_hole)

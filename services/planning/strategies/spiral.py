@@ -15,17 +15,18 @@ from services.planning.run import Run
 from services.planning.strategies.moves import SEARCH_S, search_push
 from services.planning.strategies.start import begin
 
-SPEED_M_S = 0.01
-SETTLE_S = 0.3  # to come back into contact before the path begins
+SPEED_M_S = 0.008
+SETTLE_S = 0.5  # to come back into contact before the path begins
 STEP_RAD = 0.25
+PUSHES = 5  # with a spiral between each two
 SDS = 3.0  # of the belief's lateral spread
 
 
 def spiral(run: Run) -> PosePrior:
     """Push; spiral until the tip drops; push."""
     belief = begin(run)
-    if not enter_by_spiral(run, belief.pose_base_hole.pose(), radius_of(run, belief), run.config.max_attempts):
-        raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes and spirals did not enter")
+    if not enter_by_spiral(run, belief.pose_base_hole.pose(), radius_of(run, belief), PUSHES):
+        raise AssemblyFailed(Failure.NOT_CONVERGED, f"{PUSHES} pushes and spirals did not enter")
     return belief
 
 

@@ -18,8 +18,8 @@ from services.planning.strategies.steps import locate
 
 FACE_DEPTH_SD_M = 3e-4
 FACE_TILT_SD_RAD = 5e-3
-# three corners of a square about the hole: beside any hole that a plate of this size has room for
-CORNERS = ((1.0, 1.0), (-1.0, 1.0), (0.0, -1.4))
+# three corners of a square about the hole, on the plate and clear of the hole wherever it is within the drawing's range
+CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0))
 EDGE_M = 0.004  # from the tip to the plate's edge, at least
 FACE_SPEED_M_S = 0.005  # the face is hard
 SPARE_M = 0.003
@@ -71,7 +71,7 @@ def _touch_the_face(run: Run, spot: Pose) -> Array:
         start = spot @ Pose.from_translation([0.0, 0.0, further_m - tip_m])
         touch = run.touch(start, spot.rotation[:, 2], FACE_SPEED_M_S, run.config.touch_threshold_n)
         if touch is not None:
-            return touch.pose_base_peg.pose().apply(where_the_tip_touches(touch, tip_m))
+            return run.deflected(touch).apply(where_the_tip_touches(touch, tip_m))
     raise AssemblyFailed(Failure.NOT_SEEN, "the plate was neither seen nor felt")
 
 

@@ -15,11 +15,12 @@ from services.planning.run import Run
 from services.planning.strategies.moves import search_push
 from services.planning.strategies.start import begin
 
-SPEED_RAD_S = 0.1
-SETTLE_S = 0.3
-TILTS = 30
+SPEED_RAD_S = 0.2
+SETTLE_S = 0.5
+TILTS = 20
 SDS = 2.0
 SEED = 2
+PUSHES = 5  # with a search between each two: what did not help four times will not the fifth
 
 
 def tilt(run: Run) -> PosePrior:
@@ -28,13 +29,13 @@ def tilt(run: Run) -> PosePrior:
     pose = belief.pose_base_hole.pose()
     sd_rad = np.sqrt(np.diag(np.asarray(belief.covariance).reshape(6, 6))[3:])
     reach_rad = np.minimum(SDS * sd_rad, run.workcell.hole_prior.half_ranges()[3:])
-    for attempt in range(run.config.max_attempts):
+    for attempt in range(PUSHES):
         run.attempt = attempt
         if run.push(pose):
             return belief
         knots = random_tilts(np.random.default_rng([SEED, attempt]), reach_rad)
         search_push(run, pose, knots)
-    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes and tilts did not enter")
+    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{PUSHES} pushes and tilts did not enter")
 
 
 def random_tilts(rng: np.random.Generator, reach_rad: Array) -> tuple[PathKnot, ...]:

@@ -1,0 +1,25 @@
+"""The paper's second half: the pose between the platforms is known from an assembly with another peg, so this peg is
+driven to before its hole and pushed in, yielding. No vision, no touch."""
+
+from __future__ import annotations
+
+from crosspih_common.messages import Failure, PosePrior
+from services.planning.ports import AssemblyFailed
+from services.planning.run import Run
+
+
+def known_pose(run: Run) -> PosePrior:
+    """To before the hole that the request tells of, and a compliant push."""
+    if run.known is None:
+        raise AssemblyFailed(Failure.REFUSED, "known_pose: the request tells no pose; put `known` into it")
+    pose = run.known.pose_base_hole.pose()
+    if not run.can_be(pose):
+        raise AssemblyFailed(Failure.REFUSED, "known_pose: the hole cannot be where the request says")
+    run.believed = pose
+    run.approach(pose)
+    for attempt in range(run.config.max_attempts):
+        run.attempt = attempt
+        if run.push(pose):
+            return run.known
+        run.withdraw(pose, run.config.standoff_m)
+    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes at the known pose did not enter")
