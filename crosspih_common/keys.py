@@ -24,9 +24,11 @@ from crosspih_common.messages import (
     CameraCalibration,
     CaptureStereo,
     CellClock,
+    ClassifyContacts,
     CompensateWrench,
     ContactReading,
     ContactState,
+    ContactStates,
     ContactWrench,
     Dwell,
     EstimateByNetwork,
@@ -198,6 +200,9 @@ IDENTIFY_PAYLOAD = Command(
 )
 COMPENSATE = Command(
     "force_torque/compensate", CompensateWrench, ContactReading, "force_torque", ("planning",), "raw to contact wrench"
+)
+CLASSIFY = Command(
+    "force_torque/classify", ClassifyContacts, ContactStates, "force_torque", ("operator",), "wrenches to states"
 )
 
 # inference ------------------------------------------------------------------------------------------------------------

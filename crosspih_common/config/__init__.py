@@ -1,7 +1,8 @@
 """One YAML file a cell: the facts every service shares, and a section for each service."""
 
 from crosspih_common.config.cell import CellFile, load_cell
+from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.section import Section
-from crosspih_common.config.workcell import HoleDrawing, HolePrior, PegDrawing, Workcell
+from crosspih_common.config.workcell import HolePrior, Workcell
 
 __all__ = ["CellFile", "HoleDrawing", "HolePrior", "PegDrawing", "Section", "Workcell", "load_cell"]

@@ -50,7 +50,9 @@ class CellFile:
 def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
     """The cell's section, its peg's drawing looked for from the folder of the cell's file."""
     peg = cell.get("peg")
-    outline = peg.get("outline") if isinstance(peg, dict) else None
+    if not isinstance(peg, dict):
+        return cell
+    outline = peg.get("outline")
     if not isinstance(outline, str) or Path(outline).suffix.lower() not in FILE_SUFFIXES:
         return cell
     return {**cell, "peg": {**peg, "outline": str(path.parent / outline)}}

@@ -13,6 +13,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
 
+
 class HolePrior(Section):
     """Where the hole is put, roughly: the nominal pose and how far it may be off, about the nominal hole's axes."""
 

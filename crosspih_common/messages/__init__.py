@@ -24,7 +24,7 @@ from crosspih_common.messages.base import (
 )
 from crosspih_common.messages.camera import CameraCalibration, CaptureStereo, StereoPair
 from crosspih_common.messages.clock import CellClock
-from crosspih_common.messages.contact import ContactState
+from crosspih_common.messages.contact import ClassifyContacts, ContactClassifier, ContactState, ContactStates
 from crosspih_common.messages.estimate import (
     EstimateByNetwork,
     EstimateBySequence,
@@ -83,9 +83,12 @@ __all__ = [
     "CameraCalibration",
     "CaptureStereo",
     "CellClock",
+    "ClassifyContacts",
     "CompensateWrench",
+    "ContactClassifier",
     "ContactReading",
     "ContactState",
+    "ContactStates",
     "ContactWrench",
     "Covariance6",
     "Dwell",

@@ -55,7 +55,7 @@ def ring(polygon: Polygon) -> Array:
     corners = np.array(polygon.exterior.coords[:-1])
     if not polygon.exterior.is_ccw:
         corners = corners[::-1]
-    return corners[np.hypot(*(corners - np.roll(corners, 1, axis=0)).T) > TOLERANCE_M]
+    return np.asarray(corners[np.hypot(*(corners - np.roll(corners, 1, axis=0)).T) > TOLERANCE_M])
 
 
 def region_of(polygon: Polygon, lines: Sequence[Line]) -> ConvexRegion:

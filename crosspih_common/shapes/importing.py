@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -69,9 +70,7 @@ def _only_one(path: Path, curves: list[Curve]) -> Curve:
         raise ValueError(f"{path}: holds no curve; draw the peg's outline as one closed curve")
     for curve in curves:
         if curve.gap_m > JOINED_M:
-            raise ValueError(
-                f"{path}: {curve.entity} is open: its ends are {curve.gap_m * 1e3:.3f} mm apart; close it"
-            )
+            raise ValueError(f"{path}: {curve.entity} is open: its ends are {curve.gap_m * 1e3:.3f} mm apart; close it")
     if len(curves) > 1:
         names = ", ".join(curve.entity for curve in curves)
         raise ValueError(f"{path}: holds {len(curves)} outlines ({names}); leave the peg's own, without holes")
@@ -112,9 +111,7 @@ def _flattened(point_at: Callable[[float], Array], tolerance_m: float, pieces: i
         return between(start, middle, depth - 1) + between(middle, end, depth - 1)
 
     steps = np.linspace(0.0, 1.0, pieces + 1)
-    return np.array(
-        [point for start, end in zip(steps[:-1], steps[1:], strict=True) for point in between(start, end, 8)]
-    )
+    return np.array([point for start, end in pairwise(steps) for point in between(start, end, 8)])
 
 
 # ------------------------------------------------------------------------------------------------------------------ SVG
@@ -177,18 +174,20 @@ def _svg_points(part: Any, tolerance_px: float) -> Array:
 
 def _dxf_curves(path: Path, tolerance_m: float) -> list[Curve]:
     try:
-        import ezdxf
         from ezdxf import path as dxf_path
         from ezdxf import units
+        from ezdxf.enums import InsertUnits
+        from ezdxf.filemanagement import readfile
+        from ezdxf.lldxf.const import DXFError
     except ImportError:
         raise ValueError(f"{path}: reading DXF wants ezdxf; {EXTRA}") from None
     try:
-        document = ezdxf.readfile(path)
-    except (OSError, ezdxf.DXFError) as error:
+        document = readfile(path)
+    except (OSError, DXFError) as error:
         raise ValueError(f"{path}: is no DXF: {error}") from None
     if not document.units:
         raise ValueError(f"{path}: has no unit of length ($INSUNITS is 0); set it, to 4 for millimetres")
-    metres = float(units.conversion_factor(document.units, units.M))
+    metres = float(units.conversion_factor(InsertUnits(document.units), InsertUnits.Meters))
     curves: list[Curve] = []
     for entity in document.modelspace():
         name = f"{entity.dxftype()} {entity.dxf.handle} on layer {entity.dxf.layer}"
@@ -210,9 +209,9 @@ def _circle(points: Array, tolerance_m: float) -> Array:
     radius_m = float(np.ptp(points[:, 0])) / 2.0
 
     def at(share: float) -> Array:
-        return centre + radius_m * np.array([np.cos(2.0 * np.pi * share), np.sin(2.0 * np.pi * share)])
+        return np.asarray(centre + radius_m * np.array([np.cos(2.0 * np.pi * share), np.sin(2.0 * np.pi * share)]))
 
-    return np.vstack([_flattened(at, tolerance_m, pieces=16), at(0.0)[None]])
+    return np.asarray(np.vstack([_flattened(at, tolerance_m, pieces=16), at(0.0)[None]]))
 
 
 def _joined(curves: list[Curve]) -> list[Curve]:

@@ -132,9 +132,7 @@ def tip_scale_of(outline: Outline, taper_slope: float, taper_length_m: float) ->
     return max(LEAST_TIP_SCALE, min(by_slope, by_capture))
 
 
-def tapered(
-    outline: Outline, body_start_m: float, taper_start_m: float, tip_m: float, tip_scale: float
-) -> Peg:
+def tapered(outline: Outline, body_start_m: float, taper_start_m: float, tip_m: float, tip_scale: float) -> Peg:
     """The peg with a section, its tip that share of the body; lengths from the F/T origin, m."""
     if not 0.0 < tip_scale < 1.0:
         raise ValueError(f"tip_scale is {tip_scale:g}, want more than 0 and less than 1")

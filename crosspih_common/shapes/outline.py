@@ -88,7 +88,7 @@ class Outline:
     def normals(self) -> Array:
         """(n, 2): the outward unit normal of the edge from corner i to corner i + 1."""
         x, y = (np.roll(self.corners_m, -1, axis=0) - self.corners_m).T
-        return np.column_stack([y, -x]) / np.hypot(x, y)[:, None]
+        return np.asarray(np.column_stack([y, -x]) / np.hypot(x, y)[:, None])
 
     @cached_property
     def offsets_m(self) -> Array:

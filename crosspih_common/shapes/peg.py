@@ -85,7 +85,9 @@ class Peg:
             slope = float(d) / taper_m
             towards_apex.append(((float(nx), float(ny), slope), slope * self.apex_m))
             away.append(bool(d < -TOLERANCE_M))
-        outward = [plane for plane, out in zip(towards_apex, away, strict=True) if not out and abs(plane[1]) > TOLERANCE_M]
+        outward = [
+            plane for plane, out in zip(towards_apex, away, strict=True) if not out and abs(plane[1]) > TOLERANCE_M
+        ]
         if not any(away):
             return [ConvexPiece.from_planes([*straight, *outward, *ends])]
         body = [*straight, *outward, *ends]

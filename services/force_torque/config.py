@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from crosspih_common.config.section import Section
+from crosspih_common.messages import ContactClassifier
 
 
 class ForceTorqueConfig(Section):
@@ -24,4 +25,8 @@ class ForceTorqueConfig(Section):
     gravity_free: bool = Field(default=True, description="find the direction of gravity too: the base may be tilted")
     residual_force_limit_n: float = Field(default=0.5, gt=0.0)
     residual_moment_limit_nm: float = Field(default=0.05, gt=0.0)
+    contact_classifier: ContactClassifier = Field(
+        default=ContactClassifier.LIKELIHOOD,
+        description="of touches: likelihood (mechanics, a cross only) or rule (the paper's); the stream is by the rule",
+    )
     state_every_batches: int = Field(default=10, ge=1, description="how often the contact state is judged")

@@ -39,7 +39,9 @@ class Belief:
 
 def nominal_compliance_peg(workcell: Workcell, depth_m: float) -> Array:
     """(6, 6): `Workcell.compliance_peg` with the peg's tip that deep in the nominal hole."""
-    pose = workcell.hole_prior.pose_base_hole() @ Pose.from_translation([0.0, 0.0, depth_m - workcell.peg.shape().tip_m])
+    pose = workcell.hole_prior.pose_base_hole() @ Pose.from_translation(
+        [0.0, 0.0, depth_m - workcell.peg.shape().tip_m]
+    )
     joints = nearest(workcell.arm(), pose @ workcell.pose_flange_peg().inverse(), workcell.home_joints_rad)
     return workcell.compliance_peg(joints)
 
@@ -116,9 +118,7 @@ class LikelihoodClassifier:
         """Why none of the 26: the set that explains it instead, or that none does."""
         best = int(np.argmax(fits.evidence))
         if fits.sets.state[best] >= 0 or fits.evidence[best] + self._belief.other_sets < self._belief.nothing:
-            return (
-                f"no set of taper edges explains it (misfit {fits.cost[best]:.0f}): a face, the end of an arm, or the body"
-            )
+            return f"no set of taper edges explains it (misfit {fits.cost[best]:.0f}): a face, the end of an arm, or the body"
         return f"{_kind(fits.sets, best)}: {_named(fits.sets, best)}"
 
 
@@ -134,5 +134,3 @@ def _named(sets: EdgeSets, index: int) -> str:
 def _kind(sets: EdgeSets, index: int) -> str:
     senses = {sense for _, sense in _edges_of(sets, index)}
     return "walls of both senses" if len(senses) == 2 else "opposite arms"
-
-

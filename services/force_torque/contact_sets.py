@@ -114,7 +114,7 @@ class _Search:
         h = len(unknowns)
         return cls(
             unknowns, unknowns, np.full(h, np.inf), np.zeros((h, RESIDUALS)),
-            np.zeros((h, RESIDUALS, UNKNOWNS)), np.full(h, 1e-3),
+            np.zeros((h, RESIDUALS, UNKNOWNS)), np.full(h, 0.1),
         )  # fmt: skip
 
     def evidence(self) -> Array:

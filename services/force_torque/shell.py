@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
 
 from crosspih_common.errors import CommandRefused
-from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import (
+    CLASSIFY,
     COMPENSATE,
     CONTACT_STATE,
     CONTACT_WRENCH,
@@ -20,9 +19,11 @@ from crosspih_common.keys import (
     WRENCH_RAW,
 )
 from crosspih_common.messages import (
+    ClassifyContacts,
     CompensateWrench,
+    ContactClassifier,
     ContactReading,
-    ContactState,
+    ContactStates,
     ContactWrench,
     FtCalibration,
     IdentifyPayload,
@@ -36,7 +37,7 @@ from services.force_torque.calibration import CalibrationError, StaticReading, T
 from services.force_torque.calibration_file import CalibrationFile, calibration_file, load_calibration, save_calibration
 from services.force_torque.compensation import FreeAirSettings, LowPass, OnsetSettings, compensated
 from services.force_torque.config import ForceTorqueConfig
-from services.force_torque.contact_state import ClassifierSettings, classify_contact
+from services.force_torque.judging import Judge
 from services.force_torque.online import Pipeline, step
 
 SENSOR_PERIOD_S = 0.001
@@ -58,6 +59,7 @@ class ForceTorqueShell:
             onset_settings=OnsetSettings(config.onset_force_n, config.onset_moment_nm),
             free_settings=FreeAirSettings(force_limit_n=config.drift_force_n, moment_limit_nm=config.drift_moment_nm),
         )
+        self._judge = Judge(context.cell.workcell, config.contact_classifier)
         self._calibrated = False
         self._drifted = False
         self._batches = 0
@@ -65,6 +67,7 @@ class ForceTorqueShell:
         self._bus.subscribe(WRENCH_RAW, self._on_batch)
         self._bus.serve(IDENTIFY_PAYLOAD, self._identify)
         self._bus.serve(COMPENSATE, self._compensate)
+        self._bus.serve(CLASSIFY, self._classify)
 
     def _load(self) -> None:
         if not self._file.exists():
@@ -150,23 +153,15 @@ class ForceTorqueShell:
             state=self._judge(wrench, np.asarray(command.wrench_sd)),
         )
 
-    def _judge(self, wrench: Array, sd: Array | None = None) -> ContactState:
-        settings = ClassifierSettings(friction=self._context.cell.workcell.friction_expected)
-        if sd is not None:
-            settings = replace(
-                settings,
-                force_sd_n=max(float(np.mean(sd[:3])), 1e-3),
-                moment_sd_nm=max(float(np.mean(sd[3:])), 1e-4),
+    def _classify(self, command: ClassifyContacts) -> ContactStates:
+        if len(command.wrench_sds) != len(command.wrenches):
+            raise CommandRefused(
+                "lengths",
+                f"{len(command.wrenches)} wrenches with {len(command.wrench_sds)} wrench_sds; want one for each",
             )
-        found = classify_contact(wrench, settings)
-        row = found.state
-        return ContactState(
-            case=None if row is None else row.name,
-            count=None if row is None else row.count,
-            sense=None if row is None else row.sense,
-            n_z0=min(max(abs(found.n_z0), 0.0), 1.0),
-            confidence=min(max(found.confidence, 0.0), 1.0),
-            reason=found.reason,
+        pairs = zip(command.wrenches, command.wrench_sds, strict=True)
+        return ContactStates(
+            states=tuple(self._judge(np.asarray(wrench), np.asarray(sd), command.classifier) for wrench, sd in pairs)
         )
 
     def _on_batch(self, batch: RawWrenchBatch) -> None:
@@ -200,7 +195,8 @@ class ForceTorqueShell:
         self._drifted = result.free_air.drifted
         self._batches += 1
         if result.in_contact and self._batches % self._config.state_every_batches == 0:
-            self._state.publish(self._judge(result.wrench).model_copy(update={"stamp_ns": stamp_ns}))
+            judged = self._judge(result.wrench, None, ContactClassifier.RULE)
+            self._state.publish(judged.model_copy(update={"stamp_ns": stamp_ns}))
 
     def close(self) -> None:
         """Nothing is held open."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from crosspih_common.config.section import Section
@@ -15,5 +17,8 @@ class InferenceConfig(Section):
     starts: int = Field(default=8, ge=1, description="starts that are fitted to the end")
     friction_sd: float = Field(default=0.1, gt=0.0)
     prior_tail_degrees: float = Field(default=5.0, gt=0.0, description="how easily touches overrule vision")
+    next_touch: Literal["pattern", "information"] = Field(
+        default="pattern", description="a fixed pattern, or the push of most expected information"
+    )
     weights: str = Field(default="", description="the network's safetensors file; empty: the shipped one")
     sequence_weights: str = Field(default="", description="the sequence network's; empty: the shipped one")

@@ -28,6 +28,7 @@ from crosspih_common.messages import PosePrior as PriorMessage
 from crosspih_common.service import ServiceContext
 from services.inference.config import InferenceConfig
 from services.inference.estimator import (
+    BoreWalls,
     EstimatorSettings,
     PosePrior,
     TouchObservation,
@@ -37,6 +38,7 @@ from services.inference.estimator import (
     final_estimate,
     pressed_estimate,
 )
+from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
 from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
 from services.inference.network.shell import SequenceShell
@@ -51,6 +53,8 @@ class InferenceShell:
         self._peg = self._workcell.peg.shape()
         self._hole = self._workcell.hole.shape(self._peg)
         self._tables = PairTables.of(self._peg, self._hole)
+        # what the bore holds: all but the depth, and of a round peg the turn neither
+        self._held = 5 if BoreWalls.of(self._peg, self._hole).turn_fixed else 4
         self._settings = EstimatorSettings(
             friction_mean=self._workcell.friction_expected,
             friction_sd=config.friction_sd,
@@ -126,7 +130,7 @@ class InferenceShell:
             pose_base_hole=PoseData.of(found.pose_base_hole),
             covariance=floats(found.covariance),
             **_error_in_peg(observations[-1].deflected_pose_base_peg(), found.pose_base_hole),
-            rank=5 if any(found.used) else 0,
+            rank=self._held if any(found.used) else 0,
             residual_cost=_finite(float(np.mean(found.costs))),
             friction=self._settings.friction_mean,
             friction_sd=self._settings.friction_sd,
@@ -141,14 +145,26 @@ class InferenceShell:
         )
 
     def _next_touch(self, request: NextTouch) -> TouchPlan:
-        plan = next_touch(
-            self._peg,
-            request.belief.pose_base_hole.pose(),
-            np.asarray(request.belief.covariance).reshape(6, 6),
-            request.failed_pushes,
-            request.touches_made,
-            last_touch_used=request.last_touch_used,
-        )
+        belief, covariance = request.belief.pose_base_hole.pose(), np.asarray(request.belief.covariance).reshape(6, 6)
+        if self._config.next_touch == "information":
+            plan, _ = informed_touch(
+                self._tables,
+                candidates(self._peg, belief, covariance),
+                belief,
+                covariance,
+                self._workcell.compliance_peg(self._workcell.home_joints_rad),
+                self._workcell.friction_expected,
+                np.random.default_rng(self._config.seed + request.touches_made),
+            )
+        else:
+            plan = next_touch(
+                self._peg,
+                belief,
+                covariance,
+                request.failed_pushes,
+                request.touches_made,
+                last_touch_used=request.last_touch_used,
+            )
         return TouchPlan(
             pose_base_peg_start=PoseData.of(plan.pose_base_peg_start),
             direction_base=floats(plan.direction_base),
@@ -171,7 +187,7 @@ class InferenceShell:
             pose_base_hole=PoseData.of(pose),
             covariance=floats(covariance),
             **_error_in_peg(pose_base_peg, pose),
-            rank=5,
+            rank=self._held,
             residual_cost=0.0,
             friction=self._settings.friction_mean,
             friction_sd=self._settings.friction_sd,

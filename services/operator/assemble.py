@@ -42,9 +42,7 @@ def _assemble(
         with console.status("starting the cell"):
             session, _ = stack.enter_context(cell_session(speed))
         outline = session.cell.workcell.peg.shape().outline
-        console.print(
-            f"seed {seed}, peg {outline.name}, strategy {strategy.value}, {session.speed()}", highlight=False
-        )
+        console.print(f"seed {seed}, peg {outline.name}, strategy {strategy.value}, {session.speed()}", highlight=False)
         if outline.symmetry_order == 0:
             console.print("a round peg: nothing it touches tells how it is turned about its axis", highlight=False)
         story = Story(console)
@@ -104,7 +102,8 @@ def assemble(
             if found is not None:
                 if not as_json:
                     _print(console, done[0])
-                console.print(f"the cross is swapped for {peg}, and the insert of the plate for its hole", highlight=False)
+                said = f"the cross is swapped for the peg {peg}, and the insert of the plate for its hole"
+                console.print(said, highlight=False)
                 done.append(_assemble(console, seed, Strategy.KNOWN_POSE, speed, record, peg, found))
         else:
             done.append(_assemble(console, seed, strategy, speed, record, peg))

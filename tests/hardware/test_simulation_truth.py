@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.config import Workcell
@@ -40,6 +40,7 @@ def test_by_default_the_cell_is_as_drawn() -> None:
     assert SensorMounting(truth).felt(wrench) is wrench
 
 
+@settings(deadline=None)
 @given(st.floats(0.95, 1.05))
 def test_a_taper_that_is_off_narrows_faster_between_the_same_ends(factor: float) -> None:
     drawn, made = WORKCELL.peg.shape(), true_peg(WORKCELL, TruthConfig(taper_slope_factor=factor))
@@ -58,6 +59,7 @@ def test_a_hole_that_is_off_is_wider_on_every_side() -> None:
     assert np.allclose(wider, 5e-5, atol=1e-12)
 
 
+@settings(deadline=None)
 @given(VECTOR, VECTOR, VECTOR, VECTOR)
 def test_a_sensor_off_its_place_feels_forces_about_its_own_origin(
     shift: tuple[float, float, float], turn: tuple[float, float, float], point: tuple[float, float, float],

@@ -155,6 +155,19 @@ class FreePegWorld:
                 found.append(EngineContact(point, normal, float(contact[9]), friction, np.asarray(moving)))
         return found
 
+    def hulls(self) -> tuple[list[Array], list[Array]]:
+        """The corners (k, 3), m, that the engine really holds, of the peg (peg frame) and of the hole (hole frame).
+
+        It snaps them to a grid of 1/10216 of each hull's extent, towards its middle: up to 12 um for the plate.
+        """
+        links = range(-1, self.client.getNumJoints(self.body))
+        peg = [np.array(self.client.getMeshData(self.body, link)[1]) for link in links]
+        hole = [
+            np.array(self.client.getMeshData(body, -1)[1]) + self.client.getBasePositionAndOrientation(body)[0]
+            for body in self.hole_bodies
+        ]
+        return peg, hole
+
     def contact_wrench_peg(self) -> Array:
         """The contact wrench (6,) on the peg in the peg frame, from the engine's contact points and frictions."""
         wrench = np.zeros(6)

@@ -2,11 +2,15 @@
 
 Random pushes of a free peg on a virtual wrist, of four kinds (wide: pose errors up to 0.08 rad and 3 mm; near: 0.02 rad
 and 0.5 mm; bore: inside the hole, pushed any way; face: beside the hole), with and without friction, stiff and soft
-wrist. The engine's motor side creeps at the end, so that its dampers carry next to nothing. Both are compared where
-the motor side stands: force, moment, where the peg came to be, which contacts press.
+wrist, several shapes. The engine's motor side creeps at the end, so that its dampers carry next to nothing. Both are
+compared where the motor side stands: force, moment, where the peg came to be, how many contacts press.
 
-Every push has its own seed. With --out the pushes are kept as they come, and a second run goes on where the first one
-ended.
+Two comparisons tell where differences come from. The engine snaps the corners of convex hulls to a grid of some
+micrometres: the mechanics are also given the hulls that the engine really holds. And its friction does not quite oppose
+its own slip: that force is also compared after it was turned to do so.
+
+Every push has its own seed. With --out the engine's pushes are kept as they come, and a second run goes on where the
+first one ended.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -28,7 +33,8 @@ from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import CrossPeg, Hole, Peg
 from crosspih_common.shapes.named import NAMED, Sizes, tapered, tip_scale_of
-from services.inference.mechanics import PairTables, SurfacePair, first_contact, first_contacts, push
+from services.inference.mechanics import PairTables, PushedPegs, SurfacePair, first_contact, first_contacts, push
+from services.inference.mechanics.polyhedron import Polyhedron
 from tests.inference.free_peg_world import COLLISION_MARGIN_M, STEP_S, FreePegWorld
 
 KINDS = ("wide", "near", "bore", "face")
@@ -39,44 +45,16 @@ START_M = 5e-5
 # Speeds of the motor side (m/s) up to the last of these distances (m) before the end.
 SCHEDULE = ((2e-3, 2e-5), (2e-4, 3e-6), (2e-5, 0.0))
 AVERAGED = 25
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """One push. force_n, moment_nm: the engine's. direction_deg: between the forces; moment_off_nm, force_off_n:
-    between the vectors; place_off_m, turn_off_rad: between the peg's poses. The same with `own`: the engine's friction
-    turned so that it opposes the engine's own slip. engine_contacts, model_contacts: how many press. friction_off_deg:
-    the largest angle between friction and what opposes the slip, in the engine."""
-
-    seed: int
-    kind: str
-    shape: str
-    friction: float
-    wrist: str
-    force_n: float
-    moment_nm: float
-    direction_deg: float
-    force_off_n: float
-    moment_off_nm: float
-    place_off_m: float
-    turn_off_rad: float
-    own_direction_deg: float
-    own_moment_off_nm: float
-    engine_contacts: int
-    model_contacts: int
-    friction_off_deg: float
-    residual_n: float
+SLIDES_M_S = 3e-6
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A peg, its hole, and their tables."""
+    """A peg, its hole, and their tables: as drawn, and as the engine holds them."""
 
     peg: Peg | CrossPeg
     hole: Hole
-    tables: PairTables
-    surfaces: SurfacePair
-    rounded: SurfacePair
+    drawn: tuple[PairTables, SurfacePair]
 
 
 @cache
@@ -90,13 +68,30 @@ def shape_of(name: str) -> Shape:
         peg = tapered(outline, 0.012, 0.0537, 0.0797, tip_scale_of(outline, 0.25, 0.026))
     hole = peg.hole(1e-4, 1e-3)
     tables = PairTables.of(peg, hole)
-    rounded = SurfacePair.of(tables, edge_radius_m=COLLISION_MARGIN_M)
-    return Shape(peg, hole, tables, SurfacePair.of(tables), rounded)
+    return Shape(peg, hole, (tables, SurfacePair.of(tables)))
+
+
+@cache
+def world_of(name: str, friction: float, wrist: str) -> FreePegWorld:
+    """One world for all pushes that share it: every one of them starts from rest."""
+    shape = shape_of(name)
+    return FreePegWorld(shape.peg, shape.hole, friction, *WRISTS[wrist])
+
+
+@cache
+def snapped(name: str) -> tuple[PairTables, SurfacePair]:
+    """The tables of the hulls that the engine holds, with its margin as their skin."""
+    peg, hole = world_of(name, 0.0, "stiff").hulls()
+    side = shape_of(name).hole.plate_half_size_m - COLLISION_MARGIN_M
+    tables = PairTables.of_polyhedra(
+        tuple(Polyhedron.hull(corners) for corners in peg), tuple(Polyhedron.hull(corners) for corners in hole), side
+    )
+    return tables, SurfacePair.of(tables, skin_m=COLLISION_MARGIN_M)
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is pushed, how, from where: start pose in the hole frame and free of it, direction, travel past contact."""
+    """What is pushed, how, from where: start pose in the hole frame and free of it, direction, travel to the end."""
 
     seed: int
     kind: str
@@ -105,7 +100,7 @@ class Case:
     wrist: str
     start: Pose
     direction: Array
-    past_m: float
+    travel_m: float
 
 
 def draw_case(seed: int) -> Case:
@@ -115,12 +110,10 @@ def draw_case(seed: int) -> Case:
     friction, wrist = FRICTIONS[seed // 4 % 2], list(WRISTS)[seed // 8 % 2]
     name = SHAPES[int(rng.integers(len(SHAPES)))]
     shape = shape_of(name)
-    tip = shape.peg.tip_m
     while True:
         if kind == "bore":
             rotation = Pose.from_rotvec(rng.uniform(-0.003, 0.003, 3), np.zeros(3)).rotation
-            depth = rng.uniform(0.002, 0.02) + shape.peg.taper_length_m
-            at = np.array([*rng.uniform(-1e-4, 1e-4, 2), depth])
+            at = np.array([*rng.uniform(-1e-4, 1e-4, 2), rng.uniform(0.002, 0.02) + shape.peg.taper_length_m])
             direction = np.array([*rng.normal(size=2), rng.uniform(-0.3, 0.3)])
         else:
             turn, aside = {"wide": (0.08, 0.003), "near": (0.02, 0.0005), "face": (0.08, 0.003)}[kind]
@@ -131,11 +124,10 @@ def draw_case(seed: int) -> Case:
                 at[:2] += 0.012 * np.array([np.cos(heading), np.sin(heading)])
             direction = np.array([*rng.uniform(-0.1, 0.1, 2), 1.0])
         direction = direction / np.linalg.norm(direction)
-        start = Pose(rotation, at - rotation @ np.array([0.0, 0.0, tip]))
-        arguments = (shape.tables, start.rotation[None], start.translation_m[None], direction[None])
-        apart = first_contacts(*arguments).separation_m.min()
-        travel = float(first_contact(*arguments).travel_m[0])
-        if apart > 1e-6 and np.isfinite(travel):
+        start = Pose(rotation, at - rotation @ np.array([0.0, 0.0, shape.peg.tip_m]))
+        pairs = first_contacts(shape.drawn[0], start.rotation[None], start.translation_m[None], direction[None])
+        travel = float(pairs.travel_m.min())
+        if pairs.separation_m.min() > 1e-6 and np.isfinite(travel):
             break
     past_m = rng.uniform(5.0, 20.0) / WRISTS[wrist][0]
     # From just before contact, so that neither side spends its time in the air.
@@ -143,64 +135,84 @@ def draw_case(seed: int) -> Case:
     return Case(seed, kind, name, friction, wrist, start, direction, past_m + min(travel, START_M))
 
 
-@cache
-def world_of(name: str, friction: float, wrist: str) -> FreePegWorld:
-    """One world for all pushes that share it: every one of them starts from rest."""
-    shape = shape_of(name)
-    return FreePegWorld(shape.peg, shape.hole, friction, *WRISTS[wrist])
-
-
-def compare(case: Case) -> Agreement:
-    """Do one push in the engine and in the mechanics."""
-    world, shape = world_of(case.shape, case.friction, case.wrist), shape_of(case.shape)
+def engine_push(case: Case) -> dict[str, Any]:
+    """What the engine says: wrench averaged over the last steps and its spread, pose, contacts at the end."""
+    world = world_of(case.shape, case.friction, case.wrist)
     world.place(case.start)
     wrenches: list[Array] = []
-    positions: list[Array] = []
     travelled = 0.0
     for speed, before_end in SCHEDULE:
-        while travelled < case.past_m - before_end - 1e-12:
-            travelled = min(travelled + speed * STEP_S, case.past_m - before_end)
+        while travelled < case.travel_m - before_end - 1e-12:
+            travelled = min(travelled + speed * STEP_S, case.travel_m - before_end)
             command = Pose(case.start.rotation, case.start.translation_m + travelled * case.direction)
             world.step(command, np.concatenate([speed * case.direction, np.zeros(3)]))
             wrenches.append(world.contact_wrench_peg())
-            positions.append(world.pose_hole_peg().translation_m)
-            del wrenches[:-AVERAGED], positions[:-AVERAGED]
-    pose, contacts = world.pose_hole_peg(), world.contacts()
-    felt = np.mean(wrenches, axis=0)
+            del wrenches[:-AVERAGED]
+    pose = world.pose_hole_peg()
+    return {
+        "seed": case.seed,
+        "wrench": np.mean(wrenches, axis=0).tolist(),
+        "unsteady_n": float(np.linalg.norm(np.std(wrenches, axis=0)[:3])),
+        "rotation": pose.rotation.tolist(),
+        "translation_m": pose.translation_m.tolist(),
+        "contacts": [
+            {
+                "point_m": one.point_m.tolist(),
+                "normal": one.normal.tolist(),
+                "normal_n": one.normal_n,
+                "friction_n": one.friction_n.tolist(),
+                "velocity_m_s": one.velocity_m_s.tolist(),
+            }
+            for one in world.contacts()
+        ],
+    }
 
-    contact = float(
-        first_contact(
-            shape.tables, case.start.rotation[None], case.start.translation_m[None], case.direction[None]
-        ).travel_m[0]
-    )
-    model = push(
-        shape.tables, shape.surfaces, case.start.rotation[None], case.start.translation_m[None],
-        case.direction[None], travelled - contact, world.compliance_peg, case.friction,
-    )  # fmt: skip
-    wrench = model.wrench_peg[0]
 
-    own = np.zeros(6)
-    friction_off = 0.0
-    for one in contacts:
-        slip = one.velocity_m_s - one.normal * (one.normal @ one.velocity_m_s)
-        speed, size = float(np.linalg.norm(slip)), float(np.linalg.norm(one.friction_n))
-        force = one.normal_n * one.normal + one.friction_n
-        # Only where it slides; a point that sticks has no direction to oppose.
-        if case.friction > 0.0 and size > 0.98 * case.friction * one.normal_n and speed > 1e-8:
-            friction_off = max(friction_off, _between_deg(one.friction_n, -slip))
-            force = one.normal_n * one.normal - size * slip / speed
-        lever = one.point_m - pose.translation_m
-        own += np.concatenate([pose.rotation.T @ force, pose.rotation.T @ np.cross(lever, force)])
-    turned = Pose(model.rotation[0], model.translation_m[0])
-    return Agreement(
-        case.seed, case.kind, case.shape, case.friction, case.wrist,
-        float(np.linalg.norm(felt[:3])), float(np.linalg.norm(felt[3:])),
-        _between_deg(felt[:3], wrench[:3]), float(np.linalg.norm(felt[:3] - wrench[:3])),
-        float(np.linalg.norm(felt[3:] - wrench[3:])),
-        float(np.linalg.norm(pose.translation_m - turned.translation_m)), pose.angle_to_rad(turned),
-        _between_deg(own[:3], wrench[:3]), float(np.linalg.norm(own[3:] - wrench[3:])),
-        len(contacts), int(model.pressing[0].sum()), friction_off, float(model.residual_n[0]),
-    )  # fmt: skip
+@dataclass(frozen=True)
+class Difference:
+    """Engine against one set of the mechanics' tables: angle between forces, force, moment, place and turn of the peg;
+    how many contacts press in the mechanics."""
+
+    direction_deg: float
+    force_n: float
+    moment_nm: float
+    place_m: float
+    turn_rad: float
+    contacts: int
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One push. force_n, moment_nm: the engine's; unsteady_n: how much its force still changed. drawn, snapped: against
+    the drawing, and against the hulls that the engine holds; turned: the latter with friction turned against the slip.
+    friction_off_deg: the largest angle between the engine's friction and what opposes its slip."""
+
+    case: Case
+    force_n: float
+    moment_nm: float
+    unsteady_n: float
+    contacts: int
+    drawn: Difference
+    snapped: Difference
+    turned: Difference
+    friction_off_deg: float
+
+
+def _turned_wrench(case: Case, record: dict[str, Any]) -> tuple[Array, float]:
+    """The engine's wrench (6,) with the friction of every sliding contact turned against its slip; largest turn."""
+    rotation, origin = np.array(record["rotation"]), np.array(record["translation_m"])
+    wrench, largest = np.array(record["wrench"]), 0.0
+    for one in record["contacts"]:
+        normal, velocity = np.array(one["normal"]), np.array(one["velocity_m_s"])
+        friction, point = np.array(one["friction_n"]), np.array(one["point_m"])
+        slip = velocity - normal * (normal @ velocity)
+        speed, size = float(np.linalg.norm(slip)), float(np.linalg.norm(friction))
+        # Only where it slides: a point that sticks, or all but does, has no direction to oppose.
+        if case.friction > 0.0 and size > 0.98 * case.friction * one["normal_n"] and speed > SLIDES_M_S:
+            largest = max(largest, _between_deg(friction, -slip))
+            change = -size * slip / speed - friction
+            wrench += np.concatenate([rotation.T @ change, rotation.T @ np.cross(point - origin, change)])
+    return wrench, largest
 
 
 def _between_deg(one: Array, other: Array) -> float:
@@ -208,75 +220,136 @@ def _between_deg(one: Array, other: Array) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other)))
 
 
+def _pushes(cases: list[Case], tables: PairTables, surfaces: SurfacePair) -> PushedPegs:
+    """The mechanics' pushes of cases of one shape, all to where the engine's motor side went."""
+    rotation = np.array([case.start.rotation for case in cases])
+    translation = np.array([case.start.translation_m for case in cases])
+    direction = np.array([case.direction for case in cases])
+    travel = first_contact(tables, rotation, translation, direction).travel_m
+    past = np.array([case.travel_m for case in cases]) - travel
+    compliance = np.array([world_of(case.shape, case.friction, case.wrist).compliance_peg for case in cases])
+    friction = np.array([case.friction for case in cases])
+    return push(tables, surfaces, rotation, translation, direction, past, compliance, friction)
+
+
+def _difference(wrench: Array, record: dict[str, Any], model: PushedPegs, index: int) -> Difference:
+    own = model.wrench_peg[index]
+    pose = Pose(np.array(record["rotation"]), np.array(record["translation_m"]))
+    found = Pose(model.rotation[index], model.translation_m[index])
+    return Difference(
+        _between_deg(wrench[:3], own[:3]),
+        float(np.linalg.norm(wrench[:3] - own[:3])),
+        float(np.linalg.norm(wrench[3:] - own[3:])),
+        pose.distance_to_m(found),
+        pose.angle_to_rad(found),
+        int(model.pressing[index].sum()),
+    )
+
+
 def agreements(seeds: Iterable[int], out: Path | None = None) -> list[Agreement]:
-    """All pushes of some seeds; those that a file (one JSON object a line) has already are taken from there."""
-    kept = [Agreement(**json.loads(line)) for line in out.read_text().splitlines()] if out and out.exists() else []
-    known = {one.seed: one for one in kept}
-    found = []
+    """All pushes of some seeds; those whose engine part a file (one JSON object a line) has are taken from there."""
+    lines = out.read_text().splitlines() if out and out.exists() else []
+    known: dict[int, dict[str, Any]] = {record["seed"]: record for record in map(json.loads, lines)}
+    cases = []
     for seed in seeds:
+        cases.append(draw_case(seed))
         if seed not in known:
-            known[seed] = compare(draw_case(seed))
+            known[seed] = engine_push(cases[-1])
             if out:
                 with out.open("a") as file:
-                    file.write(json.dumps(dataclasses.asdict(known[seed])) + "\n")
-        found.append(known[seed])
-    return found
+                    file.write(json.dumps(known[seed]) + "\n")
+    found: dict[int, Agreement] = {}
+    for name in dict.fromkeys(case.shape for case in cases):
+        group = [case for case in cases if case.shape == name]
+        drawn, engine = _pushes(group, *shape_of(name).drawn), _pushes(group, *snapped(name))
+        for index, case in enumerate(group):
+            record = known[case.seed]
+            wrench = np.array(record["wrench"])
+            turned, friction_off = _turned_wrench(case, record)
+            found[case.seed] = Agreement(
+                case,
+                float(np.linalg.norm(wrench[:3])),
+                float(np.linalg.norm(wrench[3:])),
+                record["unsteady_n"],
+                len(record["contacts"]),
+                _difference(wrench, record, drawn, index),
+                _difference(wrench, record, engine, index),
+                _difference(turned, record, engine, index),
+                friction_off,
+            )
+    return [found[case.seed] for case in cases]
 
 
 QUANTILES = (0.5, 0.9, 0.99)
-COLUMNS: tuple[tuple[str, Callable[[Agreement], float]], ...] = (
-    ("force, deg", lambda one: one.direction_deg),
-    ("force, N", lambda one: one.force_off_n),
-    ("moment, mNm", lambda one: one.moment_off_nm * 1e3),
-    ("peg, um", lambda one: one.place_off_m * 1e6),
-    ("peg, urad", lambda one: one.turn_off_rad * 1e6),
-    ("own friction: deg", lambda one: one.own_direction_deg),
-    ("mNm", lambda one: one.own_moment_off_nm * 1e3),
+MEASURES: tuple[tuple[str, Callable[[Difference], float]], ...] = (
+    ("force deg", lambda one: one.direction_deg),
+    ("force N", lambda one: one.force_n),
+    ("moment mNm", lambda one: one.moment_nm * 1e3),
+    ("peg um", lambda one: one.place_m * 1e6),
+    ("peg urad", lambda one: one.turn_rad * 1e6),
 )
 
 
-def table_of(found: list[Agreement]) -> Table:
-    """p50 / p90 / p99 of the differences, by kind, friction, wrist and number of contacts."""
-    table = Table(title=f"{len(found)} pushes: mechanics against PyBullet, p50 / p90 / p99")
-    for name in ("", "n", *(name for name, _ in COLUMNS)):
-        table.add_column(name, justify="left" if name == "" else "right")
-    groups: list[tuple[str, Callable[[Agreement], bool]]] = [("all", lambda one: True)]
-    groups += [(kind, lambda one, k=kind: one.kind == k) for kind in KINDS]  # type: ignore[misc]
-    groups += [(f"friction {mu}", lambda one, m=mu: one.friction == m) for mu in FRICTIONS]  # type: ignore[misc]
-    groups += [(f"{wrist} wrist", lambda one, w=wrist: one.wrist == w) for wrist in WRISTS]  # type: ignore[misc]
-    groups += [(name, lambda one, s=name: one.shape == s) for name in dict.fromkeys(SHAPES)]  # type: ignore[misc]
+def tables_of(found: list[Agreement]) -> list[Table]:
+    """p50 / p90 / p99 of the differences, by kind, friction, wrist, shape and number of contacts."""
+    groups: list[tuple[str, list[Agreement]]] = [("all", found)]
+    groups += [(kind, [one for one in found if one.case.kind == kind]) for kind in KINDS]
+    groups += [(f"friction {mu}", [one for one in found if one.case.friction == mu]) for mu in FRICTIONS]
+    groups += [(f"{wrist} wrist", [one for one in found if one.case.wrist == wrist]) for wrist in WRISTS]
+    groups += [(name, [one for one in found if one.case.shape == name]) for name in dict.fromkeys(SHAPES)]
     groups += [
-        ("one contact", lambda one: one.model_contacts == 1),
-        ("two contacts", lambda one: one.model_contacts == 2),
-        ("more contacts", lambda one: one.model_contacts > 2),
+        ("1 contact", [one for one in found if one.snapped.contacts == 1]),
+        ("2 contacts", [one for one in found if one.snapped.contacts == 2]),
+        ("3 or more", [one for one in found if one.snapped.contacts > 2]),
     ]
-    for name, member in groups:
-        rows = [one for one in found if member(one)]
-        if rows:
-            cells = [
-                " / ".join(f"{value:.3g}" for value in np.quantile([of(one) for one in rows], QUANTILES))
-                for _, of in COLUMNS
-            ]
-            table.add_row(name, str(len(rows)), *cells)
-    return table
+    whats: tuple[tuple[str, Callable[[Agreement], Difference]], ...] = (
+        ("as drawn", lambda one: one.drawn),
+        ("with the hulls that the engine holds", lambda one: one.snapped),
+        ("and its friction turned against its slip", lambda one: one.turned),
+    )
+    made = []
+    for title, which in whats:
+        table = Table(title=f"{len(found)} pushes, mechanics against PyBullet, p50 / p90 / p99: {title}")
+        for name in ("", "n", *(name for name, _ in MEASURES)):
+            table.add_column(name, justify="left" if name == "" else "right", no_wrap=True)
+        for name, rows in groups:
+            if rows:
+                cells = [
+                    " / ".join(f"{value:.2g}" for value in np.quantile([of(which(one)) for one in rows], QUANTILES))
+                    for _, of in MEASURES
+                ]
+                table.add_row(name, str(len(rows)), *cells)
+        made.append(table)
+    return made
 
 
 def main() -> None:
-    """Run, print the table, or the single pushes as JSON."""
+    """Run, print the tables, or the single pushes as JSON."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--pushes", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, help="file that keeps the pushes, one JSON object a line")
+    parser.add_argument("--out", type=Path, help="file that keeps the engine's pushes, one JSON object a line")
     parser.add_argument("--json", action="store_true", help="print the single pushes")
     arguments = parser.parse_args()
-    console = Console()
+    console = Console(width=150)
     seeds = range(arguments.seed, arguments.seed + arguments.pushes)
-    shown = seeds if arguments.json else track(seeds, description="pushes", console=console)
-    found = agreements(shown, arguments.out)
+    found = agreements(seeds if arguments.json else track(seeds, "pushes", console=console), arguments.out)
     if arguments.json:
-        print(json.dumps([dataclasses.asdict(one) for one in found]))
-    else:
-        console.print(table_of(found))
+        plain = []
+        for one in found:
+            case = one.case
+            row = {name: getattr(case, name) for name in ("seed", "kind", "shape", "friction", "wrist")}
+            parts = {name: value for name, value in dataclasses.asdict(one).items() if name != "case"}
+            plain.append({**row, **parts})
+        print(json.dumps(plain))
+        return
+    for table in tables_of(found):
+        console.print(table)
+    off = [one.friction_off_deg for one in found if one.friction_off_deg > 0.0]
+    console.print(f"engine's friction off its own slip, deg, p50 / p90 / p99: {np.quantile(off, QUANTILES).round(2)}")
+    same = np.mean([one.contacts == one.snapped.contacts for one in found])
+    unsteady = sum(one.unsteady_n > 0.02 for one in found)
+    console.print(f"same number of contacts: {same:.1%}; the engine's force unsteady (sd > 0.02 N): {unsteady}")
 
 
 if __name__ == "__main__":

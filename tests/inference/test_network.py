@@ -43,7 +43,7 @@ def test_ten_rows_reach_the_goal_and_stay_within_a_degree() -> None:
 
 
 def test_a_row_that_was_left_out_is_not_within_a_degree() -> None:
-    predicted, means = leave_one_out(paper_rows(), [0], TrainingSettings())
+    predicted, means = leave_one_out(paper_rows(), [0], TrainingSettings(epochs=250))
     rms = np.degrees(np.sqrt(np.mean((predicted[0] - TABLE_7_RAD) ** 2, axis=0)))
     assert rms[1] > 2.0 and rms.max() < 4.0
     assert means[0] == pytest.approx(TABLE_7_RAD[1:].mean(axis=0))
@@ -79,7 +79,7 @@ def test_it_stops_early_and_keeps_the_best_weights() -> None:
     network, curves = train(split.training, 0, "test", against, settings)
     assert curves.stopped == "validation" and len(curves.training) - 1 == curves.best + 4
     scaled = network.scaled(against.wrench, against.angles_rad)
-    reached = float(torch.nn.functional.mse_loss(network.layers(scaled[0]), scaled[1]))
+    reached = float(torch.nn.functional.mse_loss(network.layers(scaled[0]), scaled[1]).detach())
     assert reached == pytest.approx(min(curves.validation), rel=1e-9)
 
 
@@ -164,8 +164,9 @@ def test_the_floor_of_a_known_relation() -> None:
 
 
 def test_a_judgement_counts_what_it_says() -> None:
-    split = split_by_pose(contacts(120), 0)
-    network, _ = train(split.training, 0, "t", split.validation, TrainingSettings(Optimiser.LM, hidden=10, epochs=8))
+    split = split_by_pose(contacts(400), 0)
+    settings = TrainingSettings(Optimiser.LM, hidden=10, epochs=20)
+    network, _ = train(split.training, 0, "test", split.validation, settings)
     parts = judge(network, split)
     error = np.degrees(network.predict(split.test.wrench) - split.test.angles_rad)
     assert parts["test"]["network"]["rms_deg"] == pytest.approx(np.sqrt(np.mean(error**2, axis=0)), abs=1e-3)

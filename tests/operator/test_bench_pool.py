@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError, CrosspihError
@@ -75,6 +75,7 @@ def _tasks(kinds: list[int]) -> list[CellTask]:
     return [CellTask(f"{index}", {"cell": {"kind": kind}}, _nothing, index) for index, kind in enumerate(kinds)]
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.integers(0, 3), max_size=12),
     st.integers(1, 4),

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError
 from services.operator.bench.conditions import Condition, cell_content, condition_of, merged
-from services.operator.bench.source import code_version, hash_sources
+from services.operator.bench.source import SourceWatch, code_version, hash_sources
 from services.operator.bench.store import ResultStore, result_key
 from services.operator.bench.trials import TrialJob, trial_key
 
@@ -29,6 +29,7 @@ def _leaves(tree: dict[str, Any], at: tuple[str, ...] = ()) -> dict[tuple[str, .
     return found
 
 
+@settings(deadline=None)
 @given(TREES, TREES)
 def test_overrides_win_and_all_else_stays(base: dict[str, Any], overrides: dict[str, Any]) -> None:
     before = json.dumps(base)
@@ -86,6 +87,7 @@ def test_what_was_put_is_there_for_the_next_run(tmp_path: Path) -> None:
         assert store.get(key) == {"x": 0.3} and store.get(other) == {"x": 0.2} and len(store) == 2
 
 
+@settings(max_examples=20, deadline=None)
 @given(st.integers(min_value=0, max_value=60))
 def test_a_line_that_a_kill_cut_short_costs_that_line_only(tmp_path_factory: pytest.TempPathFactory, kept: int) -> None:
     path = tmp_path_factory.mktemp("store") / "trials.jsonl"
@@ -123,6 +125,17 @@ def test_the_code_version_is_of_what_the_code_does(tmp_path: Path) -> None:
     (tmp_path / "services/operator/scoring.py").write_text("x = 2\n", encoding="utf-8")
     assert version != hash_sources(tmp_path)
     assert version != hash_sources(_tree(tmp_path, "def f():\n    return 2\n"))
+
+
+def test_a_run_notices_that_its_code_is_changed(tmp_path: Path) -> None:
+    watch = SourceWatch(_tree(tmp_path, "x = 1\n"), hash_sources(tmp_path))
+    assert watch.unchanged()
+    _tree(tmp_path, "x = 1  # one\n")
+    assert watch.unchanged()
+    _tree(tmp_path, "x = 22\n")
+    assert not watch.unchanged()
+    _tree(tmp_path, "x = 1\n")
+    assert not watch.unchanged(), "what was made in between is of other code"
 
 
 def test_weights_count_as_code(tmp_path: Path) -> None:

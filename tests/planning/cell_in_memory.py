@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.bus import Bus, MemoryHub
-from crosspih_common.config import load_cell
+from crosspih_common.config import PegDrawing, load_cell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import ASSEMBLE, LOCATE, PHASE, RESET, TRUTH
@@ -22,6 +22,7 @@ from crosspih_common.messages import (
     HoleEstimate,
     LocateHole,
     PoseData,
+    PosePrior,
     ResetCell,
     SimulationTruth,
     Strategy,
@@ -52,6 +53,7 @@ class CellInMemory:
         with_inference: bool = True,
         planning: PlanningConfig | None = None,
         half_range_lateral_m: float | None = None,
+        peg: PegDrawing | None = None,
     ) -> None:
         planning = planning or PlanningConfig(service_patience_s=0.5)
         self.hub = MemoryHub()
@@ -59,6 +61,8 @@ class CellInMemory:
         if half_range_lateral_m is not None:
             prior = self.cell.workcell.hole_prior.model_copy(update={"half_range_lateral_m": half_range_lateral_m})
             self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"hole_prior": prior}))
+        if peg is not None:
+            self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"peg": peg}))
         self.vision_scale: float | None = 1.0
         self.contexts: list[ServiceContext] = []
         self.phases: list[AssemblyPhase] = []
@@ -114,10 +118,10 @@ class CellInMemory:
         """A new trial."""
         return self.bus.call(RESET, ResetCell(seed=seed, **overrides), 30.0)
 
-    def assemble(self, strategy: Strategy = Strategy.FUSED) -> AssemblyResult:
+    def assemble(self, strategy: Strategy = Strategy.FUSED, known: PosePrior | None = None) -> AssemblyResult:
         """One assembly."""
         self.phases.clear()
-        return self.bus.call(ASSEMBLE, Assemble(assembly_id="test", strategy=strategy), 300.0)
+        return self.bus.call(ASSEMBLE, Assemble(assembly_id="test", strategy=strategy, known=known), 300.0)
 
     def close(self) -> None:
         """End everything."""

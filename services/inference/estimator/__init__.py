@@ -1,5 +1,6 @@
 """The hole's pose from touches: robust maximum a posteriori over contact hypotheses."""
 
+from services.inference.estimator.bore import BoreWalls
 from services.inference.estimator.estimate import estimate_pose
 from services.inference.estimator.insertion import InsertionAdvice, InsertionSettings, advise_insertion
 from services.inference.estimator.observation import (
@@ -14,6 +15,7 @@ from services.inference.estimator.pressed import PressedEstimate, PressSettings,
 from services.inference.estimator.seated import final_estimate
 
 __all__ = [
+    "BoreWalls",
     "ContactHypothesis",
     "EstimatorSettings",
     "InsertionAdvice",

@@ -17,6 +17,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.inference.estimator.coverage import BLOCKS, Row, TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.observation import EstimatorSettings
+from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
 from services.inference.next_touch import next_touch
 
@@ -24,6 +25,7 @@ from services.inference.next_touch import next_touch
 PRIORS = {
     "vision": (2e-4, 2e-4, 6e-4, 0.01, 0.01, 0.002),
     "poor": (1e-3, 1e-3, 2e-3, 0.04, 0.04, 0.01),
+    "wide": (5.8e-3, 5.8e-3, 8.7e-3, 0.058, 0.058, 0.058),
     "force": (3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05),
 }
 
@@ -48,6 +50,14 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
+def _resumed(path: Path | None) -> dict[int, list[TouchRecord]]:
+    """The trials that a file holds already."""
+    if path is None or not path.exists():
+        return {}
+    kept = [json.loads(line) for line in path.read_text().splitlines()]
+    return {one["trial"]: [TouchRecord(**record) for record in one["records"]] for one in kept}
+
+
 def main() -> None:
     """Draw trials, touch, estimate, count how often the truth lies in the region."""
     parser = argparse.ArgumentParser(description=main.__doc__)
@@ -55,26 +65,42 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the first trial; one more for each")
     parser.add_argument("--touches", type=int, default=4)
     parser.add_argument("--prior", choices=sorted(PRIORS), default="poor")
+    parser.add_argument("--policy", choices=("pattern", "information"), default="pattern", help="of the next touch")
+    parser.add_argument("--most-contacts", type=int, default=4, help="that one touch may be explained by")
     parser.add_argument("--cell", type=Path, help="a cell's file, for its peg and hole; without: the default cell")
+    parser.add_argument("--out", type=Path, help="keeps each trial (JSON lines), so that a stopped run goes on")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     workcell = load_cell(arguments.cell).workcell if arguments.cell else Workcell()
     peg = workcell.peg.shape()
     tables = PairTables.of(peg, workcell.hole.shape(peg))
-    estimator = EstimatorSettings(friction_mean=workcell.friction_expected)
+    estimator = EstimatorSettings(friction_mean=workcell.friction_expected, contacts=arguments.most_contacts)
 
-    def policy(belief: Pose, covariance: Array, made: int, used: bool) -> tuple[Pose, Array]:
+    compliance = workcell.compliance_peg(np.asarray(workcell.home_joints_rad))
+
+    def informed(belief: Pose, covariance: Array, made: int, used: bool) -> tuple[Pose, Array]:
+        plans = candidates(peg, belief, covariance)
+        plan, _ = informed_touch(
+            tables, plans, belief, covariance, compliance, workcell.friction_expected, np.random.default_rng(made)
+        )
+        return plan.pose_base_peg_start, plan.direction_base
+
+    def pattern(belief: Pose, covariance: Array, made: int, used: bool) -> tuple[Pose, Array]:
         plan = next_touch(peg, belief, covariance, made, made, last_touch_used=used)
         return plan.pose_base_peg_start, plan.direction_base
 
-    compliance = workcell.compliance_peg(np.asarray(workcell.home_joints_rad))
     settings = TrialSettings(PRIORS[arguments.prior], arguments.touches)
-    records: list[TouchRecord] = []
+    policy = informed if arguments.policy == "information" else pattern
+    nominal = workcell.hole_prior.pose_base_hole()
+    done = _resumed(arguments.out)
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
-    for seed in track(seeds, "trials", console=Console(stderr=True)):
-        records += run_trial(
-            tables, workcell.hole_prior.pose_base_hole(), compliance, policy, estimator, settings, seed
-        )
+    for seed in track([seed for seed in seeds if seed not in done], "trials", console=Console(stderr=True)):
+        done[seed] = list(run_trial(tables, nominal, compliance, policy, estimator, settings, seed))
+        if arguments.out:
+            with arguments.out.open("a") as file:
+                lines = [dataclasses.asdict(record) for record in done[seed]]
+                file.write(json.dumps({"trial": seed, "records": lines}) + "\n")
+    records = [record for seed in seeds for record in done[seed]]
     rows = summary(records)
     if arguments.json:
         print(json.dumps({"prior": arguments.prior, "rows": [dataclasses.asdict(row) for row in rows]}, indent=2))

@@ -49,14 +49,14 @@ class NearContacts:
 class SurfacePair:
     """The surfaces of peg and hole, and which of their features can meet while the peg is turned by at most cone_rad.
 
-    peg_corner, hole_face (L1,); hole_corner, peg_face (L2,); peg_edge, hole_edge (L3,). edge_radius_m: of all edges and
-    corners, which a radius moves inward; faces stay where they are.
+    peg_corner, hole_face (L1,); hole_corner, peg_face (L2,); peg_edge, hole_edge (L3,). skin_m: how thick a layer covers
+    both bodies, so that edges and corners are rounded.
     """
 
     peg: Surface
     hole: Surface
     cone_rad: float
-    edge_radius_m: float
+    skin_m: float
     peg_corner: Index
     hole_face: Index
     hole_corner: Index
@@ -67,8 +67,11 @@ class SurfacePair:
     keys: NDArray[np.int64] = field(repr=False)
 
     @classmethod
-    def of(cls, tables: PairTables, cone_rad: float = 0.3, edge_radius_m: float = 0.0) -> SurfacePair:
-        """Of the pieces in the tables. edge_radius_m: small against edges and chamfer."""
+    def of(cls, tables: PairTables, cone_rad: float = 0.3, skin_m: float = 0.0) -> SurfacePair:
+        """Of the pieces in the tables, covered by a skin (m).
+
+        Pieces inset by r and with a skin of r have their faces where they were, and edges of radius r.
+        """
         peg = Surface.of(tables.peg, tables.peg_faces)
         hole = Surface.of(tables.hole, tables.hole_faces)
         reach = np.sin(min(cone_rad + MARGIN_RAD, np.pi / 2.0))
@@ -109,7 +112,7 @@ class SurfacePair:
             peg,
             hole,
             cone_rad,
-            edge_radius_m,
+            skin_m,
             peg_corner,
             hole_face,
             hole_corner,
@@ -121,7 +124,7 @@ class SurfacePair:
         )
 
     def near(self, rotation_hole_peg: Array, translation_hole_peg_m: Array, band_m: Array, most: int) -> NearContacts:
-        """The contacts with a gap within +-band_m (N,) at peg poses (N, 3, 3), (N, 3) in the hole frame, m.
+        """The contacts with a gap within about +-band_m (N,) at peg poses (N, 3, 3), (N, 3) in the hole frame, m.
 
         At most `most` of them a pose. ValueError for a pose turned by more than cone_rad.
         """
@@ -178,35 +181,12 @@ class SurfacePair:
             return
         _, single = np.unique(np.stack([pose, self.keys[rows]]), axis=1, return_index=True)
         rows, pose, gaps, signs = rows[single], pose[single], gaps[single], signs[single]
-        if self.edge_radius_m > 0.0:
-            gaps = gaps + self.edge_radius_m * self._rounded_off(rows, pose, signs, rotation)
         order = np.lexsort((gaps, pose))
         rows, pose, gaps, signs = rows[order], pose[order], gaps[order], signs[order]
         place = np.arange(len(pose)) - np.searchsorted(pose, pose)
         keep = place < gap.shape[1]
         at = pose[keep], place[keep]
-        present[at], gap[at], sign[at], row[at] = True, gaps[keep], signs[keep], rows[keep]
-
-    def _rounded_off(self, rows: Index, pose: Index, signs: Array, rotation: Array) -> Array:
-        """How far a radius of 1 takes the features of some rows from each other (R,), along their normals."""
-        names, peg, hole = self.names, self.peg, self.hole
-        # A face that an edge or corner touches does not recede: its mitre is its normal.
-        of_peg = np.concatenate(
-            [peg.corner_mitres[self.peg_corner], peg.face_normals[self.peg_face], peg.edge_mitres[self.peg_edge]]
-        )
-        of_hole = np.concatenate(
-            [hole.face_normals[self.hole_face], hole.corner_mitres[self.hole_corner], hole.edge_mitres[self.hole_edge]]
-        )
-        kind, turn = names.kind[rows, None], rotation[pose]
-        peg_direction = np.einsum("rij,rj->ri", turn, names.peg_direction[rows])
-        hole_direction = names.hole_direction[rows]
-        crossed = np.cross(peg_direction, hole_direction) * signs[:, None]
-        crossed = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-9)
-        normal = np.where(
-            kind == EDGE_ON_EDGE, crossed, np.where(kind == PEG_CORNER_ON_FACE, hole_direction, -peg_direction)
-        )
-        out_of_peg = -np.einsum("rji,rj->ri", turn, normal)
-        return np.asarray((out_of_peg * of_peg[rows]).sum(axis=1) + (normal * of_hole[rows]).sum(axis=1) - 2.0)
+        present[at], gap[at], sign[at], row[at] = True, gaps[keep] - 2.0 * self.skin_m, signs[keep], rows[keep]
 
     def _edges(self, rotation: Array, translation: Array, band_m: Array) -> tuple[Index, Index, Array, Array]:
         """Rows, poses, gaps and signs of edges that pass each other near."""

@@ -52,17 +52,25 @@ class PairTables:
 
         The plate's sides and back, and the peg's back, are left out: they never meet.
         """
-        plate = hole.plate_half_size_m
-        pegs = tuple(Polyhedron.of(piece) for piece in peg.pieces())
-        holes = tuple(Polyhedron.of(piece) for piece in hole.pieces())
+        return cls.of_polyhedra(
+            tuple(Polyhedron.of(piece) for piece in peg.pieces()),
+            tuple(Polyhedron.of(piece) for piece in hole.pieces()),
+            hole.plate_half_size_m,
+        )
+
+    @classmethod
+    def of_polyhedra(
+        cls, peg: tuple[Polyhedron, ...], hole: tuple[Polyhedron, ...], plate_half_size_m: float
+    ) -> PairTables:
+        """The same from the pieces themselves."""
 
         def inward(solid: Polyhedron) -> NDArray[np.bool_]:
-            side = np.abs(solid.offsets_m - plate) < ON_SIDE_M
+            side = np.abs(solid.offsets_m - plate_half_size_m) < ON_SIDE_M
             side &= np.abs(solid.normals[:, :2]).max(axis=1) > 1.0 - 1e-9
             return np.asarray(~side & (solid.normals[:, 2] < 0.5))
 
         return cls(
-            pegs, holes, tuple(solid.normals[:, 2] > -0.5 for solid in pegs), tuple(inward(solid) for solid in holes)
+            peg, hole, tuple(solid.normals[:, 2] > -0.5 for solid in peg), tuple(inward(solid) for solid in hole)
         )
 
     @property

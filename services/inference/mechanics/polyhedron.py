@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
@@ -42,7 +43,17 @@ class Polyhedron:
                 continue
             if all(piece.normals[face] @ piece.normals[known] < 1.0 - 1e-12 for known in proper):
                 proper.append(face)
-        normals, on_face = piece.normals[proper], touching[:, proper]
+        return cls._of_faces(corners, piece.normals[proper], piece.offsets_m[proper], touching[:, proper])
+
+    @classmethod
+    def hull(cls, corners_m: Array) -> Polyhedron:
+        """The convex hull of corners (k, 3), m, all of which are corners of it."""
+        equations = np.unique(np.round(ConvexHull(corners_m).equations, 10), axis=0)
+        heights = corners_m @ equations[:, :3].T + equations[:, 3]
+        return cls._of_faces(corners_m, equations[:, :3], -equations[:, 3], np.abs(heights) < ON_FACE_M)
+
+    @classmethod
+    def _of_faces(cls, corners: Array, normals: Array, offsets_m: Array, on_face: NDArray[np.bool_]) -> Polyhedron:
         edges: list[tuple[int, int]] = []
         edge_faces: list[tuple[int, int]] = []
         for first in range(len(corners)):
@@ -54,7 +65,7 @@ class Polyhedron:
                 forth = float(np.cross(normals[b], normals[a]) @ (corners[second] - corners[first])) > 0.0
                 edges.append((first, second))
                 edge_faces.append((a, b) if forth else (b, a))
-        return cls(corners, normals, piece.offsets_m[proper], np.array(edges), np.array(edge_faces), on_face)
+        return cls(corners, normals, offsets_m, np.array(edges), np.array(edge_faces), on_face)
 
     @property
     def edge_directions(self) -> Array:

@@ -30,8 +30,7 @@ class Surface:
     (C, 3); corner_neighbours (C, K, 3): unit directions of the edges that leave a corner, repeated where it has fewer.
     face_normals (F, 3), face_offsets_m (F,); face_sides (F, S, 4): planes (x, y, z, offset) through the face's sides,
     square to it, outward; a side is repeated where a face has fewer. face_planes (F,): faces in one plane share a
-    number. edge_mitres (E, 3), corner_mitres (C, 3): how far an edge or corner moves inward when all faces beside it do
-    so by 1.
+    number.
     """
 
     edge_middles_m: Array
@@ -45,8 +44,6 @@ class Surface:
     face_offsets_m: Array
     face_sides: Array
     face_planes: NDArray[np.intp]
-    edge_mitres: Array
-    corner_mitres: Array
 
     @classmethod
     def of(cls, pieces: Sequence[Polyhedron], kept: Sequence[NDArray[np.bool_]]) -> Surface:
@@ -63,13 +60,12 @@ class Surface:
             for face in _faces(solid, used, [other for k, other in enumerate(pieces) if k != index])
         ]
         corners, neighbours = _corners(edges, pieces)
-        a, b = np.array([edge[2] for edge in edges]), np.array([edge[3] for edge in edges])
         planes = np.round(np.array([[*normal, offset] for normal, offset, _ in faces]), 9) + 0.0
         return cls(
             np.array([edge[0] for edge in edges]),
             np.array([edge[1] for edge in edges]),
-            a,
-            b,
+            np.array([edge[2] for edge in edges]),
+            np.array([edge[3] for edge in edges]),
             np.array([edge[4] for edge in edges]),
             corners,
             neighbours,
@@ -77,8 +73,6 @@ class Surface:
             np.array([offset for _, offset, _ in faces]),
             _padded([sides for _, _, sides in faces]),
             np.asarray(np.unique(planes, axis=0, return_inverse=True)[1], dtype=np.intp).ravel(),
-            (a + b) / (1.0 + np.sum(a * b, axis=1, keepdims=True)),
-            np.array([_mitre(corner, pieces) for corner in corners]).reshape(-1, 3),
         )
 
 
@@ -152,16 +146,6 @@ def _corners(edges: list[Edge], pieces: Sequence[Polyhedron]) -> tuple[Array, Ar
     if not kept:
         return np.zeros((0, 3)), np.zeros((0, 1, 3))
     return np.array(list(kept)), _padded([np.array(around) for around in kept.values()])
-
-
-def _mitre(corner: Array, pieces: Sequence[Polyhedron]) -> Array:
-    """How far (3,) a piece's corner moves inward when the faces that meet in it do so by 1."""
-    for solid in pieces:
-        at = np.linalg.norm(solid.corners_m - corner, axis=1)
-        if at.min() < 1e-7:
-            normals = solid.normals[solid.on_face[at.argmin()]]
-            return np.asarray(np.linalg.lstsq(normals, np.ones(len(normals)), rcond=None)[0])
-    raise ValueError("a corner of the surface is no piece's corner")
 
 
 def _faces(

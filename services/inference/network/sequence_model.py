@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from crosspih_common.geometry import Pose
@@ -119,11 +119,14 @@ class SequenceNetwork:
     @classmethod
     def load(cls, path: Path, peg: Peg) -> SequenceNetwork:
         """Read what `save` wrote; ValueError when the file is none of ours or was trained for another peg."""
-        with safe_open(str(path), framework="pt") as file:
-            metadata = file.metadata() or {}
-            if "sequence_record" not in metadata:
-                raise ValueError(f"{path} is no sequence network: train it anew")
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
+        try:
+            with safe_open(str(path), framework="pt") as file:
+                metadata = file.metadata() or {}
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
+        except SafetensorError as error:
+            raise ValueError(f"{path} is no sequence network ({error}): train it anew") from None
+        if "sequence_record" not in metadata:
+            raise ValueError(f"{path} is no sequence network: train it anew")
         content = json.loads(metadata["sequence_record"])
         for name in ("train_nll", "validation_nll"):
             content[name] = tuple(content[name])

@@ -12,7 +12,7 @@ from rich.progress import track
 from rich.table import Table
 
 from crosspih_common.config.drawing import OUTLINES
-from crosspih_common.errors import CrosspihError
+from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import Strategy
 from services.operator.bench.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
@@ -84,6 +84,8 @@ def assembly(
         condition = condition_of(settings or ())
         jobs = [TrialJob(seed=seed + index, strategy=strategy, condition=condition, peg=peg) for index in range(trials)]
         if running:
+            if peg != DEFAULT_PEG or way is not Way.DIRECT:
+                raise ConfigError("--running: the running stack has its own peg; leave --peg and --way out")
             done, ended = _on_the_running_stack(console, jobs, record)
         else:
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from crosspih_common.errors import ConfigError
 from services.operator.bench.comparison import Comparison, Row
 from services.operator.scoring import TrialFigures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = ("#3b6ea5", "#d08a2e", "#8a8a8a", "#4f8f5b", "#a14d6e")
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -34,6 +37,9 @@ def save_figure(comparison: Comparison, path: Path) -> None:
 
 def draw(comparison: Comparison) -> Figure:
     """Four panels that share the strategies."""
+    # only a command that draws waits for this
+    from matplotlib.figure import Figure
+
     strategies = list(dict.fromkeys(row.strategy for row in comparison.rows))
     figure = Figure(figsize=(13.0, 1.9 + 0.52 * len(strategies)), layout="constrained")
     success, time_s, force_n, score = figure.subplots(1, 4, sharey=True)

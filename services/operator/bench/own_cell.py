@@ -134,9 +134,10 @@ class OwnCell:
         # what is gone already needs no stop
         with contextlib.suppress(CrosspihError, LauncherError):
             stop_stack(self._name, self._folder / "run")
+        # without the folder the lifeline has nothing to do
+        shutil.rmtree(self._folder, ignore_errors=True)
         if self._lifeline is not None:
             assert self._lifeline.stdin is not None
             self._lifeline.stdin.close()
             self._lifeline.wait()
             self._lifeline = None
-        shutil.rmtree(self._folder, ignore_errors=True)

@@ -58,7 +58,35 @@ def hash_sources(root: Path) -> str:
     return digest.hexdigest()[:16]
 
 
+def _root() -> Path:
+    return Path(next(iter(services.__path__))).resolve().parent
+
+
 @cache
 def code_version() -> str:
     """`hash_sources` of the code that runs here; taken once a process."""
-    return hash_sources(Path(next(iter(services.__path__))).resolve().parent)
+    return hash_sources(_root())
+
+
+class SourceWatch:
+    """Whether the sources below `root` are still those of a version: a stack that starts late runs what is there then.
+
+    It looks at times and sizes, and reads the sources again only where these have changed.
+    """
+
+    def __init__(self, root: Path | None = None, version: str | None = None) -> None:
+        self._root = root or _root()
+        self._version = version or code_version()
+        self._same = True
+        self._stamps: dict[Path, tuple[int, int]] = {}
+
+    def unchanged(self) -> bool:
+        """Ask as often as you like; once changed it stays so."""
+        if self._same:
+            stamps = {
+                path: (about.st_mtime_ns, about.st_size) for path in _sources(self._root) if (about := path.stat())
+            }
+            if stamps != self._stamps:
+                self._stamps = stamps
+                self._same = hash_sources(self._root) == self._version
+        return self._same

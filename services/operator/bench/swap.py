@@ -1,4 +1,4 @@
-"""The paper's two halves over many seeds: the cross is assembled, then another peg at the pose that is known from it."""
+"""The paper's two halves over many seeds: the cross is assembled, then another peg at the pose known from it."""
 
 from __future__ import annotations
 

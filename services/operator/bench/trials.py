@@ -14,7 +14,7 @@ from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_cont
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import code_version
+from services.operator.bench.source import SourceWatch, code_version
 from services.operator.bench.store import ResultStore, result_key
 from services.operator.scoring import TrialFigures
 from services.operator.session import NEEDED, Session, cell_path
@@ -119,12 +119,13 @@ def run_trials(
         for index, key in enumerate(keys):
             if (kept := _kept(store, key)) is not None:
                 done[index] = kept
+    watch = SourceWatch()
     left = [index for index in range(len(jobs)) if index not in done]
 
     def on_result(position: int, result: dict[str, Any]) -> None:
         index = left[position]
         figures = TrialFigures.model_validate(result)
-        if store is not None:
+        if store is not None and watch.unchanged():
             store.put(keys[index], result, condition=jobs[index].condition.name, peg=jobs[index].peg, code=code)
         done[index] = figures
         on_done(jobs[index], figures)
@@ -146,6 +147,8 @@ def run_trials(
             pool.close()
     except KeyboardInterrupt:
         raise TrialsStopped(f"stopped after {len(done)} of {len(jobs)} trials", ended()) from None
+    if store is not None and not watch.unchanged():
+        watcher.say("the sources changed meanwhile: what was made since is not kept", "yellow")
     if lost:
         first = next(iter(lost))
         raise TrialsEnded(

@@ -105,7 +105,9 @@ class Collection:
                 result = PushResult.model_validate(kept)
                 if result.failure is None:
                     rows = np.reshape(np.asarray(result.contacts, dtype=float), (-1, 6))
-                    found.append(Contact(stiffness, result, label_contacts(rows[:, :3], rows[:, 3:], self._taper_start_m)))
+                    found.append(
+                        Contact(stiffness, result, label_contacts(rows[:, :3], rows[:, 3:], self._taper_start_m))
+                    )
         return found
 
     def _all(self) -> Iterator[tuple[float, PushTask]]:

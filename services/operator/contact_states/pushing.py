@@ -181,5 +181,3 @@ def contacts_peg(truths: list[SimulationTruth]) -> Array:
                 )
             )
     return np.reshape(rows, (-1, 6))
-
-
