@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from shapely import Geometry, Polygon, constrained_delaunay_triangles, get_parts
+from shapely import Geometry, Polygon, get_parts
 
 from crosspih_common.geometry.pose import Array
 
@@ -81,19 +81,17 @@ def region_of(polygon: Polygon, lines: Sequence[Line]) -> ConvexRegion:
 
 
 def cover(corners_m: Array, normals: Array, offsets_m: Array) -> list[ConvexRegion]:
-    """Convex regions whose union is a simple polygon (n, 2), counter-clockwise, m, with its edges' lines.
+    """Convex regions, each with the origin in it, whose union is a polygon (n, 2), counter-clockwise, m.
 
-    Where the axis sees the whole outline every region holds the axis, so that it may taper towards a point on it.
+    `normals` and `offsets_m` are its edges' lines. ValueError when the origin does not see the whole polygon.
     """
+    if np.any(offsets_m < -TOLERANCE_M):
+        raise ValueError("only a polygon that its origin sees the whole of is covered by parts that hold the origin")
     polygon = Polygon(corners_m)
     edges: list[Line] = [(float(n[0]), float(n[1]), float(d)) for n, d in zip(normals, offsets_m, strict=True)]
-    if np.all(offsets_m >= -TOLERANCE_M):
-        ends = np.roll(corners_m, -1, axis=0)
-        seeds = [np.array([np.zeros(2), start, end]) for start, end in zip(corners_m, ends, strict=True)]
-        seeds = [seed for seed in seeds if Polygon(seed).area > LEAST_AREA_M2]
-    else:
-        triangles = get_parts(constrained_delaunay_triangles(polygon))
-        seeds = [np.array(triangle.exterior.coords[:-1]) for triangle in triangles]
+    ends = np.roll(corners_m, -1, axis=0)
+    seeds = [np.array([np.zeros(2), start, end]) for start, end in zip(corners_m, ends, strict=True)]
+    seeds = [seed for seed in seeds if Polygon(seed).area > LEAST_AREA_M2]
     candidates: list[ConvexRegion] = []
     for measure in (_area, _edges_kept):
         grown: list[ConvexRegion] = []
@@ -168,20 +166,7 @@ def _grown(polygon: Polygon, edges: list[Line], seed: Array, measure: Measure) -
 
 
 def _cuts(vertex: Array, edges: list[Line], seed: Array) -> list[Line]:
-    """The half-planes that have a corner on their line and keep the seed: along edges first, else past the seed."""
-
-    def keeps(line: Line) -> bool:
-        return bool(np.all(seed @ np.array(line[:2]) <= line[2] + TOLERANCE_M))
-
+    """The half-planes along edges that have a corner on their line and keep the seed."""
     lines = dict.fromkeys(edges)
-    along = [line for line in lines if abs(vertex @ np.array(line[:2]) - line[2]) < TOLERANCE_M and keeps(line)]
-    if along:
-        return along
-    past = []
-    for corner in seed:
-        way = corner - vertex
-        length = float(np.hypot(*way))
-        if length > TOLERANCE_M:
-            for nx, ny in ((way[1] / length, -way[0] / length), (-way[1] / length, way[0] / length)):
-                past.append((float(nx), float(ny), float(nx * vertex[0] + ny * vertex[1])))
-    return [line for line in past if keeps(line)]
+    at_corner = [line for line in lines if abs(vertex @ np.array(line[:2]) - line[2]) < TOLERANCE_M]
+    return [line for line in at_corner if bool(np.all(seed @ np.array(line[:2]) <= line[2] + TOLERANCE_M))]

@@ -1,9 +1,10 @@
 """An outline from a drawing file: the one closed curve in an SVG or DXF.
 
 x is to the right and y up as the drawing is seen, looking at the peg's tip. Lengths must have a unit in the file: an
-SVG's width and height (say "60mm"), a DXF's $INSUNITS. The area's centroid is put on the peg's axis. Curves become
-chords, which leave them by the least of `TOLERANCES_M` that makes no more than `MOST_CORNERS` corners: peg and hole get
-the same chords, so that this changes the shape but not the fit. The readers are imported when a file is read.
+SVG's width and height (say "60mm"), a DXF's $INSUNITS. The area's centroid is put on the peg's axis, or, where it does
+not see the whole outline, the place that does. Curves become chords, which leave them by the least of `TOLERANCES_M`
+that makes no more than `MOST_CORNERS` corners: peg and hole get the same chords, so that this changes the shape but not
+the fit. The readers are imported when a file is read.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from scipy.optimize import linprog
 from shapely import Polygon
 from shapely.validation import explain_validity
 
@@ -45,7 +47,7 @@ class Curve:
 
 
 def outline_from_file(path: Path) -> Outline:
-    """The one closed outline in a file, its centroid on the axis. ValueError names the file, the entity, the mend."""
+    """The one closed outline in a file, centred on the axis. ValueError names the file, the entity, the mend."""
     if not path.is_file():
         raise ValueError(f"{path}: there is no such drawing; name an SVG or DXF file")
     read = _svg_curves if path.suffix.lower() == ".svg" else _dxf_curves
@@ -78,7 +80,7 @@ def _only_one(path: Path, curves: list[Curve]) -> Curve:
 
 
 def _corners(path: Path, curve: Curve) -> Array:
-    """(n, 2), about the centroid of the area."""
+    """(n, 2), about the peg's axis."""
     where = f"{path}: {curve.entity}"
     distinct = curve.points_m[np.hypot(*np.diff(curve.points_m, axis=0, append=curve.points_m[:1]).T) > 1e-7]
     if len(distinct) < 3:
@@ -88,7 +90,25 @@ def _corners(path: Path, curve: Curve) -> Array:
         raise ValueError(f"{where}: {explain_validity(polygon)} (m); the outline may not cross or touch itself")
     # corners on a straight line add nothing
     corners = np.array(polygon.simplify(1e-7).exterior.coords[:-1])
-    return np.asarray(corners - [polygon.centroid.x, polygon.centroid.y])
+    return corners - _axis(corners, np.array([polygon.centroid.x, polygon.centroid.y]))
+
+
+def _axis(corners: Array, centroid: Array) -> Array:
+    """Where the peg's axis goes (2,): the centroid where it sees the whole outline, else the place that does and is
+    farthest behind the lines of all edges; where there is none the centroid, for the peg to say what is wrong."""
+    x, y = (np.roll(corners, -1, axis=0) - corners).T
+    turn = np.sign(np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - np.roll(corners[:, 0], -1) * corners[:, 1]))
+    normals = turn * np.column_stack([y, -x]) / np.hypot(x, y)[:, None]
+    offsets = np.sum(normals * corners, axis=1)
+    if np.all(normals @ centroid <= offsets):
+        return centroid
+    farthest = linprog(
+        [0.0, 0.0, -1.0],
+        A_ub=np.column_stack([normals, np.ones(len(normals))]),
+        b_ub=offsets,
+        bounds=[(None, None)] * 2 + [(0.0, None)],
+    )
+    return centroid if farthest.x is None else np.asarray(farthest.x[:2])
 
 
 def _flattened(point_at: Callable[[float], Array], tolerance_m: float, pieces: int = 4) -> Array:

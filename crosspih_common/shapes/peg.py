@@ -28,7 +28,8 @@ class Peg:
     """The peg, in the peg frame {J}; all lengths in metres from the F/T origin along z.
 
     The section is the outline from `body_start_m` to `taper_start_m`; from there it shrinks linearly towards an apex
-    on the axis, and is cut off at the tip. Raises ValueError when these are not in order.
+    on the axis, and is cut off at the tip. Every section must fit into the body's, so the axis must see the whole
+    outline. Raises ValueError where it does not, and when the lengths are not in order.
     """
 
     outline: Outline
@@ -40,6 +41,13 @@ class Peg:
     def __post_init__(self) -> None:
         if not 0.0 <= self.body_start_m < self.taper_start_m < self.tip_m < self.apex_m:
             raise ValueError("a peg wants 0 <= body_start_m < taper_start_m < tip_m < apex_m")
+        hidden = np.flatnonzero(self.outline.offsets_m < -TOLERANCE_M)
+        if len(hidden):
+            x, y = self.outline.corners_m[hidden[0]] * 1e3
+            raise ValueError(
+                f"outline {self.outline.name}: the peg's axis does not see the wall that begins at ({x:.2f}, {y:.2f}) "
+                f"mm, so no taper towards it fits the hole; widen or leave out that slot, or move the outline"
+            )
 
     @property
     def taper_length_m(self) -> float:
@@ -64,7 +72,7 @@ class Peg:
 
     def pieces(self) -> list[ConvexPiece]:
         """Convex pieces, overlapping, whose union is the peg, exactly."""
-        return [piece for part in self.outline.convex_parts() for piece in self._pieces_of(part)]
+        return [self._piece_of(part) for part in self.outline.convex_parts()]
 
     def hole(self, clearance_m: float, chamfer_m: float) -> Hole:
         """The hole that leaves the body a clearance (m) on every side."""
@@ -72,24 +80,12 @@ class Peg:
 
         return Hole(self.outline.grown(clearance_m), chamfer_m)
 
-    def _pieces_of(self, part: ConvexRegion) -> list[ConvexPiece]:
-        """One piece, or two where the axis is outside the part: body and taper, each prolonged as far as it stays
-        inside, so that neither ends with a face where the two meet."""
-        ends: list[Plane] = [((0.0, 0.0, 1.0), self.tip_m), ((0.0, 0.0, -1.0), -self.body_start_m)]
-        taper_m = self.apex_m - self.taper_start_m
-        straight: list[Plane] = []
-        towards_apex: list[Plane] = []
-        away: list[bool] = []
+    def _piece_of(self, part: ConvexRegion) -> ConvexPiece:
+        """The part along the body, and shrinking towards the apex from where the taper starts."""
+        planes: list[Plane] = [((0.0, 0.0, 1.0), self.tip_m), ((0.0, 0.0, -1.0), -self.body_start_m)]
         for (nx, ny), d in zip(part.normals, part.offsets_m, strict=True):
-            straight.append(((float(nx), float(ny), 0.0), float(d)))
-            slope = float(d) / taper_m
-            towards_apex.append(((float(nx), float(ny), slope), slope * self.apex_m))
-            away.append(bool(d < -TOLERANCE_M))
-        outward = [
-            plane for plane, out in zip(towards_apex, away, strict=True) if not out and abs(plane[1]) > TOLERANCE_M
-        ]
-        if not any(away):
-            return [ConvexPiece.from_planes([*straight, *outward, *ends])]
-        body = [*straight, *outward, *ends]
-        taper = [tilted if out else plane for plane, tilted, out in zip(straight, towards_apex, away, strict=True)]
-        return [ConvexPiece.from_planes(body), ConvexPiece.from_planes([*taper, *outward, *ends])]
+            planes.append(((float(nx), float(ny), 0.0), float(d)))
+            if d > TOLERANCE_M:  # a wall on the axis stays there
+                slope = float(d) / (self.apex_m - self.taper_start_m)
+                planes.append(((float(nx), float(ny), slope), slope * self.apex_m))
+        return ConvexPiece.from_planes(planes)

@@ -1,8 +1,9 @@
 """Which of the 26 contact states a wrench shows, by the mechanics: how likely each set of touching edges makes it.
 
-For every set of taper edges (contact_sets.py) the best fitting pose, friction and forces are sought, and the likelihood
-of the wrench is integrated over them (Laplace), so that a set with more contacts, which can explain more, has to explain
-better. What no set explains is none of them. A state's confidence is its share of the whole.
+For every set of taper edges (contact_sets.py) the best fitting pose, friction and forces are sought, and the
+likelihood of the wrench is integrated over them (Laplace's method; MacKay, "Information Theory, Inference, and Learning
+Algorithms", chapter 28), so that a set with more contacts, which can explain more, has to explain better. What no set
+explains is none of them. A state's confidence is its share of the whole.
 """
 
 from __future__ import annotations
@@ -25,16 +26,19 @@ from services.force_torque.contact_table import STATES
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """How evidence becomes confidence.
+    """How evidence becomes confidence; chosen so that it is right as often as it says (`crosspih bench states`).
 
-    `temperature` divides the log evidence: above 1 the model is trusted less than its noise says. `other_sets` is added
-    to the log evidence of every set that is none of the 26, for each is rarer. `nothing` is the log evidence of "no set
-    of taper edges": a face, the end of an arm, the body.
+    `temperature_few` divides the log evidence where the best set has one or two edges, `temperature_many` where it has
+    more: then a set has as many unknowns as the wrench has numbers, and several explain it about as well. `other_pairs`
+    and `other_threes` are added for the sets that are none of the 26. `nothing` is the log evidence of "no set of taper
+    edges": a face, the end of an arm, the body.
     """
 
-    temperature: float = 2.0
-    other_sets: float = -2.0
-    nothing: float = -75.0
+    temperature_few: float = 2.7
+    temperature_many: float = 10.0
+    other_pairs: float = 0.0
+    other_threes: float = -8.0
+    nothing: float = -58.0
 
 
 def nominal_compliance_peg(workcell: Workcell, depth_m: float) -> Array:
@@ -106,20 +110,31 @@ class LikelihoodClassifier:
 
     def shares(self, fits: SetFits) -> Array:
         """(27,): the belief in each of STATES, and last in none of them."""
-        belief = self._belief
-        scores = fits.evidence + np.where(fits.sets.state < 0, belief.other_sets, 0.0)
-        scores = np.append(scores, belief.nothing) / belief.temperature
+        belief, sets = self._belief, fits.sets
+        many = sets.count[np.argmax(fits.evidence)] > 2
+        scores = np.append(self._scores(fits), belief.nothing)
+        scores = scores / (belief.temperature_many if many else belief.temperature_few)
         weights = np.exp(scores - scores.max())
-        where = np.append(np.where(fits.sets.state < 0, len(STATES), fits.sets.state), len(STATES))
+        where = np.append(np.where(sets.state < 0, len(STATES), sets.state), len(STATES))
         found = np.bincount(where, weights, minlength=len(STATES) + 1)
         return np.asarray(found / found.sum())
 
+    def _scores(self, fits: SetFits) -> Array:
+        others = np.where(fits.sets.count == 2, self._belief.other_pairs, self._belief.other_threes)
+        return np.asarray(fits.evidence + np.where(fits.sets.state < 0, others, 0.0))
+
     def _why(self, fits: SetFits) -> str:
         """Why none of the 26: the set that explains it instead, or that none does."""
-        best = int(np.argmax(fits.evidence))
-        if fits.sets.state[best] >= 0 or fits.evidence[best] + self._belief.other_sets < self._belief.nothing:
-            return f"no set of taper edges explains it (misfit {fits.cost[best]:.0f}): a face, the end of an arm, or the body"
-        return f"{_kind(fits.sets, best)}: {_named(fits.sets, best)}"
+        scores = self._scores(fits)
+        best = int(np.argmax(scores))
+        if scores[best] < self._belief.nothing:
+            misfit = fits.cost[best]
+            return f"no set of taper edges explains it (misfit {misfit:.0f}): a face, an arm's end or the body"
+        other = int(np.argmax(np.where(fits.sets.state < 0, scores, -np.inf)))
+        if fits.sets.state[other] >= 0:
+            return f"no set of taper edges explains it better than others: {_named(fits.sets, best)} best"
+        said = f"{_kind(fits.sets, other)}: {_named(fits.sets, other)}"
+        return said if fits.sets.state[best] < 0 else f"many sets explain it about as well; {said}"
 
 
 def _edges_of(sets: EdgeSets, index: int) -> list[tuple[int, int]]:

@@ -1,9 +1,10 @@
 """The sets of taper edges that a contact may rest on, and how well each explains a wrench: geometry and mechanics.
 
 Eight edges can touch: two at the end of each arm, one a sense (crosspih_common/contacts). The 26 states are 26 of
-their subsets. For one subset the unknowns are the pose of the peg in the hole (three angles, lateral offset, depth), the
-friction coefficient, and a force f >= 0 on each edge; the forces follow from the wrench by least squares, the rest is
-fitted: the wrench must be their sum, the edges of the subset must meet their rims, no other may cross its own.
+their subsets. For one subset the unknowns are the pose of the peg in the hole, the friction coefficient, and the force
+on each edge (by its logarithm: it only presses). The first edge meets its rim by construction; beside the prior the
+residuals are the wrench less the sum of the edges' own (friction against the sliding of all of them, Eqs. 20-24), the
+gaps of the subset's other edges, and what the rest would cross. Least squares by damped Gauss-Newton, loosely at first.
 """
 
 from __future__ import annotations
@@ -64,9 +65,11 @@ def all_edge_sets() -> EdgeSets:
 class FitScales:
     """One standard deviation of what is not known before, and how far the model is trusted.
 
-    Angles, lateral offset and depth of the hole's rim in the peg; friction about the expected one; the logarithm of each
-    force about that of the whole; `gap_m`: how exactly edges meet; floors of the wrench's noise, and the share of force
-    and moment that the model may miss.
+    Angles, lateral offset and depth of the hole's rim in the peg; friction about the expected one; the logarithm of
+    each force about that of the whole; `gap_m`: how exactly edges meet; floors of the wrench's noise, and the share of
+    force and moment that the model may miss. `coarse_share`: the same share where the search begins, by which
+    `candidates` subsets are chosen; of these `finalists` after `first_iterations` steps with wrench and gaps
+    `first_looseness` times looser.
     """
 
     angle_rad: float = 0.06
@@ -273,8 +276,9 @@ class SetModel:
             search.unknowns = search.kept - step * np.minimum(1.0, 2.5 / longest)
 
     def fit(self, sets: EdgeSets, wrench: Array, sensor_sd: Array) -> SetFits:
-        """The best subsets' fits to a wrench (6,) with the sensor's sd (6,): a few steps for those that come near it where
-        they begin, more for the best.
+        """The best subsets' fits to a wrench (6,) with the sensor's sd (6,).
+
+        A few steps for those that come near it where they begin, more for the best of them.
         """
         sd = self.wrench_sd(wrench, sensor_sd)
         start, far = self._start(sets, wrench, sd)

@@ -15,11 +15,11 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece, CrossPeg, Hole, Outline, Peg, cross_outline
 from crosspih_common.shapes.named import star, tapered
 
-# sections whose axis does not see all of the outline, in mm
+# sections that have no name, mm: an L about the place that sees all of it, and two with walls that no place sees
+ELL = [(-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)]
 UNSEEN = {
     "slotted": [(-20, -20), (20, -20), (20, 20), (4, 20), (4, 8), (-4, 8), (-4, 20), (-20, 20)],
     "tee": [(-5, -20), (5, -20), (5, 10), (20, 10), (20, 20), (-20, 20), (-20, 10), (-5, 10)],
-    "hook": [(-8, -8), (20, -8), (20, 20), (12, 20), (12, 4), (-8, 4)],
 }
 ORDERS = {
     "cross": 4, "square": 4, "triangle": 3, "hexagon": 6, "star": 5, "spline": 6, "keyway": 1, "round": 0,
@@ -27,8 +27,8 @@ ORDERS = {
 
 
 def _peg(name: str) -> Peg:
-    if name in UNSEEN:
-        return tapered(Outline.of(name, np.array(UNSEEN[name]) * 1e-3), 0.012, 0.0537, 0.0797, 0.4)
+    if name == "ell":
+        return tapered(Outline.of(name, np.array(ELL) * 1e-3), 0.012, 0.0537, 0.0797, 0.4)
     return PegDrawing(outline=name).shape()
 
 
@@ -59,7 +59,7 @@ def _assert_hole_is_exact(hole: Hole, points_each: int, seed: int) -> None:
         assert np.array_equal(_inside(blocks, np.column_stack([points, np.full(len(points), z)])), solid)
 
 
-@pytest.mark.parametrize("name", [*OUTLINES, *UNSEEN])
+@pytest.mark.parametrize("name", [*OUTLINES, "ell"])
 def test_pieces_and_blocks_are_exactly_the_shape(name: str) -> None:
     peg = _peg(name)
     _assert_peg_is_exact(peg, 1500, 1)
@@ -77,6 +77,14 @@ def test_any_outline_round_its_axis_is_cut_exactly(radii: list[float], turn_rad:
     peg = tapered(Outline.of("any", corners), 0.012, 0.0537, 0.0797, 0.5)
     _assert_peg_is_exact(peg, 300, 3)
     _assert_hole_is_exact(Hole.around(peg, 1e-4), 300, 4)
+
+
+@pytest.mark.parametrize("name", UNSEEN)
+def test_a_hole_may_have_slots_but_no_tapered_peg_has(name: str) -> None:
+    outline = Outline.of(name, np.array(UNSEEN[name]) * 1e-3)
+    _assert_hole_is_exact(Hole(outline.grown(1e-4)), 800, 5)
+    with pytest.raises(ValueError, match="axis does not see the wall that begins at"):
+        tapered(outline, 0.012, 0.0537, 0.0797, 0.4)
 
 
 def test_the_cross_comes_out_as_its_two_bars_and_eight_blocks() -> None:
@@ -140,10 +148,10 @@ def test_impossible_outlines_are_refused(corners: list[tuple[float, float]], sai
 
 def test_a_chamfer_wider_than_a_detail_is_refused() -> None:
     narrow = [(-20, -20), (20, -20), (20, 20), (0.5, 20), (0.5, 8), (-0.5, 8), (-0.5, 20), (-20, 20)]
-    peg = tapered(Outline.of("narrow", np.array(narrow) * 1e-3), 0.012, 0.0537, 0.0797, 0.5)
+    outline = Outline.of("narrow", np.array(narrow) * 1e-3)
     with pytest.raises(ValueError, match="smaller clearance or chamfer"):
-        Hole.around(peg, 1e-4, 0.001)
-    assert Hole.around(peg, 1e-4, 0.0003).pieces()
+        Hole(outline, 0.001)
+    assert Hole(outline, 0.0003).pieces()
 
 
 def test_a_star_has_as_many_spikes_as_asked_for() -> None:

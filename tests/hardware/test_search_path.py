@@ -32,7 +32,7 @@ def cell() -> Iterator[SimulatedCell]:
     opened.close()
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(offsets, turns, turns, turns)
 def test_the_speeds_add_up_to_the_last_knot(
     offset: tuple[float, float, float],
@@ -99,6 +99,7 @@ def test_a_motion_tells_how_far_and_how_smoothly_its_tip_went(cell: SimulatedCel
     assert outcome.over_20_n_s == 0.0
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6))
 def test_tip_positions_are_the_arms_own(joints_rad: list[float]) -> None:
     arm = WORKCELL.arm()

@@ -18,9 +18,10 @@ from services.inference.network.floor import floor_rms_rad, nearest_neighbours
 from services.inference.network.levenberg import LevenbergMarquardt
 from services.inference.network.model import AngleNetwork
 from services.inference.network.paper_rows import paper_rows
+from services.inference.network.settings import Optimiser, TrainingSettings
 from services.inference.network.synthesis import single_contact_dataset
 from services.inference.network.traingdx import TrainGdx
-from services.inference.network.training import Optimiser, TrainingSettings, train
+from services.inference.network.training import train
 from tests.inference.paper_tables import TABLE_6, TABLE_7_RAD, paper_dataset
 
 PEG = CrossPeg()
@@ -119,7 +120,7 @@ def test_levenberg_marquardt_solves_the_normal_equations() -> None:
         said: torch.Tensor = torch.func.functional_call(layers, values, (inputs,))
         return (said - targets).reshape(-1)
 
-    jacobian = torch.autograd.functional.jacobian(errors, start)
+    jacobian = torch.autograd.functional.jacobian(errors, start)  # type: ignore[no-untyped-call]
     step = torch.linalg.solve(
         jacobian.T @ jacobian + 1e-3 * torch.eye(len(start), dtype=torch.float64), -jacobian.T @ errors(start)
     )

@@ -6,7 +6,7 @@ import io
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -52,6 +52,7 @@ def test_the_parts_have_their_published_weights() -> None:
     assert scored(inserted=False, failure="service_lost") == pytest.approx(0.0)
 
 
+@settings(deadline=None)
 @given(st.floats(0, 500), st.floats(0, 500), st.floats(0, 10), st.floats(0, 1), st.floats(0, 60), st.booleans())
 def test_no_trial_leaves_the_scale(
     duration_s: float, jerk: float, path_m: float, distance_m: float, heavy_s: float, inserted: bool

@@ -40,6 +40,18 @@ def test_a_plan_that_is_wrong_is_refused_by_name(tmp_path: Path, text: str, said
         load_plan(path)
 
 
+def test_an_entry_stands_for_all_combinations(tmp_path: Path) -> None:
+    path = tmp_path / "plan.yaml"
+    path.write_text(
+        '- {name: p, title: "{a} of {b}", command: "crosspih x --a {a} --b {b} {out}/x.png", '
+        'each: {a: [x, Y Z], b: ["1"]}}',
+        encoding="utf-8",
+    )
+    entries = load_plan(path)
+    assert [(entry.name, entry.title) for entry in entries] == [("p-x-1", "x of 1"), ("p-y-z-1", "Y Z of 1")]
+    assert entries[0].shown("docs/results") == "crosspih x --a x --b 1 docs/results/x.png"
+
+
 def test_commands_run_with_this_interpreter() -> None:
     assert arguments("crosspih bench domain")[1:] == ["-m", "services.operator", "bench", "domain"]
     assert arguments("python -m a 'b c'")[1:] == ["-m", "a", "b c"]

@@ -68,10 +68,11 @@ class CellInMemory:
         self.phases: list[AssemblyPhase] = []
         self.on_phase: Callable[[AssemblyPhase], None] = lambda phase: None
         hardware = self.context("hardware")
+        self.planning = PlanningShell(self.context("planning"), planning)
         self._shells: list[Closeable] = [
             HardwareShell(open_cell(self.cell.workcell, HardwareConfig(), False), hardware, False),
             ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))),
-            PlanningShell(self.context("planning"), planning),
+            self.planning,
         ]
         if with_inference:
             self._shells.append(InferenceShell(self.context("inference"), InferenceConfig()))

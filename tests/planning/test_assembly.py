@@ -92,15 +92,6 @@ def test_a_push_that_does_not_enter_is_mended_by_touching(folder: Path) -> None:
         cell.close()
 
 
-def test_vision_that_refuses_ends_with_a_name(cell: CellInMemory) -> None:
-    cell.reset(6)
-    cell.vision_scale = None
-    result = cell.assemble()
-    assert result.failure is Failure.NOT_SEEN
-    assert "no_cross" in result.failure_detail
-    assert_backed_off(cell, result)
-
-
 def test_abort_ends_with_the_peg_backed_off(cell: CellInMemory) -> None:
     cell.reset(7)
 

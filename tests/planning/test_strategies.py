@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,9 +33,9 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CellInMemory]:
     opened.close()
 
 
-def assembled(cell: CellInMemory, strategy: Strategy, vision_scale: float | None, seed: int) -> AssemblyResult:
+def assembled(cell: CellInMemory, strategy: Strategy, vision_scale: float | None, **place: Any) -> AssemblyResult:
     cell.vision_scale = vision_scale
-    cell.reset(seed)
+    cell.reset(1, **place)
     return cell.bus.call(ASSEMBLE, Assemble(strategy=strategy, assembly_id="test"), 200.0)
 
 
@@ -42,9 +43,8 @@ def test_every_strategy_has_its_function() -> None:
     assert set(STRATEGIES) == set(Strategy)
 
 
-@pytest.mark.parametrize("strategy", [Strategy.STRAIGHT, Strategy.VISION_ONLY])
-def test_good_vision_needs_no_yielding(cell: CellInMemory, strategy: Strategy) -> None:
-    result = assembled(cell, strategy, 0.3, 1)
+def test_good_vision_needs_no_yielding(cell: CellInMemory) -> None:
+    result = assembled(cell, Strategy.STRAIGHT, 0.3)
     assert result.inserted and result.touches == 0 and result.pushes == 1
     truth = cell.truth()
     depth_m = insertion_depth_m(cell.cell.workcell, truth.pose_base_peg.pose(), truth.pose_base_hole.pose())
@@ -55,21 +55,21 @@ def test_good_vision_needs_no_yielding(cell: CellInMemory, strategy: Strategy) -
     ("strategy", "failure"), [(Strategy.STRAIGHT, Failure.NOT_CONVERGED), (Strategy.VISION_ONLY, Failure.OVERLOAD)]
 )
 def test_poor_vision_defeats_what_does_not_yield(cell: CellInMemory, strategy: Strategy, failure: Failure) -> None:
-    result = assembled(cell, strategy, POOR, 1)
+    result = assembled(cell, strategy, POOR)
     assert result.failure is failure and result.backed_off
     assert np.linalg.norm(cell.truth().wrench_contact) == 0.0
 
 
 def test_a_spiral_finds_what_nobody_saw(cell: CellInMemory) -> None:
     """The tip lands on the face beside the hole; three touches gave its plane, the spiral gives the rest."""
-    result = assembled(cell, Strategy.SPIRAL, None, 1001)
+    result = assembled(cell, Strategy.SPIRAL, None, offset_hole=(0.007, -0.005, -0.013, 0.03, -0.02, 0.04))
     assert result.inserted and result.vision_pose_base_hole is None
-    assert result.touches > 3, "the spiral was not needed: take another seed"
+    assert result.touches > 3, "the spiral was not needed: put the hole elsewhere"
     assert result.contact_s > 0.0 and result.contact_impulse_n_s / result.contact_s < result.peak_force_n
     assert 0.3 < result.tip_path_m < 3.0
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(st.floats(0.002, 0.02), st.floats(0.001, 0.01), st.booleans())
 def test_a_spiral_passes_no_place_by(radius_m: float, pitch_m: float, clockwise: bool) -> None:
     knots = archimedean(radius_m, pitch_m, 0.01, clockwise)
@@ -86,7 +86,7 @@ def test_a_spiral_passes_no_place_by(radius_m: float, pitch_m: float, clockwise:
     assert speeds.max() <= 1.001 * max(0.01, np.linalg.norm(np.diff(places, axis=0), axis=1).sum() / 50.0)
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.1))
 def test_tilts_keep_inside_what_may_be_off(seed: int, reach_rad: float) -> None:
     knots = random_tilts(np.random.default_rng(seed), np.array([reach_rad, reach_rad, 0.5 * reach_rad]))
@@ -106,6 +106,7 @@ def test_the_tip_has_six_millimetres_of_room_and_the_body_its_clearance() -> Non
     assert room_m(workcell, 0.011) == pytest.approx(0.0091 - 0.0025 - 0.25 * 0.010, abs=1e-6)
 
 
+@settings(deadline=None)
 @given(
     st.tuples(*[st.floats(-0.1, 0.1)] * 2),
     st.floats(-0.015, 0.015),
@@ -123,6 +124,7 @@ def test_three_points_give_the_face(
     assert found.angle_to_rad(NOMINAL) == pytest.approx(float(turned), abs=1e-6)
 
 
+@settings(deadline=None)
 @given(st.tuples(*[st.floats(-0.007, 0.007)] * 2), st.floats(-1.0, 1.0), st.floats(2.0, 20.0))
 def test_the_line_of_action_meets_the_tip_where_it_touched(
     place: tuple[float, float], friction_n: float, force_n: float

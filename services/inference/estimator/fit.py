@@ -80,7 +80,8 @@ class FitState:
 
 def whitening(touches: TouchBatch, settings: EstimatorSettings, softness: float) -> tuple[float, Array]:
     """Gap sd (m) and wrench sds (T, 6) at a softness from 1 (coarse) to 0 (the true noise)."""
-    soft = np.repeat([SOFT_FORCE_N, SOFT_MOMENT_NM], 3) * softness
+    # A wide prior is wide in position: what a wrench says of the feature that touched needs no softer judgement.
+    soft = np.repeat([SOFT_FORCE_N, SOFT_MOMENT_NM], 3) * min(softness, 1.0)
     return float(np.hypot(settings.gap_sd_m, SOFT_GAP_M * softness)), np.sqrt(touches.sd**2 + soft**2)
 
 

@@ -24,6 +24,7 @@ DEGREES = 5.0
 WIDENED = 1.3
 FEWEST_SHARE = 0.04  # of the draws to any mode, however unlikely the fit holds it
 CREDIBLE_COST = 40.0
+PRIOR_SHARE = 0.1  # of the draws to the prior itself
 TRUSTED_DRAWS = 15.0
 
 
@@ -55,7 +56,7 @@ def posterior(
     own = np.array([_symmetric(np.linalg.inv(state.information[index])) for index in kept])
     share = _normalised(-0.5 * state.cost[kept] + 0.5 * np.linalg.slogdet(own)[1])
     share = (1.0 - FEWEST_SHARE * len(kept)) * share + FEWEST_SHARE if len(kept) * FEWEST_SHARE < 0.5 else share
-    sampler = _Sampler(modes, np.linalg.cholesky(own), share)
+    sampler = _Sampler(modes, np.linalg.cholesky(own), share, _prior_component(prior, settings))
     for _ in range(settings.rounds):
         sample = sampler.draw(settings.draws, rng).slipping(len(touches.wrench), settings.gap_sd_m, rng)
         sampler.take(sample, -0.5 * evaluate(tables, sample, touches, prior, settings, 0.0).cost)
@@ -92,14 +93,24 @@ def posterior(
     )
 
 
+def _prior_component(prior: PosePrior, settings: EstimatorSettings) -> tuple[TrialPoses, Array]:
+    """The prior of pose and friction as a component to draw from: centre and root (1, 7, 7)."""
+    root = np.zeros((1, 7, 7))
+    root[0, :6, :6] = np.linalg.cholesky(np.asarray(prior.covariance, float))
+    root[0, 6, 6] = settings.friction_sd
+    base = prior.pose_base_hole
+    return TrialPoses(base.rotation[None], base.translation_m[None], np.array([settings.friction_mean])), root
+
+
 class _Sampler:
     """Draws from a growing mixture of Student-t, weighed against the mixture of all rounds (Cornuet et al. 2012)."""
 
-    def __init__(self, modes: TrialPoses, roots: Array, share: Array) -> None:
+    def __init__(self, modes: TrialPoses, roots: Array, share: Array, prior: tuple[TrialPoses, Array]) -> None:
         self._modes = modes
-        self._centres, self._roots = [modes], [roots * WIDENED]
+        # a mode may be spurious, all its touches gated: then the prior is what is left
+        self._centres, self._roots = [modes, prior[0]], [roots * WIDENED, prior[1]]
         self._mode_roots = roots
-        self._shares = [share]
+        self._shares = [np.append((1.0 - PRIOR_SHARE) * share, PRIOR_SHARE)]
         self.drawn: list[TrialPoses] = []
         self._log_target: list[Array] = []
 
@@ -149,6 +160,7 @@ class _Sampler:
             added.append(float(held[mode]))
         old = np.zeros(sum(len(root) for root in self._roots) - len(added))
         old[: len(self._mode_roots)] = 0.15 / len(self._mode_roots) + 0.15 * held
+        old[len(self._mode_roots)] = PRIOR_SHARE
         share = np.concatenate([old, 0.7 * np.array(added)])
         self._shares.append(share / share.sum())
 

@@ -49,8 +49,8 @@ class NearContacts:
 class SurfacePair:
     """The surfaces of peg and hole, and which of their features can meet while the peg is turned by at most cone_rad.
 
-    peg_corner, hole_face (L1,); hole_corner, peg_face (L2,); peg_edge, hole_edge (L3,). skin_m: how thick a layer covers
-    both bodies, so that edges and corners are rounded.
+    peg_corner, hole_face (L1,); hole_corner, peg_face (L2,); peg_edge, hole_edge (L3,). skin_m: how thick a layer
+    covers both bodies, so that edges and corners are rounded.
     """
 
     peg: Surface

@@ -16,28 +16,26 @@ from pathlib import Path
 from typing import Any
 
 from crosspih_common.errors import CrosspihError
-from services.inference.network.commands import (
-    compare_sequence_network,
-    make_contacts,
-    train_on_paper_rows,
-    train_on_table,
-    train_sequences,
-)
-from services.inference.network.training import Optimiser, TrainingSettings
+from services.inference.network.making import make_contacts, workcell
+from services.inference.network.settings import Optimiser, TrainingSettings
 
 SAY_EVERY_S = 0.2
 
 
 class Teller:
-    """Says how far something is, not too often."""
+    """Says how far something is, not too often; as JSON, or for people on standard error."""
 
-    def __init__(self) -> None:
+    def __init__(self, for_people: bool = False) -> None:
         self._said = 0.0
+        self._for_people = for_people
 
     def __call__(self, doing: str, done: int, total: int) -> None:
         now = time.monotonic()
         if done >= total or now - self._said > SAY_EVERY_S:
             self._said = now
+            if self._for_people:
+                print(f"\r{doing} {done} of {total}", end="\n" if done >= total else "", file=sys.stderr, flush=True)
+                return
             print(json.dumps({"doing": doing, "done": done, "total": total}), flush=True)
 
 
@@ -81,6 +79,7 @@ def _arguments() -> argparse.Namespace:
 
     sub = command("compare", _compare, "the sequence network's errors beside the estimator's, on the same touches")
     sub.add_argument("--weights", type=Path, help="the shipped ones when left out")
+    sub.add_argument("--table", action="store_true", help="print a table for people, no JSON")
     sub.add_argument("--trials", type=int, default=100)
     sub.add_argument("--touches", type=int, default=4)
     sub.add_argument("--seed", type=int, default=1000)
@@ -94,6 +93,9 @@ def _synthesise(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
 
 
 def _train(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    # torch takes seconds to import: only those who train pay
+    from services.inference.network.teaching import train_on_paper_rows, train_on_table
+
     names = [field.name for field in dataclasses.fields(TrainingSettings)]
     settings = TrainingSettings(**{name: getattr(arguments, name) for name in names})
     if arguments.paper_rows:
@@ -105,24 +107,34 @@ def _train(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
 
 
 def _sequence(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    from services.inference.network.teaching import train_sequences
+
     return train_sequences(
         arguments.out, arguments.sequences, arguments.touches, arguments.epochs, arguments.seed, tell
     )
 
 
 def _compare(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
-    return compare_sequence_network(arguments.weights, arguments.trials, arguments.touches, arguments.seed, tell)
+    from services.inference.network.sequence_comparison import compare
+
+    return compare(workcell(), arguments.weights, arguments.trials, arguments.touches, arguments.seed, tell)
 
 
 def main() -> None:
     """Do what the command line asks; an error is one line on standard error and status 1."""
     arguments = _arguments()
+    for_people = getattr(arguments, "table", False)
     try:
-        result = arguments.run(arguments, Teller())
+        result = arguments.run(arguments, Teller(for_people))
     except (CrosspihError, ValueError, OSError) as error:
         print(error, file=sys.stderr)
         sys.exit(1)
-    print(json.dumps({"result": result}))
+    if for_people:
+        from services.inference.network.sequence_comparison import as_text
+
+        print(as_text(result))
+    else:
+        print(json.dumps({"result": result}))
 
 
 if __name__ == "__main__":

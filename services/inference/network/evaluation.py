@@ -11,7 +11,8 @@ from crosspih_common.geometry.pose import Array
 from services.inference.network.dataset import ContactDataset, Split
 from services.inference.network.floor import floor_rms_rad, nearest_neighbours
 from services.inference.network.model import AngleNetwork
-from services.inference.network.training import Curves, TrainingSettings, train
+from services.inference.network.settings import TrainingSettings
+from services.inference.network.training import Curves, train
 
 # what MECHANICS found, RMS in degrees of alpha, beta, gamma: the best that any regressor can do from one wrench
 KNOWN_FLOORS_DEG = {

@@ -13,8 +13,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from crosspih_common.geometry.pose import Array
-
-HIDDEN_NEURONS = 150
+from services.inference.network.settings import HIDDEN_NEURONS
 
 
 @dataclass(frozen=True, slots=True)

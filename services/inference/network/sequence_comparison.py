@@ -69,7 +69,7 @@ def compare(
     network = SequenceNetwork.load(weights or SHIPPED_WEIGHTS, peg)
     tables = PairTables.of(peg, hole)
     settings = EstimatorSettings(friction_mean=cell.friction_expected)
-    result: dict[str, Any] = {"command": network.record.command, "trials": trials, "seed": seed}
+    result: dict[str, Any] = {"command": network.record.command, "trials": trials, "touches": touches, "seed": seed}
     for number, (name, sds) in enumerate(PRIORS.items()):
         world = world_of(sds, cell.friction_expected)
         dataset = touch_sequences(peg, hole, trials, touches, np.random.default_rng([seed, number]), world)
@@ -118,3 +118,26 @@ def _figures(left: Array, covariance: Array | None) -> dict[str, Any]:
         distance = np.einsum("nki,nki->nk", left, np.linalg.solve(covariance, left[..., None])[..., 0])
         figures["truth_in_95_region"] = np.round(np.mean(distance < chi2.ppf(0.95, 6), axis=0), 3).tolist()
     return figures
+
+
+def as_text(result: dict[str, Any]) -> str:
+    """What `compare` found, as a table: median and p95 after each touch."""
+    lines = [f"{result['trials']} histories a prior, seed {result['seed']}; network: {result['command']}"]
+    for prior in PRIORS:
+        lines += ["", prior, f"{'touches':>34}" + "".join(f"{count + 1:>16}" for count in range(result["touches"]))]
+        before = result[prior]["no touch"]
+        lines.append(
+            f"  before any touch: {before['lateral_mm_p50'][0]:.2f} / {before['lateral_mm_p95'][0]:.2f} mm lateral, "
+            f"{before['rotation_deg_p50'][0]:.2f} / {before['rotation_deg_p95'][0]:.2f} deg"
+        )
+        for way in ("sequence network", "estimator"):
+            figures = result[prior][way]
+            for name, label, digits in (("lateral_mm", "lateral mm", 3), ("rotation_deg", "rotation deg", 2)):
+                cells = [
+                    f"{p50:.{digits}f} / {p95:.{digits}f}"
+                    for p50, p95 in zip(figures[f"{name}_p50"], figures[f"{name}_p95"], strict=True)
+                ]
+                lines.append(f"  {way:<18}{label:<14}" + "".join(f"{cell:>16}" for cell in cells))
+            inside = [f"{share * 100:.0f} %" for share in figures["truth_in_95_region"]]
+            lines.append(f"  {way:<18}{'in 95 % region':<14}" + "".join(f"{cell:>16}" for cell in inside))
+    return "\n".join(lines)

@@ -6,11 +6,13 @@ from services.operator.bench.assembly import assembly
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
 from services.operator.bench.scaling import scaling
+from services.operator.bench.states import states
 from services.operator.bench.vision import vision
 
 app = typer.Typer(no_args_is_help=True, help="Measured distributions over seeds that anyone can repeat.")
 app.command()(assembly)
 app.command()(domain)
 app.command()(scaling)
+app.command()(states)
 app.command()(compare)
 app.command()(vision)

@@ -21,7 +21,7 @@ SIMULATED_DEFAULTS: dict[str, Any] = {
 }
 CLEARANCES_MM = (0.05, 0.1, 0.2, 0.5)
 FRICTIONS = (0.0, 0.1, 0.2, 0.3)
-STIFFNESSES_N_MM = (20.0, 50.0, 100.0, 200.0)
+STIFFNESSES_N_MM = (20.0, 100.0, 200.0)
 
 
 @dataclass(frozen=True)

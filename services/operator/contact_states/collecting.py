@@ -92,6 +92,10 @@ class Collection:
     def _quota(self) -> int:
         return int(np.ceil(self._wanted.each / len(self._wanted.stiffness_n_mm)))
 
+    def content(self, stiffness: float) -> dict[str, Any]:
+        """The cell's file of a stiffness, as a mapping."""
+        return self._content[stiffness]
+
     def plan(self, stiffness: float) -> Plan:
         """The plan of a stiffness."""
         return self._plans[stiffness]
@@ -148,10 +152,10 @@ class Collection:
         taken: Counter[str] = Counter()
         for stiffness, task in self._all():
             short = 1.3 * (self._wanted.each - total[task.target])
-            if task.target != RANDOM and taken[task.target] < short:
-                if self._store.get(self._key(stiffness, task)) is None:
-                    taken[task.target] += 1
-                    todo.append((stiffness, task))
+            open_still = self._store.get(self._key(stiffness, task)) is None
+            if task.target != RANDOM and taken[task.target] < short and open_still:
+                taken[task.target] += 1
+                todo.append((stiffness, task))
         return todo
 
     def collect(self, cells: int | None, executor: ExecutorName, ray_address: str | None) -> list[str]:

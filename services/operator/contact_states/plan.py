@@ -114,10 +114,10 @@ def make_plan(
             yaw = angles[:, 0]
             angles[:, 0] = np.sign(yaw) * (LEAST_YAW_RAD + np.abs(yaw) * (1.0 - LEAST_YAW_RAD / HALF_RANGE_RAD))
             threes = [name for name in STATE_NAMES if name[0] == "3" and len(found[name]) < each]
-            known = [(name, push) for name in STATE_NAMES if name[0] == "3" for push in found[name]]
+            known = [(push, name) for name in STATE_NAMES if name[0] == "3" for push in found[name]]
             if threes and known and batch % 2 == 0:
                 near = [
-                    _turned(*known[index], threes[wish])
+                    _turned(known[index][0], known[index][1], threes[wish])
                     for index, wish in zip(
                         rng.integers(0, len(known), BATCH), rng.integers(0, len(threes), BATCH), strict=True
                     )
@@ -142,15 +142,15 @@ def make_plan(
         on_batch(left, each)
         if left >= each:
             break
-    angles = rng.uniform(-HALF_RANGE_RAD, HALF_RANGE_RAD, (random, 3))
-    lateral = rng.uniform(-HALF_RANGE_M, HALF_RANGE_M, (random, 2))
-    drawn = pushed(angles, lateral, rng.uniform(*FORCE_N, random))
+    any_angles = rng.uniform(-HALF_RANGE_RAD, HALF_RANGE_RAD, (random, 3))
+    any_lateral = rng.uniform(-HALF_RANGE_M, HALF_RANGE_M, (random, 2))
+    at_random = pushed(any_angles, any_lateral, rng.uniform(*FORCE_N, random))
     pushes = {name: tuple(rows) for name, rows in found.items()}
-    pushes[RANDOM] = tuple(_push(drawn, index) for index in range(random))
+    pushes[RANDOM] = tuple(_push(at_random, index) for index in range(random))
     return Plan(stiffness_n_mm=stiffness_n_mm, seed=seed, pushes=pushes, share=share)
 
 
-def _turned(name: str, push: Push, wished: str) -> list[float]:
+def _turned(push: Push, name: str, wished: str) -> list[float]:
     """The errors (alpha, beta, gamma, x, y) of a push mirrored and turned by quarters from one state to another.
 
     Exact for small angles and an arm that is equally stiff all round: good enough to search near it.

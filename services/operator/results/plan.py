@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import sys
+from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 
 import yaml
@@ -12,6 +15,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from crosspih_common.errors import ConfigError
 
 PLAN = Path(__file__).with_name("plan.yaml")
+
+
+def _filled(text: str, values: Mapping[str, str]) -> str:
+    for name, value in values.items():
+        text = text.replace(f"{{{name}}}", value)
+    return text
 
 
 class Entry(BaseModel):
@@ -26,6 +35,22 @@ class Entry(BaseModel):
     quick: str = Field(default="", description="options that --quick adds: a small run that only shows that it works")
     in_cells: bool = Field(default=True, description="takes --cells, --executor, --ray-address")
     has_json: bool = Field(default=True, description="can print --json; done in a second call, which finds all stored")
+
+    each: dict[str, list[str]] = Field(
+        default_factory=dict, description="one section for each value, put in for {its name} in title and command"
+    )
+
+    def expanded(self) -> list[Entry]:
+        """The entries that it stands for: one for each combination of the values in `each`."""
+        if not self.each:
+            return [self]
+        found = []
+        for values in product(*self.each.values()):
+            said = dict(zip(self.each, values, strict=True))
+            texts = {field: _filled(getattr(self, field), said) for field in ("title", "says", "command")}
+            name = "-".join([self.name, *(re.sub(r"[^a-z0-9]+", "-", value.lower()) for value in values)])
+            found.append(self.model_copy(update={**texts, "name": name, "each": {}}))
+        return found
 
     def shown(self, out: str, extra: tuple[str, ...] = ()) -> str:
         """The command as a person types it."""
@@ -58,8 +83,9 @@ def load_plan(path: Path = PLAN) -> list[Entry]:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise ConfigError(f"{path}: entry {number + 1}: {where}: {first['msg']}") from None
-        if any(entry.name == other.name for other in entries):
-            raise ConfigError(f"{path}: entry {number + 1}: the name {entry.name} is taken")
-        arguments(entry.command)
-        entries.append(entry)
+        for one in entry.expanded():
+            if any(one.name == other.name for other in entries):
+                raise ConfigError(f"{path}: entry {number + 1}: the name {one.name} is taken")
+            arguments(one.command)
+            entries.append(one)
     return entries

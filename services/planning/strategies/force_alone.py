@@ -62,11 +62,15 @@ class Search:
         self.peg = run.workcell.peg.shape()
         self.hole = run.workcell.hole.shape(self.peg)
         self.tip_m = self.peg.outline_m(self.peg.tip_m)
+        self.in_hole: list[Touch] = []
+        self.probes = self.failed_pushes = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Know no more than the cell's prior."""
         self.plane = FacePlane.from_half_ranges(self.half_ranges)
         self.belief = HoleBelief.uniform(self.hole.outer_rim_m(), self.tip_m, self.half_ranges)
         self.contacts: list[FaceContact] = []
-        self.in_hole: list[Touch] = []
-        self.probes = 0
 
     def clear_m(self, x_m: float, y_m: float) -> float:
         """How far before the face, as believed at a place, the tip is surely free."""
@@ -119,6 +123,9 @@ class Search:
             behind_m, sd_m = self.plane.depth_m(contact.point_m)
             if behind_m > IN_HOLE_M + 3.0 * sd_m:
                 contact = None
+            elif behind_m < -IN_HOLE_M - 3.0 * sd_m:
+                # nothing stands before the face: what was taken for it lay deeper, in the hole
+                self.forget()
         run.slide_to(start, BACK_M_S)
         if contact is not None:
             self.contacts.append(contact)
@@ -146,12 +153,12 @@ class Search:
         """Touch, estimate, correct and push until the peg is in; None when the tip misses the hole again."""
         run, config = self.run, self.run.config
         explained = True
-        failed = touches = 0
+        touches = 0
         residual = 0.0
         prior = self.prior()
         belief = prior
         for _ in range(config.max_attempts * config.touches_a_push):
-            run.attempt = failed
+            run.attempt = self.failed_pushes
             if self.in_hole:
                 estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(self.in_hole)))
                 tell_estimate(run, estimate)
@@ -167,16 +174,16 @@ class Search:
                 if seated is not None:
                     return seated
                 run.withdraw(pose, config.standoff_m)
-                failed += 1
+                self.failed_pushes += 1
                 touches = 0
-                if failed >= config.max_attempts:
+                if self.failed_pushes >= config.max_attempts:
                     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.pushes} pushes did not enter")
             plan = run.ports.ask(
                 NEXT_TOUCH,
                 NextTouch(
                     belief=belief,
                     touches_made=len(self.in_hole),
-                    failed_pushes=failed,
+                    failed_pushes=self.failed_pushes,
                     last_touch_used=explained,
                 ),
             )

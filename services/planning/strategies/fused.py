@@ -53,6 +53,7 @@ def fused(run: Run) -> PosePrior:
             np.asarray(plan.direction_base),
             run.config.touch_speed_m_s,
             run.config.touch_threshold_n,
+            slow_travel_m=2.0 * run.config.standoff_m,
         )
         if touch is None:
             continue

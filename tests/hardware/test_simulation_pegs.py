@@ -1,0 +1,121 @@
+"""Pegs of other sections in the simulated cell: they slide in, touch where the drawing says, and catch on no seam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pybullet
+import pytest
+
+from crosspih_common.config import PegDrawing, Workcell
+from crosspih_common.geometry import Pose
+from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, SetPayload, StopReason
+from crosspih_common.messages.base import PoseData, floats
+from services.hardware.config import ForceTorqueConfig, HardwareConfig, SimulatedConfig
+from services.hardware.simulation import bodies
+from services.hardware.simulation.cell import SimulatedCell, open_cell
+
+FT = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
+ELL_M = tuple((x * 1e-3, y * 1e-3) for x, y in ((-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)))
+
+
+@contextmanager
+def opened(peg: PegDrawing, friction: float = 0.1) -> Iterator[tuple[SimulatedCell, Workcell]]:
+    workcell = Workcell(peg=peg)
+    config = SimulatedConfig(friction_coefficient=friction, force_torque=FT)
+    cell = open_cell(workcell, HardwareConfig(simulated=config), realtime=False)
+    try:
+        cell.arm.set_payload(
+            SetPayload(
+                bias=FT.bias,
+                weight_n=9.81 * FT.payload_kg,
+                centroid_ft_m=FT.payload_centroid_m,
+                gravity_base=(0.0, 0.0, -1.0),
+            )
+        )
+        yield cell, workcell
+    finally:
+        cell.close()
+
+
+def place(cell: SimulatedCell, workcell: Workcell, error: tuple[float, ...], before_m: float) -> Pose:
+    """The peg before the nominal hole with an error (x, y, rx, ry, rz); where the hole is."""
+    tip_m = workcell.peg.shape().tip_m
+    pose = Pose.from_rotvec(error[2:], [*error[:2], -tip_m - before_m])
+    cell.simulation.reset(ResetCell(seed=0, offset_hole=(0.0,) * 6, place_peg=PoseData.of(pose)))
+    return workcell.hole_prior.pose_base_hole()
+
+
+@pytest.mark.parametrize(
+    "peg",
+    [
+        PegDrawing(outline="triangle"),
+        PegDrawing(outline="star"),
+        PegDrawing(outline="keyway"),
+        PegDrawing(outline="ell", corners_m=ELL_M),
+    ],
+    ids=lambda peg: peg.outline,
+)
+def test_a_peg_slides_in_over_every_seam(peg: PegDrawing) -> None:
+    with opened(peg) as (cell, workcell):
+        hole = place(cell, workcell, (0.0003, -0.0002, 0.003, -0.003, 0.004), 0.001)
+        outcome = cell.arm.admittance_move(
+            AdmittanceMove(direction_base=floats(hole.rotation[:, 2]), speed_m_s=0.03, travel_m=0.044, timeout_s=10.0)
+        )
+        assert outcome.stop_reason is StopReason.SEATED
+        assert outcome.peak_force_n < 25.0
+        shape = workcell.peg.shape()
+        depth_m = (hole.inverse() @ cell.simulation.truth().pose_base_peg.pose()).translation_m[2]
+        assert depth_m + shape.taper_start_m - workcell.hole.chamfer_m > workcell.insertion_depth_m
+
+
+def test_a_triangle_touches_its_wall_where_the_drawing_says() -> None:
+    """1 mm towards the side across from the corner on +x: only that side of the taper meets the inner rim."""
+    with opened(PegDrawing(outline="triangle"), friction=0.0) as (cell, workcell):
+        peg, hole = workcell.peg.shape(), workcell.hole.shape(workcell.peg.shape())
+        pose_base_hole = place(cell, workcell, (-0.001, 0.0, 0.0, 0.0, 0.0), 0.002)
+        outcome = cell.arm.guarded_move(
+            GuardedMove(
+                direction_base=floats(pose_base_hole.rotation[:, 2]),
+                speed_m_s=0.005,
+                travel_limit_m=0.04,
+                observe_s=0.1,
+            )
+        )
+        assert outcome.stop_reason is StopReason.CONTACT
+        inradius_m = float(np.min(peg.outline.offsets_m))
+        slope = inradius_m / (peg.apex_m - peg.taper_start_m)
+        z_m = peg.apex_m - (float(np.min(hole.outline.offsets_m)) - 0.001) / slope
+        assert outcome.travel_first_contact_m == pytest.approx(hole.chamfer_m - z_m + peg.tip_m + 0.002, abs=2e-5)
+        wrench = np.array(cell.simulation.truth().wrench_contact)
+        normal = np.array([1.0, 0.0, -slope]) / np.hypot(1.0, slope)
+        cosine = wrench[:3] @ normal / np.linalg.norm(wrench[:3])
+        assert np.degrees(np.arccos(min(1.0, cosine))) < 0.3
+
+
+def test_any_number_of_pieces_weighs_and_rubs_the_same() -> None:
+    for name in ("square", "star", "cross"):
+        workcell = Workcell(peg=PegDrawing(outline=name))
+        client = int(pybullet.connect(pybullet.DIRECT))
+        try:
+            pieces = bodies.corners(workcell.peg.shape().pieces())
+            body = bodies.add_arm(
+                workcell.arm(),
+                workcell.pose_flange_peg(),
+                pieces,
+                FT.payload_kg,
+                np.array(FT.payload_centroid_m),
+                client,
+            )
+            bodies.set_peg_friction(body, 0.17, client)
+            links = bodies.piece_links(body, client)
+            assert len(links) == len(pieces)
+            got = [
+                pybullet.getDynamicsInfo(body, link, physicsClientId=client) for link in (bodies.SENSOR_JOINT, *links)
+            ]
+            assert sum(info[0] for info in got) == pytest.approx(FT.payload_kg, abs=1e-12)
+            assert all(info[1] == pytest.approx(0.17) for info in got[1:])
+        finally:
+            pybullet.disconnect(client)

@@ -1,0 +1,112 @@
+"""Another peg for a stack of one's own, the swap over many seeds, and errors up to a section's own turns."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosspih_common.config import Workcell, load_cell
+from crosspih_common.errors import ConfigError
+from crosspih_common.geometry import Pose
+from crosspih_common.messages import AssemblyResult, Failure, PoseData, PosePrior, Strategy
+from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.swap import Trials, swapped
+from services.operator.bench.trials import TrialJob
+from services.operator.pegs import cell_with_peg, content_with_peg
+from services.operator.scoring import TrialFigures, pose_error, score
+
+HOLE = Workcell().hole_prior.pose_base_hole()
+CELL = "cell: {name: left, peg: {half_width_m: 0.008}}\nhardware: {simulated: {seed: 3}}\nvision:\n"
+
+
+def _cell(folder: Path, text: str = CELL) -> Path:
+    path = folder / "cell.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_another_peg_takes_the_place_of_the_cells_own(tmp_path: Path) -> None:
+    cell = load_cell(_cell(tmp_path))
+    content = content_with_peg(cell, "star")
+    assert content is not None
+    assert content["cell"] == {"name": "left", "peg": {"outline": "star"}}
+    assert content["hardware"] == {"simulated": {"seed": 3}}
+    assert content["force_torque"]["calibration_file"] == "run/{cell}/ft-calibration-star.yaml"
+    # its own cross, though not the default one
+    assert content_with_peg(cell, "cross") is None
+    assert cell_content(CELL, Condition(), "star")["cell"] == {"name": "left", "peg": {"outline": "star"}}
+
+
+def test_a_cell_with_another_peg_lasts_as_long_as_it_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = str(_cell(tmp_path))
+    monkeypatch.setenv("CROSSPIH_CELL", path)
+    monkeypatch.setenv("CROSSPIH_ENDPOINT", "tcp/127.0.0.1:1")  # where no router is
+    with cell_with_peg("star"):
+        assert load_cell(os.environ["CROSSPIH_CELL"]).workcell.peg.outline == "star"
+    assert os.environ["CROSSPIH_CELL"] == path
+    with cell_with_peg(None):
+        assert os.environ["CROSSPIH_CELL"] == path
+    with pytest.raises(ConfigError, match="want one of cross"), cell_with_peg("ster"):
+        pass
+
+
+@pytest.mark.parametrize(("order", "turn", "left"), [(4, 90.0, 0.0), (3, 120.0, 0.0), (3, 90.0, 30.0), (1, 90.0, 90.0)])
+def test_turns_of_the_section_do_not_count(order: int, turn: float, left: float) -> None:
+    estimate = HOLE @ Pose.from_rotvec([0.0, 0.0, np.deg2rad(turn)], np.zeros(3))
+    assert pose_error(estimate, HOLE, order).rotation_deg == pytest.approx(left, abs=1e-6)
+
+
+def test_of_a_round_only_the_tilt_counts() -> None:
+    turned = Pose.from_rotvec([0.0, 0.0, 1.0], np.zeros(3))
+    error = pose_error(HOLE @ Pose.from_rotvec([0.02, 0.0, 0.0], np.zeros(3)) @ turned, HOLE, 0)
+    assert error.rotation_deg == pytest.approx(np.rad2deg(0.02), abs=1e-6)
+    assert error.tilt_deg == pytest.approx(np.rad2deg(0.02), abs=1e-6)
+
+
+def _figures(seed: int, inserted: bool, strategy: Strategy) -> TrialFigures:
+    result = AssemblyResult(
+        assembly_id="a",
+        strategy=strategy,
+        inserted=inserted,
+        failure=None if inserted else Failure.NOT_CONVERGED,
+        backed_off=not inserted,
+        pose_base_hole=PoseData.of(HOLE @ Pose.from_translation([0.0, 0.0, seed * 1e-6])),
+        covariance=(1e-10,) * 36,
+        pose_base_peg=None,
+        vision_pose_base_hole=None,
+        motion_s=5.0,
+        thinking_s=0.1,
+        touches=0,
+        presses=0,
+        corrections=0,
+        pushes=1,
+        peak_force_n=5.0,
+        peak_moment_nm=0.1,
+        insertion_depth_m=0.025,
+    )
+    return score(Workcell(), result, None, wall_s=1.0, recording=None)
+
+
+def test_the_swap_hands_over_what_the_cross_found_and_counts_its_failures() -> None:
+    handed: dict[int, PosePrior | None] = {}
+
+    def run(title: str, jobs: list[TrialJob]) -> Trials:
+        if title == "cross":
+            assert {(job.peg, job.strategy) for job in jobs} == {("cross", Strategy.FUSED)}
+            return [(job, _figures(job.seed, job.seed != 2, Strategy.FUSED)) for job in jobs], None
+        assert {(job.peg, job.strategy) for job in jobs} == {("star", Strategy.KNOWN_POSE)}
+        handed.update({job.seed: job.known for job in jobs})
+        return [(job, _figures(job.seed, True, Strategy.KNOWN_POSE)) for job in jobs], None
+
+    done, ended = swapped([TrialJob(seed=seed, peg="star") for seed in (1, 2, 3)], run)
+    assert ended is None
+    assert [figures.inserted for _, figures in done] == [True, False, True]
+    assert sorted(handed) == [1, 3]
+    known = handed[3]
+    assert known is not None
+    assert known.pose_base_hole == PoseData.of(HOLE @ Pose.from_translation([0.0, 0.0, 3e-6]))
+    with pytest.raises(ConfigError, match="name the other peg"):
+        swapped([TrialJob(seed=1)], run)
