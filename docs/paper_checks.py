@@ -47,7 +47,7 @@ def singular_values(poses: int, seed: int) -> Array:
         start = -np.einsum("nij,nj->ni", to_hole, rim)
         _, felt = pushed_until_contact(tables, to_hole, start, to_hole[:, :, 2], 1.0, 0.0)
         # moments over a lever of 50 mm, so that all six numbers are of one kind
-        return felt * np.array([1.0, 1.0, 1.0, 20.0, 20.0, 20.0])
+        return np.asarray(felt * np.array([1.0, 1.0, 1.0, 20.0, 20.0, 20.0]))
 
     # metres in units of 50 mm, for the same reason
     steps = [STEP * unit * scale for unit, scale in zip(np.eye(5), (1.0, 1.0, 1.0, 0.05, 0.05), strict=True)]
@@ -87,10 +87,9 @@ def main() -> None:
     apart = T2[:, 3] - T0[:, 3]
     along = float(apart @ axis)
     turned = np.degrees(np.arccos(np.clip(T2[:, 2] @ axis / np.linalg.norm(T2[:, 2]), -1.0, 1.0)))
-    print(
-        f"T2 against T0: {along * 1e3:.1f} mm along the hole, {np.linalg.norm(apart - along * axis) * 1e3:.1f} mm across"
-    )
-    print(f"  it, axes {turned:.2f} deg apart")
+    across = float(np.linalg.norm(apart - along * axis))
+    print(f"T2 against T0: {along * 1e3:.1f} mm along the hole, {across * 1e3:.1f} mm across it,")
+    print(f"  axes {turned:.2f} deg apart")
 
 
 if __name__ == "__main__":

@@ -96,6 +96,9 @@ class AssemblyResult(Message):
     backed_off: bool
     pose_base_hole: PoseData | None
     covariance: Covariance6 | None = Field(default=None, description="of T2, as in HoleEstimate; when inserted")
+    rank: int | None = Field(
+        default=None, description="directions of T2 that the bore's walls hold: 5, or 4 where a round may turn"
+    )
     pose_base_peg: PoseData | None
     vision_pose_base_hole: PoseData | None
     vision_refused: str = Field(default="", description="why vision did not see the hole, which was then felt for")

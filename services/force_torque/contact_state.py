@@ -13,6 +13,7 @@ from math import atan, atan2, erf, hypot, pi, sqrt, tan
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crosspih_common.contacts.axial_share import with_friction
 from crosspih_common.geometry.pose import Array
 from services.force_torque.contact_table import STATES, Signs, StateRow, signs_text
 
@@ -46,25 +47,11 @@ COUNT_BANDS: tuple[CountBand, ...] = (
 )
 
 
-# The lateral force of equal unit pushes on 1, 2 or 3 arms; on four it cancels.
-_LATERAL = {1: 1.0, 2: sqrt(2.0), 3: 1.0}
-
-
-def _with_friction(n_z0: float, count: int, friction: float) -> float:
-    """n_z0 of the same contacts with friction: each push leans back by the friction angle as well as by the taper's."""
-    if count == 4 or friction == 0.0:
-        return n_z0
-    lateral = _LATERAL[count]
-    share = n_z0 * lateral / (count * sqrt(1.0 - n_z0**2))
-    leaning = count * tan(min(atan(share) + atan(friction), 1.5))
-    return leaning / hypot(leaning, lateral)
-
-
 @lru_cache(maxsize=64)
 def count_bands(friction: float = 0.0) -> tuple[CountBand, ...]:
     """The bands of n_z0, moved to where a friction coefficient takes them; the printed ones for 0."""
     return tuple(
-        CountBand(band.count, *(_with_friction(n, band.count, friction) for n in (band.low, band.middle, band.high)))
+        CountBand(band.count, *(with_friction(n, band.count, friction) for n in (band.low, band.middle, band.high)))
         for band in COUNT_BANDS
     )
 

@@ -101,6 +101,7 @@ class TrialFigures(BaseModel):
     final_error_deg: float | None
     final_depth_mm: float | None
     insertion_depth_mm: float | None
+    rank: int | None = None  # directions that the bore's walls hold, of five: all but along the axis
     found: PosePrior | None = None  # T2 with its covariance, for the assembly of another peg there
     recording: str | None
     report: str | None
@@ -171,6 +172,7 @@ def score(
         final_error_deg=None if final is None else final.rotation_deg,
         final_depth_mm=None if final is None else final.depth_mm,
         insertion_depth_mm=None if depth_m is None else depth_m * 1e3,
+        rank=result.rank,
         found=_found(result) if inserted else None,
         recording=recording,
         report=None,

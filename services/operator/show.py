@@ -105,6 +105,9 @@ def summary(figures: TrialFigures) -> Table:
             "found pose T2 against the truth",
             f"{figures.final_error_mm:.3f} mm lateral, {figures.final_error_deg:.2f}°",
         )
+    if figures.rank is not None:
+        free = "" if figures.rank == 5 else "; how a round is turned about its axis nothing tells"
+        row("directions the walls hold", f"{figures.rank} of 5{free}")
     if figures.recording:
         row("recording", _near(figures.recording))
     if figures.report:

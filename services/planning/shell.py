@@ -158,6 +158,7 @@ class PlanningShell:
             backed_off=done.backed_off,
             pose_base_hole=believed,
             covariance=None if done.final is None else done.final.covariance,
+            rank=None if done.final is None else done.final.rank,
             pose_base_peg=PoseData.of(run.pose_base_peg),
             vision_refused=run.vision_refused,
             vision_pose_base_hole=None if run.vision_pose is None else PoseData.of(run.vision_pose),

@@ -80,3 +80,10 @@ def test_what_is_no_data_set_is_said_so(tmp_path: Path) -> None:
     pq.write_table(pa.table({"seed": [1]}), tmp_path / "other.parquet")
     with pytest.raises(DatasetError, match="no data set of contacts"):
         read_contacts(tmp_path / "other.parquet")
+
+
+def test_the_documented_columns_are_the_columns() -> None:
+    page = Path("docs/datasets.md").read_text(encoding="utf-8")
+    for name, (length, kind, doc) in CONTACT_COLUMNS.items():
+        shown = kind if length is None else f"{length} x {kind}"
+        assert f"| `{name}` | {shown} | {doc.replace('|', chr(92) + '|')} |" in page

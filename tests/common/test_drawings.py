@@ -126,6 +126,11 @@ def test_a_dxf_that_does_not_close_names_entity_and_layer(tmp_path: Path) -> Non
         outline_from_file(path)
 
 
+def test_the_shipped_cells_load() -> None:
+    for path in sorted(Path("deploy/cells").glob("*.yaml")):
+        assert load_cell(path).workcell.peg.shape().pieces()
+
+
 def _cell(folder: Path, peg: str) -> Path:
     path = folder / "cell.yaml"
     path.write_text(f"cell: {{peg: {peg}}}\n", encoding="utf-8")

@@ -9,11 +9,11 @@ import pytest
 from crosspih_common.config import Workcell, load_cell
 from services.hardware.config import HardwareConfig
 from services.operator.bench.conditions import cell_content
+from services.operator.bench.contact_states.plan import lateral_stiffness_n_m
 from services.operator.bench.domain import boxes_of
 from services.operator.bench.domain_map import draw_map
 from services.operator.bench.factors import SIMULATED_DEFAULTS, Factor, factors
 from services.operator.bench.trials import TrialJob
-from services.operator.contact_states.plan import lateral_stiffness_n_m
 from services.operator.scoring import TrialFigures
 
 CELL = load_cell("deploy/cells/default.yaml")

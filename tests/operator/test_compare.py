@@ -135,7 +135,7 @@ def test_the_table_and_the_figure_show_every_strategy(tmp_path: Path) -> None:
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(compare_table(made, "no vision"))
     text = console.export_text()
-    assert "straight" in text and "4/4" in text and "0/4" in text and "4 not_converged" in text
+    assert "straight" in text and "4/4" in text and "0/4" in text and "4 not converged" in text
     for suffix in (".png", ".svg"):
         save_figure(made, tmp_path / "figures" / f"compare{suffix}")
         assert (tmp_path / "figures" / f"compare{suffix}").stat().st_size > 5000

@@ -80,8 +80,8 @@ def test_a_patient_push_swallows_poor_vision(cell: CellInMemory) -> None:
 
 
 def test_a_push_that_does_not_enter_is_mended_by_touching(folder: Path) -> None:
-    """The same without the patience: touches, estimate, correction, and a push that needs no patience."""
-    cell = CellInMemory(folder, planning=PlanningConfig(service_patience_s=0.5, push_timeout_s=5.0))
+    """The same without patience or advice: touches, estimate, correction, and a push that needs no patience."""
+    cell = CellInMemory(folder, planning=PlanningConfig(service_patience_s=0.5, push_timeout_s=5.0, max_advices=0))
     try:
         cell.vision_scale = 20.0
         cell.reset(5)

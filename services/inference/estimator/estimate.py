@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -29,10 +30,11 @@ from services.inference.estimator.posterior import posterior
 from services.inference.mechanics import PairTables, first_contacts
 
 KIND_NAMES = ("peg corner on face", "peg face on corner", "edge on edge")
-STAGES = 3
+STAGES = 4
 STAGE_STEPS = 4
-LAST_SOFTNESS = 0.15
+LAST_SOFTNESS = 0.08
 FINAL_STEPS = 8
+PATIENCE = 6.0
 
 
 def estimate_pose(
@@ -113,11 +115,14 @@ def _search(
     # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
     first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
     trials = _starts(tables, prior, batch, rng, settings, known, first)
+    # On the way a touch is given up only when nothing near explains it: else to explain none would be the safe choice.
+    patient = dataclasses.replace(settings, gate=PATIENCE * settings.gate)
     for softness in np.geomspace(first, LAST_SOFTNESS, STAGES):
-        state = descend(tables, trials, batch, prior, settings, float(softness), STAGE_STEPS)
+        state = descend(tables, trials, batch, prior, patient, float(softness), STAGE_STEPS)
         trials = _distinct(state, settings.starts)
-    state = evaluate(tables, trials, batch, prior, settings, 0.0)
-    return descend(tables, _distinct(state, settings.finalists), batch, prior, settings, 0.0, FINAL_STEPS)
+    state = descend(tables, trials, batch, prior, patient, 0.0, FINAL_STEPS)
+    state = evaluate(tables, state.trials, batch, prior, settings, 0.0)
+    return descend(tables, _distinct(state, settings.finalists), batch, prior, settings, 0.0, FINAL_STEPS // 2)
 
 
 def _starts(

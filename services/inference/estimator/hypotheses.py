@@ -27,6 +27,7 @@ from services.inference.mechanics import (
 )
 
 NO_CONTACT_COST = 1e6
+MOST_CLAMPING = 3.0  # times the force of the touch: what one contact of several may press
 SLIP_LEVER_M = 0.02  # over which an error of position shows as one of rotation
 
 
@@ -199,7 +200,8 @@ def choose_contacts(
         basis / wrench_sd[None, :, None],
         own,
         np.log(gap_sd_m / _normal_compliance(geometry, touches)),
-        min(settings.contacts, count),
+        MOST_CLAMPING * np.linalg.norm(touches.wrench[:, :3], axis=1) + 1.0,
+        min(settings.contacts, shape[2]),
     )
     overlapping = (depth < 0.0) & (geometry.gap_m < 0.0) & meets
     at = np.where(pressing, columns, columns[..., :1])
@@ -247,14 +249,15 @@ def _normal_compliance(geometry: ContactGeometry, touches: TouchBatch) -> Array:
 
 
 def _least_cost(
-    target: Array, white: Array, own: Array, log_gap_per_compliance: Array, most: int
+    target: Array, white: Array, own: Array, log_gap_per_compliance: Array, strongest_n: Array, most: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], Array]:
     """Contacts (K, T, most) that explain whitened wrenches (T, 6) best, which of them press, and their cost (K, T).
 
     white (K, T, Q, 6): whitened wrench bases; own (K, T, Q): cost of each contact by itself. The best contact and the
     best pair are found exactly, more are added one by one while the cost falls. Each contact past the first pays what
     its likelihood asks: given the pose, the wrist's compliance c turns its gap, known to sd s, into its force, known
-    to sd f from the wrench, so that a fitted force costs 2 ln(s / (c f)).
+    to sd f from the wrench, so that a fitted force costs 2 ln(s / (c f)). No contact of several presses with more than
+    strongest_n (T,): the wrist that holds the peg can clamp it only so hard.
     """
     k, t, q, _ = white.shape
     norm = np.einsum("ktqi,ktqi->ktq", white, white)
@@ -276,6 +279,7 @@ def _least_cost(
     safe = np.maximum(determinant, 1e-9 * n1 * n2)
     f1, f2 = (n2 * a1 - cross * a2) / safe, (n1 * a2 - cross * a1) / safe
     valid = (determinant > 1e-6 * n1 * n2) & (f1 > 0.0) & (f2 > 0.0)
+    valid &= np.maximum(f1, f2) < strongest_n[None, :, None]
     # the squares of the forces' sds are n2 / determinant and n1 / determinant; the mean of both views
     by_first = log_gap_per_compliance[..., first]
     by_second = log_gap_per_compliance[..., second]
@@ -290,7 +294,7 @@ def _least_cost(
     columns[..., 1] = np.where(two, second[best_two], columns[..., 0])
     pressing[..., 1] = two
     for index in range(2, most):
-        grown = _grown(target, white, own, log_gap_per_compliance, columns, pressing, cost, index)
+        grown = _grown(target, white, own, log_gap_per_compliance, strongest_n, columns, pressing, cost, index)
         if grown is None:
             break
         columns[..., index], pressing[..., index], cost = grown
@@ -302,6 +306,7 @@ def _grown(
     white: Array,
     own: Array,
     log_gap_per_compliance: Array,
+    strongest_n: Array,
     columns: NDArray[np.int64],
     pressing: NDArray[np.bool_],
     cost: Array,
@@ -326,6 +331,7 @@ def _grown(
     new_force = more / np.maximum(norm, 1e-30)
     rest = force - shares * new_force[:, None]
     valid = (norm > 1e-4 * whole) & (new_force > 0.0) & np.all(rest > 0.0, axis=1)
+    valid &= np.maximum(rest.max(axis=1), new_force) < strongest_n[at_t][:, None]
     extra = np.maximum(0.0, 2.0 * log_gap_per_compliance[at_k, at_t] + np.log(np.maximum(norm, 1e-30)))
     change = np.where(valid, own[at_k, at_t] + extra - more * new_force, np.inf)
     best = change.argmin(axis=1)

@@ -74,4 +74,4 @@ def contact_forces(
 
 def _times(rows: Array, forces: Array) -> Array:
     """Products (N, 3) of rows (N, 3, 3 M) with forces (N, M, 3)."""
-    return np.asarray((rows @ forces.reshape(len(forces), -1, 1))[..., 0])
+    return np.asarray((rows @ forces.reshape(len(forces), rows.shape[2], 1))[..., 0])

@@ -25,8 +25,8 @@ from services.inference.mechanics.surface import Surface
 
 PORTION = 100_000
 FEWEST, MOST = 8, 512
-# A corner is held against faces up to this much beyond those that it could touch first, so that a corner of a face that
-# comes to rest flat is there before it touches.
+# Corners are held against faces, and edges against edges, up to this much beyond what could touch first: of a face
+# that comes to rest flat, the other end is then there before it touches.
 MARGIN_RAD = 0.05
 # How far past the end of an edge, or the side of a face, a contact still counts.
 BEYOND_M = 1e-7
@@ -87,7 +87,7 @@ class SurfacePair:
         angle = arc_arc_angle(
             -peg.edge_normals_a[:, None], -peg.edge_normals_b[:, None], hole.edge_normals_a, hole.edge_normals_b
         )
-        peg_edge, hole_edge = np.nonzero(angle <= cone_rad)
+        peg_edge, hole_edge = np.nonzero(angle <= cone_rad + MARGIN_RAD)
         on_hole, on_peg, edges = len(peg_corner), len(hole_corner), len(peg_edge)
 
         def on_face(surface: Surface, face: Index) -> Array:
@@ -203,11 +203,17 @@ class SurfacePair:
             return np.asarray((of_hole @ of_peg.reshape(3, -1)).reshape(-1, n))
 
         direction = hole.edge_directions
-        forth = (dots(hole.edge_normals_a, along) > 0.0).take(at, axis=0)
-        b = (dots(direction, normals_b) > 0.0).take(at, axis=0)
-        crossing = forth ^ b
-        crossing &= forth ^ (dots(hole.edge_normals_b, along) > 0.0).take(at, axis=0)
-        crossing &= b ^ (dots(direction, normals_a) > 0.0).take(at, axis=0)
+        # Arcs cross where the ends of either lie on both sides of the other, in the same hemisphere: one way round all
+        # four of these are positive, the other way round all negative.
+        ends = np.stack(
+            [
+                dots(hole.edge_normals_a, along).take(at, axis=0),
+                -dots(hole.edge_normals_b, along).take(at, axis=0),
+                dots(direction, normals_a).take(at, axis=0),
+                -dots(direction, normals_b).take(at, axis=0),
+            ]
+        )
+        crossing = (ends.min(axis=0) > -MARGIN_RAD) | (ends.max(axis=0) < MARGIN_RAD)
         rows, pose = np.nonzero(crossing)
         if len(rows) == 0:
             empty = np.zeros(0, dtype=np.intp)
@@ -222,7 +228,7 @@ class SurfacePair:
         safe = np.maximum(square, PARALLEL_SQUARE)
         in_peg = np.abs(on_e - cosine * on_f) <= (peg.edge_halves_m[edge] + BEYOND_M) * safe
         in_hole = np.abs(cosine * on_e - on_f) <= (hole.edge_halves_m[other] + BEYOND_M) * safe
-        sign = np.where(forth[rows, pose], 1.0, -1.0)
+        sign = np.where(ends[:, rows, pose].sum(axis=0) > 0.0, 1.0, -1.0)
         volume = (np.cross(e, f, axis=0) * between).sum(axis=0)
         gap = -sign * volume / np.sqrt(safe)
         near = (square > PARALLEL_SQUARE) & in_peg & in_hole & (np.abs(gap) < band_m[pose])

@@ -21,7 +21,7 @@ from services.inference.mechanics.near_contact import NearContacts, SurfacePair
 from services.inference.mechanics.pairs import PairTables
 
 # Contacts are looked for this much farther than the peg moves in a step.
-AHEAD_M = 2e-5
+AHEAD_M = 5e-6
 # From the F/T origin to the contacts: what a turn moves them, for bounding a step.
 LEVER_M = 0.08
 SETTLED_M = 1e-8
@@ -33,7 +33,7 @@ class PushSettings:
     step, and ten times as many in the last."""
 
     steps: int = 24
-    most_contacts: int = 10
+    most_contacts: int = 16
     sweeps: int = 120
 
 
@@ -144,7 +144,7 @@ class _State:
             axis=1,
         )
         most = self.forces.shape[1]
-        near = self.surfaces.near(rotation, translation, 4.0 * stride_m[rows] + AHEAD_M, most)
+        near = self.surfaces.near(rotation, translation, 3.0 * stride_m[rows] + AHEAD_M, most)
         count = max(int(near.present.sum(axis=1).max(initial=0)), 1)
         basis, points = _basis(near, count, rotation, translation)
         c = compliance[rows]
@@ -158,7 +158,7 @@ class _State:
         twist = free + np.einsum("nij,nj->ni", c, wrench)
         # No farther than contacts were looked for.
         way = np.linalg.norm(twist[:, :3], axis=1) + LEVER_M * np.linalg.norm(twist[:, 3:], axis=1)
-        share = np.minimum(1.0, 3.0 * stride_m[rows] / np.maximum(way, 1e-12))
+        share = np.minimum(1.0, 2.5 * stride_m[rows] / np.maximum(way, 1e-12))
         self.held_back[rows] = share < 1.0
         twist *= share[:, None]
         self.translation_m[rows] = translation + np.einsum("nij,nj->ni", rotation, twist[:, :3])

@@ -53,29 +53,45 @@ class LevenbergMarquardt:
     def _normal_equations(
         self, inputs: torch.Tensor, targets: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor, float]:
-        """J^T J, J^T e and the sum of squares, in the order of the layers' parameters."""
+        """J^T J, J^T e and the sum of squares, in the order of the layers' parameters.
+
+        Output k feels hidden weight (a, i) as w_ka s_a x_i, s the sigmoid's slope: what all outputs have in common,
+        s_a x_i, is multiplied out once, and the w's stand before the sums.
+        """
         weight = self._output.weight
         outputs, neurons = weight.shape
-        count = sum(parameter.numel() for parameter in self._layers.parameters())
-        normal = torch.zeros(count, count, dtype=inputs.dtype)
-        gradient = torch.zeros(count, dtype=inputs.dtype)
+        of = torch.cat([torch.arange(neurons).repeat_interleave(inputs.shape[1]), torch.arange(neurons)])
+        hidden = len(of)
+        common = torch.zeros(hidden, hidden, dtype=inputs.dtype)
+        crossed = torch.zeros(hidden, neurons + 1, dtype=inputs.dtype)
+        active_square = torch.zeros(neurons + 1, neurons + 1, dtype=inputs.dtype)
+        hidden_error = torch.zeros(hidden, outputs, dtype=inputs.dtype)
+        output_error = torch.zeros(neurons + 1, outputs, dtype=inputs.dtype)
         total = 0.0
         for x, t in zip(torch.split(inputs, BLOCK), torch.split(targets, BLOCK), strict=True):
             active = torch.sigmoid(self._hidden(x))
             error = self._output(active) - t
             slope = active * (1.0 - active)
-            # d output_k / d (weight, bias) of the hidden layer; then those of output row k alone
-            back = weight[None] * slope[:, None]
-            jacobian = torch.zeros(len(x), outputs, count, dtype=inputs.dtype)
-            first = neurons * x.shape[1]
-            jacobian[:, :, :first] = (back[..., None] * x[:, None, None]).reshape(len(x), outputs, first)
-            jacobian[:, :, first : first + neurons] = back
-            begin = first + neurons
-            for k in range(outputs):
-                jacobian[:, k, begin + k * neurons : begin + (k + 1) * neurons] = active
-                jacobian[:, k, begin + outputs * neurons + k] = 1.0
-            flat = jacobian.reshape(-1, count)
-            normal += flat.T @ flat
-            gradient += flat.T @ error.reshape(-1)
+            back = torch.cat([(slope[:, :, None] * x[:, None]).reshape(len(x), -1), slope], dim=1)
+            ahead = torch.cat([active, torch.ones(len(x), 1, dtype=inputs.dtype)], dim=1)
+            common += back.T @ back
+            crossed += back.T @ ahead
+            active_square += ahead.T @ ahead
+            hidden_error += back.T @ error
+            output_error += ahead.T @ error
             total += float(torch.sum(error**2))
+        count = hidden + outputs * (neurons + 1)
+        normal = torch.zeros(count, count, dtype=inputs.dtype)
+        gradient = torch.zeros(count, dtype=inputs.dtype)
+        normal[:hidden, :hidden] = common * (weight.T @ weight)[of][:, of]
+        gradient[:hidden] = (hidden_error * weight.T[of]).sum(dim=1)
+        for k in range(outputs):
+            rows = torch.cat([
+                hidden + k * neurons + torch.arange(neurons), torch.tensor([hidden + outputs * neurons + k])
+            ])  # fmt: skip
+            block = crossed * weight[k, of][:, None]
+            normal[:hidden, rows] = block
+            normal[rows, :hidden] = block.T
+            normal[rows[:, None], rows] = active_square
+            gradient[rows] = output_error[:, k]
         return normal, gradient, total

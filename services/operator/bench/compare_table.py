@@ -37,7 +37,9 @@ def compare_table(comparison: Comparison, condition: str) -> Table:
 
 def _cells(row: Row) -> list[str]:
     whole, inserted = row.all, row.inserted
-    failures = ", ".join(f"{count} {name}" for name, count in sorted(whole.failures.items(), key=lambda one: -one[1]))
+    failures = ", ".join(
+        f"{count} {name.replace('_', ' ')}" for name, count in sorted(whole.failures.items(), key=lambda one: -one[1])
+    )
     return [
         row.strategy,
         f"{whole.inserted}/{whole.trials}",

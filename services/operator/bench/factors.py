@@ -12,7 +12,7 @@ from typing import Any
 
 from crosspih_common.config import Workcell
 from services.operator.bench.conditions import Condition, merged
-from services.operator.contact_states.plan import lateral_stiffness_n_m
+from services.operator.bench.contact_states.plan import lateral_stiffness_n_m
 
 # what the simulated cell has where its file says nothing: the hardware service's own defaults
 SIMULATED_DEFAULTS: dict[str, Any] = {

@@ -13,16 +13,16 @@ from rich.console import Console
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError, CrosspihError
 from deploy.launcher import LauncherError
+from services.operator.bench.contact_states.collecting import Collection, Wanted
+from services.operator.bench.contact_states.figures import draw_bands, draw_confusion, draw_reliability
+from services.operator.bench.contact_states.judged import judge
+from services.operator.bench.contact_states.plan import RANDOM
+from services.operator.bench.contact_states.summary import summarise
+from services.operator.bench.contact_states.tables import print_tables
 from services.operator.bench.pool import ExecutorName
-from services.operator.contact_states.collecting import Collection, Wanted
-from services.operator.contact_states.figures import draw_bands, draw_confusion, draw_reliability
-from services.operator.contact_states.judged import judge
-from services.operator.contact_states.plan import RANDOM
-from services.operator.contact_states.summary import summarise
-from services.operator.contact_states.tables import print_tables
 from services.operator.session import cell_path
 
-FOLDER = Path("run/contact-states")
+FOLDER = Path("results/contact-states")
 
 
 def _stiffnesses(text: str) -> tuple[float, ...]:
@@ -44,13 +44,17 @@ def states(
     cells: Annotated[int | None, typer.Option(min=1, help="Cells side by side; one a core without it.")] = None,
     executor: Annotated[ExecutorName, typer.Option(help="Where the cells are.")] = ExecutorName.LOCAL,
     ray_address: Annotated[str | None, typer.Option(help="Of a running Ray cluster.")] = None,
+    confusion: Annotated[Path | None, typer.Option(help="Picture: true against named, else in the folder.")] = None,
+    bands: Annotated[Path | None, typer.Option(help="Picture: n_z0 and the paper's bands, else in the folder.")] = None,
+    reliability: Annotated[Path | None, typer.Option(help="Picture: confidence, else in the folder.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Push the peg so that each state comes about, judge the wrenches by rule and likelihood, and say who is right."""
     console = Console(stderr=True)
     try:
         wanted = Wanted(each, random, seed, _stiffnesses(stiffness))
-        collection = Collection(load_cell(cell_path()), wanted, folder, console)
+        cell = load_cell(cell_path())
+        collection = Collection(cell, wanted, folder, console)
         lost = collection.collect(cells, executor, ray_address)
         judged = judge(collection, folder, cells, console)
     except KeyboardInterrupt:
@@ -63,9 +67,9 @@ def states(
         console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
     figures = summarise(judged)
     purposed = [one for one in judged if one.contact.result.target != RANDOM]
-    draw_confusion(judged, folder / "confusion.png")
-    draw_bands(judged, folder / "n_z0.png")
-    draw_reliability(purposed, folder / "reliability.png")
+    draw_confusion(judged, confusion or folder / "confusion.png")
+    draw_bands(judged, cell.workcell.friction_expected, bands or folder / "n_z0.png")
+    draw_reliability(purposed, reliability or folder / "reliability.png")
     (folder / "states.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
     if as_json:
         json.dump(figures, sys.stdout, indent=1)

@@ -26,7 +26,6 @@ SEARCH_FORCE_N = 8.0
 # a wall met on the way stops the search at 10 N; the face's friction only makes its path a little smaller
 SEARCH_DAMPING_N_S_M = 1000.0
 SEARCH_YIELD_M_S = 0.02
-YIELDING_NM_S_RAD = 20.0
 HELD_NM_S_RAD = 1e6  # does not turn by itself
 DROP_M = 0.003  # deeper than where it touched by this much: it has found its way
 SEARCH_S = 55.0
@@ -95,19 +94,24 @@ def position_push(run: Run, pose_base_hole: Pose, speed_m_s: float) -> bool:
 
 
 def search_push(
-    run: Run, pose_base_hole: Pose, path: Path | Callable[[float], Path], *, turn_yields: bool = False
+    run: Run, pose_base_hole: Pose, path: Path | Callable[[float], Path], *, from_here: bool = False
 ) -> bool:
-    """Aligned with where the hole is believed, touch, then move along a search path under a small force.
+    """Move along a search path under a small force, without turning by itself; whether the peg dropped in.
 
-    The path may depend on how far the peg can move sideways at the depth where it touches, m. Returns whether the peg
-    dropped in, or touched nothing at all.
+    It begins aligned with where the hole is believed, after a touch there (that touches nothing: it is in), or from
+    where the last push left the peg. The path may depend on how far the peg can move sideways at that depth, m.
     """
-    run.withdraw(pose_base_hole, run.config.standoff_m)
-    start = run.before_hole(pose_base_hole, run.config.standoff_m)
-    touch = run.touch(start, pose_base_hole.rotation[:, 2], SEARCH_SPEED_M_S, run.config.touch_threshold_n)
-    if touch is None:
-        return True
-    depth_m = tip_depth_m(run, touch.pose_base_peg.pose(), pose_base_hole)
+    if from_here:
+        back_m = run.config.touch_clearance_m
+        depth_m = tip_depth_m(run, run.pose_base_peg, pose_base_hole)
+        run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, -back_m]))
+    else:
+        run.withdraw(pose_base_hole, run.config.standoff_m)
+        start = run.before_hole(pose_base_hole, run.config.standoff_m)
+        touch = run.touch(start, pose_base_hole.rotation[:, 2], SEARCH_SPEED_M_S, run.config.touch_threshold_n)
+        if touch is None:
+            return True
+        depth_m = tip_depth_m(run, touch.pose_base_peg.pose(), pose_base_hole)
     outcome = run.ports.ask(
         ADMITTANCE_MOVE,
         AdmittanceMove(
@@ -117,7 +121,7 @@ def search_push(
             axial_force_n=SEARCH_FORCE_N,
             lateral_damping_n_s_m=SEARCH_DAMPING_N_S_M,
             lateral_speed_limit_m_s=SEARCH_YIELD_M_S,
-            rotational_damping_nm_s_rad=YIELDING_NM_S_RAD if turn_yields else HELD_NM_S_RAD,
+            rotational_damping_nm_s_rad=HELD_NM_S_RAD,
             centre_peg_m=(0.0, 0.0, run.workcell.peg.shape().tip_m - max(depth_m, 0.0)),
             timeout_s=SEARCH_S,
             path=path(room_m(run.workcell, depth_m)) if callable(path) else path,

@@ -31,7 +31,11 @@ def spiral(run: Run) -> PosePrior:
 
 
 def enter_by_spiral(run: Run, pose_base_hole: Pose, radius_m: float, pushes: int) -> bool:
-    """Pushes with a spiral between each two; whether the peg is in. The spirals turn one way and the other."""
+    """Pushes with a spiral between each two; whether the peg is in.
+
+    The first spiral begins where the hole is believed, the second where the push after it ended (a tip that dropped in
+    off the hole's middle is nearer then), and the next two again, finer and the other way round.
+    """
     aim = pose_base_hole
     for attempt in range(pushes):
         if run.push(aim):
@@ -40,9 +44,9 @@ def enter_by_spiral(run: Run, pose_base_hole: Pose, radius_m: float, pushes: int
             break
 
         def path(room_m: float, attempt: int = attempt) -> tuple[PathKnot, ...]:
-            return archimedean(radius_m, room_m / (1 + attempt // 2), SPEED_M_S, clockwise=attempt % 2 == 1)
+            return archimedean(radius_m, room_m / (1 + attempt // 2), SPEED_M_S, clockwise=attempt // 2 == 1)
 
-        search_push(run, aim, path)
+        search_push(run, aim, path, from_here=attempt % 2 == 1)
     return False
 
 

@@ -34,7 +34,7 @@ def tilt(run: Run) -> PosePrior:
         if run.push(pose):
             return belief
         knots = random_tilts(np.random.default_rng([SEED, attempt]), reach_rad)
-        search_push(run, pose, knots)
+        search_push(run, pose, knots, from_here=attempt % 2 == 1)
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{PUSHES} pushes and tilts did not enter")
 
 

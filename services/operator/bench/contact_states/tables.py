@@ -7,8 +7,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from services.operator.contact_states.judged import CLASSIFIERS
-from services.operator.contact_states.labels import NONE
+from services.operator.bench.contact_states.judged import CLASSIFIERS
+from services.operator.bench.contact_states.labels import NONE
 
 
 def _share(row: dict[str, Any]) -> str:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import ContactClassifier
-from services.operator.contact_states.judged import CLASSIFIERS, Judged
-from services.operator.contact_states.labels import NONE
-from services.operator.contact_states.plan import RANDOM, STATE_NAMES
+from services.operator.bench.contact_states.judged import CLASSIFIERS, Judged
+from services.operator.bench.contact_states.labels import NONE
+from services.operator.bench.contact_states.plan import RANDOM, STATE_NAMES
 from services.operator.statistics import wilson95
 
 NAMES = (*STATE_NAMES, NONE)

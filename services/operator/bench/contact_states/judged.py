@@ -10,13 +10,13 @@ from rich.console import Console
 
 from crosspih_common.keys import CLASSIFY
 from crosspih_common.messages import ClassifyContacts, ContactClassifier, ContactState
+from services.operator.bench.contact_states.collecting import Collection, Contact
+from services.operator.bench.contact_states.labels import NONE
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
 from services.operator.bench.source import code_version
 from services.operator.bench.store import ResultStore, result_key
-from services.operator.contact_states.collecting import Collection, Contact
-from services.operator.contact_states.labels import NONE
 from services.operator.session import Session
 
 CHUNK = 200

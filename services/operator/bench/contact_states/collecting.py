@@ -13,13 +13,8 @@ from rich.console import Console
 
 from crosspih_common.config import CellFile, Workcell
 from services.operator.bench.conditions import Condition, cell_content
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
-from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import code_version
-from services.operator.bench.store import ResultStore, result_key
-from services.operator.contact_states.labels import TrueState, label_contacts
-from services.operator.contact_states.plan import (
+from services.operator.bench.contact_states.labels import TrueState, label_contacts
+from services.operator.bench.contact_states.plan import (
     RANDOM,
     STATE_NAMES,
     Plan,
@@ -27,7 +22,12 @@ from services.operator.contact_states.plan import (
     load_or_make,
     make_plan,
 )
-from services.operator.contact_states.pushing import NEEDED, PushResult, PushTask, make_pushes
+from services.operator.bench.contact_states.pushing import NEEDED, PushResult, PushTask, make_pushes
+from services.operator.bench.own_cell import CellTask
+from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.progress import CellsProgress
+from services.operator.bench.source import code_version
+from services.operator.bench.store import ResultStore, result_key
 
 CHUNK = 20
 ROUNDS = 7

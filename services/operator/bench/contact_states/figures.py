@@ -9,13 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from services.operator.contact_states.judged import CLASSIFIERS, Judged
-from services.operator.contact_states.labels import NONE
-from services.operator.contact_states.summary import NAMES, axial_share, confusion, reliability
+from crosspih_common.contacts.axial_share import with_friction
+from services.operator.bench.contact_states.judged import CLASSIFIERS, Judged
+from services.operator.bench.contact_states.labels import NONE
+from services.operator.bench.contact_states.summary import NAMES, axial_share, confusion, reliability
 
 PAPER_BANDS = {"1": (0.23, 0.31), "2": (0.33, 0.42), "3": (0.58, 0.71), "4": (0.97, 1.0)}
 """The ranges of |n_z0| of one to four contacts that the paper prints (its Figure 10); the last is "about 1"."""
 _COLOURS = ("#4a7fd6", "#2f9e6e", "#d98a3d", "#8a5fc4")
+_BAND = "#f0c040"
 _DPI = 110
 
 
@@ -47,8 +49,10 @@ def draw_confusion(judged: Sequence[Judged], path: Path) -> None:
     figure.savefig(path, dpi=_DPI)
 
 
-def draw_bands(judged: Sequence[Judged], path: Path) -> None:
-    """n_z0 of contacts with one to four arms of one sense, and of none of the 26, by stiffness; the paper's bands."""
+def draw_bands(judged: Sequence[Judged], friction: float, path: Path) -> None:
+    """n_z0 of contacts with one to four arms of one sense, and of none of the 26, by stiffness; the paper's bands, and
+    where the friction coefficient expected takes them.
+    """
     figure = Figure(figsize=(11.0, 5.6), layout="constrained")
     axes = figure.add_subplot()
     stiffnesses = sorted({one.contact.stiffness_n_mm for one in judged}, key=lambda n_mm: (n_mm == 0.0, n_mm))
@@ -56,7 +60,10 @@ def draw_bands(judged: Sequence[Judged], path: Path) -> None:
     for place, group in enumerate(groups):
         if group in PAPER_BANDS:
             low, high = PAPER_BANDS[group]
-            axes.fill_between([place - 0.46, place + 0.46], low, high, color="#f0c040", alpha=0.55, linewidth=0.0)
+            axes.fill_between([place - 0.46, place + 0.46], low, high, color=_BAND, alpha=0.55, linewidth=0.0)
+            for edge in (low, high):
+                moved = with_friction(edge, int(group), friction)
+                axes.hlines(moved, place - 0.46, place + 0.46, color="#a07000", linestyle="--", linewidth=1.0)
         for number, stiffness in enumerate(stiffnesses):
             values = [
                 axial_share(one)
@@ -70,7 +77,8 @@ def draw_bands(judged: Sequence[Judged], path: Path) -> None:
     for number, stiffness in enumerate(stiffnesses):
         label = "the cell's own arm" if stiffness == 0.0 else f"{stiffness:g} N/mm at the rim"
         axes.plot([], [], color=_COLOURS[number % len(_COLOURS)], linewidth=6, alpha=0.6, label=label)
-    axes.fill_between([], [], color="#f0c040", alpha=0.55, label="the paper's band")
+    axes.fill_between([], [], color=_BAND, alpha=0.55, label="the paper's band")
+    axes.plot([], [], color="#a07000", linestyle="--", linewidth=1.0, label=f"with friction {friction:g}")
     labels = [f"{group} arm{'s' if group != '1' else ''}" for group in PAPER_BANDS]
     axes.set_xticks(range(len(groups)), [*labels, "none of the 26"])
     axes.set_ylim(0.0, 1.03)

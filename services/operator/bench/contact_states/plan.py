@@ -15,7 +15,7 @@ from crosspih_common.contacts import ArmEdges
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import skew
-from services.operator.contact_states.aiming import AimedPushes, pattern_of, predict_pushes
+from services.operator.bench.contact_states.aiming import AimedPushes, pattern_of, predict_pushes
 
 RANDOM = "random"
 AHEAD_M = 0.1

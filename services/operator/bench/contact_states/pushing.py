@@ -22,8 +22,8 @@ from crosspih_common.messages import (
     SimulationTruth,
     floats,
 )
-from services.operator.contact_states.aiming import start_translation_m
-from services.operator.contact_states.plan import AHEAD_M, Push
+from services.operator.bench.contact_states.aiming import start_translation_m
+from services.operator.bench.contact_states.plan import AHEAD_M, Push
 from services.operator.session import Session
 
 NEEDED = ("hardware", "force_torque", "planning")
