@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.config.drawing import OUTLINES
 from crosspih_common.geometry import Pose
+from services.hardware.simulation.fixture_mesh import fixture_meshes
 from services.hardware.simulation.scene_mesh import Mesh, convex_mesh
 
 TILE_PX = 300
@@ -44,7 +45,8 @@ def tile(name: str) -> NDArray[np.uint8]:
     workcell = Workcell(peg=PegDrawing(outline=name))
     peg = workcell.peg.shape()
     pybullet.resetSimulation()
-    _add(convex_mesh(workcell.hole.shape(peg).pieces()), PLATE, STEEL)
+    fixture = fixture_meshes(workcell.hole.shape(peg))
+    _add(Mesh.merged([fixture["face"], fixture["bore"]]), PLATE, STEEL)
     _add(convex_mesh(peg.pieces()), PEG, ORANGE)
     size = TILE_PX * SAMPLES
     _, _, rgba, depth, _ = pybullet.getCameraImage(

@@ -28,7 +28,7 @@ def disturbed(
     sd = np.array([noise.lateral_m, noise.lateral_m, noise.depth_m, turn_rad, turn_rad, turn_rad])
     if not sd.any():
         return found
-    seeds = [zlib.crc32(np.ascontiguousarray(picture)) for picture in (left, right)]
+    seeds = [zlib.crc32(picture.tobytes()) for picture in (left, right)]
     error = np.random.default_rng(seeds).normal(size=6) * sd
     return replace(
         found,

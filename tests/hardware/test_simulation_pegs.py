@@ -16,6 +16,8 @@ from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import ForceTorqueConfig, HardwareConfig, SimulatedConfig
 from services.hardware.simulation import bodies
 from services.hardware.simulation.cell import SimulatedCell, open_cell
+from services.hardware.simulation.fixture_mesh import fixture_meshes
+from services.hardware.simulation.scene_mesh import Mesh
 
 FT = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
 ELL_M = tuple((x * 1e-3, y * 1e-3) for x, y in ((-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)))
@@ -119,3 +121,20 @@ def test_any_number_of_pieces_weighs_and_rubs_the_same() -> None:
             assert all(info[1] == pytest.approx(0.17) for info in got[1:])
         finally:
             pybullet.disconnect(client)
+
+
+@pytest.mark.parametrize("name", ["cross", "star", "round"])
+def test_the_plate_that_is_seen_is_the_plate_that_is_felt(name: str) -> None:
+    hole = Workcell(peg=PegDrawing(outline=name)).hole.shape(PegDrawing(outline=name).shape())
+    meshes = fixture_meshes(hole)
+    seen = Mesh.merged([meshes["face"], meshes["bore"]])
+    corners = seen.vertices_m[np.array(seen.indices).reshape(-1, 3)]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # closed, turned outward, and around as much as is solid
+    np.testing.assert_allclose(np.sum(doubled, axis=0), 0.0, atol=1e-12)
+    assert np.all(np.sum(doubled * seen.normals[seen.indices[::3]], axis=1) > 0.0)
+    volume_m3 = float(np.sum(corners[:, 0] * doubled)) / 6.0
+    frustum = [hole.outline.grown(back).area_m2 for back in (0.0, hole.chamfer_m / 2.0, hole.chamfer_m)]
+    opening_m3 = (frustum[0] + 4.0 * frustum[1] + frustum[2]) / 6.0 * hole.chamfer_m
+    opening_m3 += frustum[0] * (hole.depth_m - hole.chamfer_m)
+    assert volume_m3 == pytest.approx((2.0 * hole.plate_half_size_m) ** 2 * hole.depth_m - opening_m3, rel=1e-9)

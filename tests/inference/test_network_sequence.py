@@ -10,7 +10,7 @@ import pytest
 
 from crosspih_common.bus import Bus
 from crosspih_common.bus.memory import MemoryHub
-from crosspih_common.config import load_cell
+from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -19,7 +19,7 @@ from crosspih_common.messages import ContactState, EstimateBySequence, PoseData,
 from crosspih_common.service import ServiceContext
 from crosspih_common.shapes import CrossHole, CrossPeg
 from services.inference.estimator import TouchObservation
-from services.inference.network.sequence_comparison import observations, world_of
+from services.inference.network.sequence_comparison import PRIORS, as_text, compare, observations, world_of
 from services.inference.network.sequence_data import SequenceDataset, TouchWorld, touch_sequences
 from services.inference.network.sequence_model import (
     SequenceNetwork,
@@ -144,6 +144,17 @@ def test_it_moves_with_the_base_and_the_estimator_sees_the_same_touches() -> Non
     expected = prior @ Pose.from_rotvec(mean[1, -1, 3:], mean[1, -1, :3])
     assert pose.distance_to_m(expected) < 1e-6 and pose.angle_to_rad(expected) < 1e-5
     assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
+
+
+def test_the_comparison_says_what_each_found() -> None:
+    said: list[int] = []
+    result = compare(Workcell(), None, 3, 1, 5, lambda doing, done, total: said.append(done))
+    assert said == list(range(1, 7))
+    for prior in PRIORS:
+        ways = result[prior]
+        assert ways["estimator"]["lateral_mm_p50"][0] < ways["no touch"]["lateral_mm_p95"][0] * 2.0
+        assert 0.0 <= ways["sequence network"]["truth_in_95_region"][0] <= 1.0
+        assert prior in as_text(result)
 
 
 def shell(weights: str) -> tuple[Bus, list[ServiceContext]]:

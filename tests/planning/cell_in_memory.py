@@ -63,6 +63,8 @@ class CellInMemory:
             self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"hole_prior": prior}))
         if peg is not None:
             self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"peg": peg}))
+        if peg is not None:
+            self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"peg": peg}))
         self.vision_scale: float | None = 1.0
         self.contexts: list[ServiceContext] = []
         self.phases: list[AssemblyPhase] = []

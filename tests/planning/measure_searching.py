@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from crosspih_common.config.drawing import PegDrawing
 from crosspih_common.messages import AssemblyResult, Strategy
 from services.operator.scoring import pose_error
 from tests.planning.cell_in_memory import CellInMemory
@@ -33,6 +34,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lateral-mm", type=float, nargs="*", default=[5.0, 10.0])
     parser.add_argument("--strategy", type=Strategy, default=Strategy.FORCE_ALONE)
+    parser.add_argument("--peg", default="cross", help="an outline by name")
     parser.add_argument("--seeds", type=int, nargs="*", default=None, help="these, instead of --first and --count")
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--first", type=int, default=1)
@@ -42,7 +44,9 @@ def main() -> None:
     seeds = options.seeds or list(range(options.first, options.first + options.count))
     for lateral_mm in options.lateral_mm:
         with tempfile.TemporaryDirectory() as folder:
-            cell = CellInMemory(Path(folder), half_range_lateral_m=lateral_mm * 1e-3)
+            cell = CellInMemory(
+                Path(folder), half_range_lateral_m=lateral_mm * 1e-3, peg=PegDrawing(outline=options.peg)
+            )
             cell.vision_scale = None
             try:
                 cell.reset(0)

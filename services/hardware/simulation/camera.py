@@ -27,6 +27,7 @@ from services.hardware.simulation.camera_rig import (
     view_matrix,
     window_around,
 )
+from services.hardware.simulation.fixture_mesh import fixture_meshes
 from services.hardware.simulation.scene_appearance import Appearance, Faults
 from services.hardware.simulation.scene_mesh import Mesh, box_mesh
 
@@ -76,7 +77,7 @@ class SimulatedScene:
         self.quality = quality or SensorQuality()
         self._client = pybullet.connect(pybullet.DIRECT)
         self._bodies: dict[str, _Body] = {}
-        for name, mesh in bodies.fixture_meshes(hole).items():
+        for name, mesh in fixture_meshes(hole).items():
             self._add(name, mesh)
             if name != "blank":
                 self._add(f"second_{name}", mesh)
@@ -122,8 +123,8 @@ class SimulatedScene:
         glare_at = rng.uniform(-1.0, 1.0, 2) * self.hole.outline.reach_m
         glare_base = pose_base_hole.apply([*glare_at, 0.0])
         left, right = (
-            self._expose(_knocked(self._draw(pose, look, faults.light_scale), rows), pose, glare_base, look, faults, rng)
-            for pose, rows in ((self.rig.pose_base_camera, 0.0), (self.rig.pose_base_right(), faults.right_rows_px))
+            self._expose(_knocked(self._draw(at, look, faults.light_scale), rows), at, glare_base, look, faults, rng)
+            for at, rows in ((self.rig.pose_base_camera, 0.0), (self.rig.pose_base_right(), faults.right_rows_px))
         )
         return (right, left) if faults.swapped else (left, right)
 

@@ -17,20 +17,6 @@ FLANGE_TO_PEG_M = 0.0663
 ARM_RADII_M = (0.06, 0.05, 0.048, 0.042, 0.034, 0.028)
 
 
-def fixture_meshes(hole: Hole) -> dict[str, Mesh]:
-    """The fixture in the hole frame: `face` (plate and chamfer), `bore` (walls), `blank` (a plate without a hole)."""
-
-    def is_bore(normal: Array, offset_m: float) -> bool:
-        return abs(float(normal[2])) < 1e-9 and offset_m < 0.0
-
-    half, depth = hole.plate_half_size_m, hole.depth_m
-    return {
-        "face": convex_mesh(hole.pieces(), lambda normal, offset: not is_bore(normal, offset)),
-        "bore": convex_mesh(hole.pieces(), is_bore),
-        "blank": box_mesh((half, half, depth / 2), (0.0, 0.0, depth / 2)),
-    }
-
-
 def arm_meshes(arm: ArmModel, peg: Peg) -> list[Mesh]:
     """One mesh a moving frame: six links in their DH frames, then sensor flange and peg, both in the peg frame.
 

@@ -35,6 +35,7 @@ STAGE_STEPS = 4
 LAST_SOFTNESS = 0.08
 FINAL_STEPS = 8
 PATIENCE = 6.0
+WIDE_SOFTNESS = 4.0
 
 
 def estimate_pose(
@@ -57,15 +58,19 @@ def estimate_pose(
             prior.pose_base_hole, prior.covariance, 0, 0.0, settings.friction_mean, settings.friction_sd, verdicts
         )
     batch = TouchBatch.of(informative, settings)
-    state = _search(tables, prior, batch, rng, settings, _known(previous))
+    wider = dataclasses.replace(
+        settings, samples=4 * settings.samples, starts=2 * settings.starts, finalists=2 * settings.finalists
+    )
+    # Face, rim and walls may all be met from a prior that wide, and one touch may not tell which.
+    usual = wider if _first_softness(prior) >= WIDE_SOFTNESS else settings
+    state = _search(tables, prior, batch, rng, usual, _known(previous))
     for retry in range(settings.retries):
         # A badly explained touch may be a bad one, or a search that missed: look again before giving it up.
         costs = state.touch_cost[np.argmin(state.cost)]
         if costs.max() < settings.doubtful:
             break
-        again = _search(
-            tables, prior, batch, rng, settings, _without(tables, prior, batch, rng, settings, costs, retry)
-        )
+        known = _without(tables, prior, batch, rng, settings, costs, retry)
+        again = _search(tables, prior, batch, rng, wider, known)
         state = again if again.cost.min() < state.cost.min() else state
     return _conclude(state, tables, batch, prior, touches, rng, settings)
 
@@ -112,8 +117,7 @@ def _search(
     known: TrialPoses | None,
 ) -> FitState:
     """One annealed multi-start fit; the few best trials at the true noise."""
-    # Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer.
-    first = float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
+    first = _first_softness(prior)
     trials = _starts(tables, prior, batch, rng, settings, known, first)
     # On the way a touch is given up only when nothing near explains it: else to explain none would be the safe choice.
     patient = dataclasses.replace(settings, gate=PATIENCE * settings.gate)
@@ -123,6 +127,11 @@ def _search(
     state = descend(tables, trials, batch, prior, patient, 0.0, FINAL_STEPS)
     state = evaluate(tables, state.trials, batch, prior, settings, 0.0)
     return descend(tables, _distinct(state, settings.finalists), batch, prior, settings, 0.0, FINAL_STEPS // 2)
+
+
+def _first_softness(prior: PosePrior) -> float:
+    """Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer."""
+    return float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
 
 
 def _starts(

@@ -93,6 +93,10 @@ def pressed_estimate(
     else:
         # a fit worse than its noise is trusted less (Birge 1932)
         covariance = covariance * max(1.0, float(np.mean(costs[kept])))
+        # Held against the truth the presses leave the depth as wrong as it was: what they say of it is not believed.
+        keep = np.ones(6)
+        keep[2] = max(1.0, float(np.sqrt(np.asarray(prior.covariance)[2, 2] / covariance[2, 2])))
+        covariance = covariance * np.outer(keep, keep)
         # what all presses have in common does not average out
         covariance = covariance + np.diag(np.repeat(np.square([settings.common_sd_m, settings.common_sd_rad]), 3))
     return PressedEstimate(pose, covariance, tuple(float(cost) for cost in costs), used)

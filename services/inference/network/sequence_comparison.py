@@ -97,7 +97,8 @@ def compare(
 def _left(found: Array, truth: Array) -> Array:
     """What is left of the error (..., 6), as a right perturbation of what was found."""
     shape = np.broadcast_shapes(found.shape, truth.shape)
-    pairs = zip(np.broadcast_to(found, shape).reshape(-1, 6), np.broadcast_to(truth, shape).reshape(-1, 6), strict=True)
+    # copies: scipy's rotations take no array that cannot be written
+    pairs = zip(*(np.array(np.broadcast_to(part, shape)).reshape(-1, 6) for part in (found, truth)), strict=True)
     rows = []
     for one, other in pairs:
         between = Pose.from_rotvec(one[3:], one[:3]).inverse() @ Pose.from_rotvec(other[3:], other[:3])

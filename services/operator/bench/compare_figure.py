@@ -87,8 +87,10 @@ def _success(axes: Axes, row: Row, y: float, height: float, colour: str) -> None
     axes.barh(y, rate, 0.85 * height, color=colour)
     # rounding may put the rate a hair outside its own interval
     axes.errorbar(
-        rate, y, xerr=[[max(rate - low, 0.0)], [max(high - rate, 0.0)]], color="black", elinewidth=0.9, capsize=2.0
-    )
+        rate, y, xerr=[[max(rate - low, 0.0)], [max(high - rate, 0.0)]], ecolor="black", elinewidth=0.9, capsize=2.0,
+        # a bar of no length has no colour
+        fmt="s", markersize=4.0, color=colour, clip_on=False, zorder=3.0,
+    )  # fmt: skip
 
 
 def _range(

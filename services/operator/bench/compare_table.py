@@ -37,9 +37,8 @@ def compare_table(comparison: Comparison, condition: str) -> Table:
 
 def _cells(row: Row) -> list[str]:
     whole, inserted = row.all, row.inserted
-    failures = ", ".join(
-        f"{count} {name.replace('_', ' ')}" for name, count in sorted(whole.failures.items(), key=lambda one: -one[1])
-    )
+    often = sorted(whole.failures.items(), key=lambda one: -one[1])
+    failures = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in often)
     return [
         row.strategy,
         f"{whole.inserted}/{whole.trials}",

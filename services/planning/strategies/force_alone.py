@@ -200,6 +200,7 @@ class Search:
     def is_narrow(self, belief: PosePrior) -> bool:
         """Whether a push can be expected to go in."""
         sd = np.sqrt(np.diag(np.asarray(belief.covariance).reshape(6, 6)))
-        return bool(
-            sd[:2].max() < self.run.config.narrow_lateral_m and sd[3:].max() < self.run.config.narrow_rotation_rad
-        )
+        # a round peg goes in at any turn, and nothing ever tells which
+        turns = sd[3:] if self.peg.outline.symmetry_order else sd[3:5]
+        config = self.run.config
+        return bool(sd[:2].max() < config.narrow_lateral_m and turns.max() < config.narrow_rotation_rad)

@@ -192,7 +192,7 @@ class Collection:
         def done(index: int, results: list[dict[str, Any]]) -> None:
             stiffness, tasks = chunks[index]
             for task, result in zip(tasks, results, strict=True):
-                self._store.put(self._key(stiffness, task), result, code=version, stiffness_n_mm=stiffness)
+                self._store.put(self._key(stiffness, task), {**result, "code": version}, stiffness_n_mm=stiffness)
 
         engine = open_executor(executor, cells, len(jobs), ray_address)
         try:

@@ -53,7 +53,7 @@ class PushTask(BaseModel):
 
 class PushResult(BaseModel):
     """What came of it: the compensated wrench with its sd, and the true contact points and forces in the peg frame
-    (x, y, z, Fx, Fy, Fz each, m and N, averaged over the observation); or `failure`.
+    (x, y, z, Fx, Fy, Fz each, m and N, averaged over the observation); or `failure`. `code` is the version that pushed.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -67,6 +67,7 @@ class PushResult(BaseModel):
     angles_rad: tuple[float, ...] = ()
     lateral_m: tuple[float, ...] = ()
     failure: str | None = None
+    code: str = ""
 
 
 def use_payload(session: Session) -> None:
