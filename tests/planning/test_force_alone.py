@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import Failure, PoseData, PosePrior, Strategy, floats
+from crosspih_common.messages import BoreContact, Failure, PoseData, PosePrior, Strategy, floats
 from services.operator.scoring import insertion_depth_m, pose_error
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
@@ -69,7 +69,7 @@ def test_or_ends_with_a_name_where_feeling_is_forbidden(folder: Path) -> None:
 
 def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     """Pushed in 0.08 rad askew and stopped with its body in the bore: it takes advice to go on."""
-    config = PlanningConfig(service_patience_s=0.5, push_timeout_s=4.0)
+    config = PlanningConfig(service_patience_s=0.5, push_timeout_s=5.0)
     workcell = cell.cell.workcell
     truth = cell.reset(3)
     run = Run(workcell, config, BusPorts(cell.planning, config), "stall")
@@ -82,7 +82,8 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     belief = push_in(run, PosePrior(pose_base_hole=PoseData.of(askew), covariance=floats(np.diag(sd**2))))
     told = [phase.text for phase in cell.phases]
     assert any("did not enter" in text for text in told)
-    assert any(text.startswith(("wedged", "jammed", "two_point")) for text in told)
+    inside = tuple(contact.value for contact in BoreContact if contact is not BoreContact.OUTSIDE)
+    assert any(text.startswith(inside) for text in told), told
     assert belief is not None and run.pushes > 1
     error = pose_error(belief.pose_base_hole.pose(), truth.pose_base_hole.pose())
     assert error.rotation_deg < 2.5

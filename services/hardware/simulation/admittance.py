@@ -6,7 +6,8 @@ The contact wrench, filtered at 100 Hz, is turned into velocity about a centre n
     v_lateral = F_lateral / D,   w = M_centre / D_r,   v_axial = v (1 - load / F_max)
 
 each clipped, plus the speeds of a search path where there is one. The load is the axial force, or a share of |F| when
-the peg leans on a wall: a wedged peg can carry far more than its axial force says. A load beyond F_max lets the peg come back.
+the peg leans on a wall, or of |M|: a wedged peg can carry far more than its axial force says. A load beyond F_max lets
+the peg come back.
 """
 
 from __future__ import annotations

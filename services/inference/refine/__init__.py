@@ -1,0 +1,1 @@
+"""A cell's drawing, F/T mounting and camera mounting refined over past recordings."""
