@@ -12,7 +12,7 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import LOCATE, RESET
 from crosspih_common.messages import HoleEstimate, LocateHole, ResetCell, SceneFaults
-from crosspih_common.service.lifecycle import ServiceContext
+from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers import open_cell
 from services.hardware.shell import HardwareShell
@@ -53,7 +53,7 @@ class Cell:
             return ServiceContext(service, cell, Bus(self.hub.transport(), cell.workcell.name, service))
 
         self.contexts = [context(name) for name in ("hardware", "vision", "operator")]
-        self.shells = [
+        self.shells: list[Closeable] = [
             HardwareShell(open_cell(cell.workcell, HardwareConfig(), False), self.contexts[0], False),
             VisionShell(self.contexts[1], VisionConfig(looks=looks)),
         ]

@@ -167,7 +167,11 @@ def _assembly(recording: Recording, workcell: Workcell, content: dict[str, Any])
     if not presses:
         return "it has no presses against the bore"
     return AssemblyData(
-        recording.path.stem, result.pose_base_hole.pose(), touches, presses, _seen(recording, camera_correction(content))
+        recording.path.stem,
+        result.pose_base_hole.pose(),
+        touches,
+        presses,
+        _seen(recording, camera_correction(content)),
     )
 
 

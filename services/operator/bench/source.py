@@ -8,7 +8,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-import services
+import crosspih_common
 
 # what only starts, shows, keeps or counts has no say in how a trial ends
 _NO_SAY = ("operator", "recorder", "router")
@@ -59,7 +59,7 @@ def hash_sources(root: Path) -> str:
 
 
 def _root() -> Path:
-    return Path(next(iter(services.__path__))).resolve().parent
+    return Path(next(iter(crosspih_common.__path__))).resolve().parent
 
 
 @cache

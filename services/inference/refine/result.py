@@ -1,0 +1,114 @@
+"""The whole of it: from a cell and its past to refined values, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from crosspih_common.config import CellFile
+from services.inference.refine.assemblies import Past, camera_correction, sensor_correction
+from services.inference.refine.camera import CameraFit, camera_fit
+from services.inference.refine.joint import HOLE_SD, JointFit, joint_fit
+from services.inference.refine.parameters import CAMERA, CAMERA_SD, GEOMETRY, GEOMETRY_SD, Refined, judged, refined_peg
+from services.inference.refine.weighing import sensor_turn
+
+Teller = Callable[[str, int, int], None]
+WANTED = {
+    "taper": "assemblies with two or more touches each (a strategy that touches, or vision switched off)",
+    "clearance": "assemblies that ended seated, with their presses against the bore",
+    "ft": "assemblies with touches; for the turns a calibration of the sensor (`crosspih calibrate ft`) recorded",
+    "camera": "assemblies that vision began; for the depth also with touches",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refinement:
+    """Every parameter with what became of it, the fits behind, and why what was not taken was not."""
+
+    parameters: tuple[Refined, ...]
+    joint: JointFit
+    camera: CameraFit | None
+    assemblies: int
+    touches: int
+    presses: int
+    seen: int
+    calibrations: int
+    notes: tuple[str, ...]
+
+    def as_data(self, cell: CellFile) -> dict[str, object]:
+        """For JSON: the table, the residuals, and `settings`, what the cell's file has to say from now on."""
+        return {
+            "parameters": [{**asdict(one), "value": one.value} for one in self.parameters],
+            "friction": self.joint.friction,
+            "friction_sd": self.joint.friction_sd,
+            "contact_rms_before": self.joint.rms_before,
+            "contact_rms_after": self.joint.rms_after,
+            "vision_rms_before": None if self.camera is None else self.camera.rms_before,
+            "vision_rms_after": None if self.camera is None else self.camera.rms_after,
+            "assemblies": self.assemblies,
+            "touches": self.touches,
+            "presses": self.presses,
+            "seen": self.seen,
+            "calibrations": self.calibrations,
+            "notes": list(self.notes),
+            "settings": self.settings(cell),
+        }
+
+    def settings(self, cell: CellFile) -> dict[str, object]:
+        """The sections of the cell's file with the values that were taken; nothing where nothing was."""
+        by_name = {one.name: one for one in self.parameters}
+
+        def any_taken(names: tuple[str, ...]) -> bool:
+            return any(by_name[name].taken for name in names if name in by_name)
+
+        def values(names: tuple[str, ...]) -> list[float]:
+            return [by_name[name].value for name in names]
+
+        settings: dict[str, dict[str, object]] = {}
+        if by_name["taper"].taken:
+            settings.setdefault("cell", {})["peg"] = refined_peg(cell.workcell.peg, by_name["taper"].value)
+        if by_name["clearance"].taken:
+            value = cell.workcell.hole.clearance_m + by_name["clearance"].value
+            settings.setdefault("cell", {})["hole"] = {"clearance_m": value}
+        if any_taken(GEOMETRY[2:]):
+            settings["force_torque"] = {
+                "sensor_correction": {"shift_m": values(GEOMETRY[2:5]), "turn_rad": values(GEOMETRY[5:])}
+            }
+        if any_taken(CAMERA):
+            settings["vision"] = {"camera_correction": {"shift_m": values(CAMERA[:3]), "turn_rad": values(CAMERA[3:])}}
+        return dict(settings)
+
+
+def refine(cell: CellFile, past: Past, tell: Teller = lambda doing, done, total: None) -> Refinement:
+    """Fit all that the past tells of the cell."""
+    sensor, camera = sensor_correction(cell.sections), camera_correction(cell.sections)
+    before = np.concatenate([[0.0, 0.0], sensor.translation_m, sensor.rotvec_rad()])
+    turn = sensor_turn(past.weighings, GEOMETRY_SD[5:])
+    joint = joint_fit(cell.workcell, past.assemblies, before, turn, tell)
+    parameters = judged(GEOMETRY, before, joint.parameters, joint.covariance, GEOMETRY_SD)
+    pairs = [(one.seen, hole) for one, hole in zip(past.assemblies, joint.holes, strict=True) if one.seen is not None]
+    found: CameraFit | None = None
+    if pairs:
+        in_use = np.concatenate([camera.translation_m, camera.rotvec_rad()])
+        found = camera_fit(pairs, in_use, CAMERA_SD, HOLE_SD)
+        parameters += judged(CAMERA, in_use, found.correction, found.covariance, CAMERA_SD)
+    notes = list(past.left_out)
+    for group, wanted in WANTED.items():
+        held = [one.name for one in parameters if one.name.startswith(group) and not one.taken]
+        if held:
+            notes.append(f"{', '.join(held)}: kept as they were, the recordings do not fix them; wanted: {wanted}")
+    if not pairs:
+        notes.append(f"camera: not refined, vision saw none of these holes; wanted: {WANTED['camera']}")
+    return Refinement(
+        tuple(parameters),
+        joint,
+        found,
+        len(past.assemblies),
+        sum(len(one.touches) for one in past.assemblies),
+        sum(len(one.presses) for one in past.assemblies),
+        len(pairs),
+        len(past.weighings),
+        tuple(notes),
+    )
