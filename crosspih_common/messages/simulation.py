@@ -17,7 +17,7 @@ class SceneFaults(Part):
     square: bool = Field(default=False, description="a dark square pocket on the plate")
     second_cross: bool = Field(default=False, description="the same fixture once more beside the first")
     swapped: bool = Field(default=False, description="left and right pictures exchanged")
-    right_rows_px: float = Field(default=0.0, ge=-20.0, le=20.0, description="the right camera tilted: rows it is off by")
+    right_rows_px: float = Field(default=0.0, ge=-20.0, le=20.0, description="rows the right camera is off by")
 
 
 class ResetCell(Message):

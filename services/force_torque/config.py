@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from crosspih_common.config.correction import MountingCorrection
 from crosspih_common.config.section import Section
 from crosspih_common.messages import ContactClassifier
 
@@ -13,6 +14,9 @@ class ForceTorqueConfig(Section):
 
     calibration_file: str = Field(
         default="run/{cell}/ft-calibration.yaml", description="where the calibration is kept; {cell} is the cell's name"
+    )
+    sensor_correction: MountingCorrection = Field(
+        default=MountingCorrection(), description="of the sensor's frame, in the peg frame; calibrate anew after it"
     )
     filter_hz: float = Field(default=50.0, gt=0.0, le=500.0, description="low-pass of the published contact wrench")
     onset_force_n: float = Field(default=1.0, gt=0.0)

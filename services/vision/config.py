@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from crosspih_common.config.correction import MountingCorrection
 from crosspih_common.config.section import Section
 
 
@@ -23,3 +24,6 @@ class VisionConfig(Section):
     looks: int = Field(default=3, ge=1, le=8, description="pictures taken, each under another light, before refusing")
     enabled: bool = Field(default=True, description="false: refuse to look, as a cell without cameras would")
     extra_noise: ExtraNoise = ExtraNoise()
+    camera_correction: MountingCorrection = Field(
+        default=MountingCorrection(), description="of the left camera, in its own frame, on top of its calibration"
+    )

@@ -28,6 +28,8 @@ from services.hardware.simulation.guarded import onset
 WORKCELL = Workcell()
 PEG = WORKCELL.peg.shape()
 HOLE = WORKCELL.hole.shape(PEG)
+HALF_WIDTH_M = WORKCELL.peg.half_width_m + WORKCELL.hole.clearance_m
+SLOPE = WORKCELL.peg.taper_slope
 NOMINAL = WORKCELL.hole_prior.pose_base_hole()
 AXIS_BASE = NOMINAL.rotation[:, 2]
 FT = ForceTorqueConfig()
@@ -97,13 +99,13 @@ def test_a_wall_is_felt_where_the_drawing_says_and_pushes_along_its_normal() -> 
     cell = opened(friction=0.0, noisy=False)
     try:
         place(cell, (0.001, 0.0), 0.004)
-        z_m = PEG.apex_m - (HOLE.half_width_m - 0.001) / PEG.taper_slope
+        z_m = PEG.apex_m - (HALF_WIDTH_M - 0.001) / SLOPE
         travel_m = HOLE.chamfer_m - z_m + PEG.tip_m + 0.004
         outcome = touch(cell)
         assert outcome.stop_reason is StopReason.CONTACT
         assert outcome.travel_first_contact_m == pytest.approx(travel_m, abs=2e-5)
         wrench = contact_of(outcome)
-        normal = np.array([-1.0, 0.0, -PEG.taper_slope])
+        normal = np.array([-1.0, 0.0, -SLOPE])
         cosine = wrench[:3] @ normal / np.linalg.norm(wrench[:3]) / np.linalg.norm(normal)
         assert np.degrees(np.arccos(min(1.0, cosine))) < 0.3
         # the force goes through the touching rim: My = z Fx - x Fz

@@ -14,6 +14,7 @@ from services.vision.stereo import StereoModel
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())
+HALF_LENGTH_M = WORKCELL.peg.half_length_m + WORKCELL.hole.clearance_m
 
 
 def stereo_of(rig: StereoRig) -> StereoModel:
@@ -76,8 +77,8 @@ def test_the_rims_of_the_model_are_the_holes() -> None:
     model = RimModel.of(HOLE)
     assert model.outer_m[..., 2] == pytest.approx(0.0, abs=1e-15)
     assert model.inner_m[..., 2] == pytest.approx(HOLE.chamfer_m)
-    assert np.abs(model.inner_m[..., :2]).max() == pytest.approx(HOLE.half_length_m)
-    assert np.abs(model.outer_m[..., :2]).max() == pytest.approx(HOLE.half_length_m + HOLE.chamfer_m)
+    assert np.abs(model.inner_m[..., :2]).max() == pytest.approx(HALF_LENGTH_M)
+    assert np.abs(model.outer_m[..., :2]).max() == pytest.approx(HALF_LENGTH_M + HOLE.chamfer_m)
 
 
 def test_every_normal_of_the_projected_rim_points_into_the_hole() -> None:
