@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.pose import Array, Pose
 from services.force_torque.calibration import ToolParameters
 from services.force_torque.compensation import (
     ContactEvent,
@@ -32,6 +32,7 @@ class Pipeline:
     free_settings: FreeAirSettings
     onset: OnsetState = field(default_factory=OnsetState)
     free: FreeAirState = field(default_factory=FreeAirState)
+    pose_peg_sensor: Pose = field(default_factory=Pose.identity)
 
     def with_tool(self, tool: ToolParameters) -> Pipeline:
         """After a calibration: new parameters, and what was remembered of free air forgotten."""
@@ -57,7 +58,8 @@ def step(
     While the arm is `accelerating` the payload's inertia is felt like a contact: then neither contact nor free air is
     judged, and both stay as they were.
     """
-    contact = compensated(samples, rotation_base_peg, pipeline.tool)
+    mounting = pipeline.pose_peg_sensor
+    contact = compensated(samples, rotation_base_peg @ mounting.rotation, pipeline.tool, mounting)
     stamps = stamp_ns + period_ns * np.arange(len(contact))
     low_pass, filtered = pipeline.low_pass.filtered(contact)
     if accelerating:

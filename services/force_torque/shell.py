@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from crosspih_common.errors import CommandRefused
+from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import (
     CLASSIFY,
     COMPENSATE,
@@ -28,6 +29,7 @@ from crosspih_common.messages import (
     FtCalibration,
     IdentifyPayload,
     JointState,
+    PoseData,
     RawWrenchBatch,
     Severity,
     floats,
@@ -48,6 +50,7 @@ class ForceTorqueShell:
 
     def __init__(self, context: ServiceContext, config: ForceTorqueConfig) -> None:
         self._context, self._config, self._bus = context, config, context.bus
+        self._mounting = config.sensor_correction.pose()
         self._file = Path(config.calibration_file.format(cell=context.cell.workcell.name))
         self._joints = self._bus.latest(JOINT_STATE, depth=8)
         self._wrench = self._bus.publisher(CONTACT_WRENCH)
@@ -58,6 +61,7 @@ class ForceTorqueShell:
             low_pass=LowPass(config.filter_hz, SENSOR_PERIOD_S),
             onset_settings=OnsetSettings(config.onset_force_n, config.onset_moment_nm),
             free_settings=FreeAirSettings(force_limit_n=config.drift_force_n, moment_limit_nm=config.drift_moment_nm),
+            pose_peg_sensor=self._mounting,
         )
         self._judge = Judge(context.cell.workcell, config.contact_classifier)
         self._calibrated = False
@@ -112,9 +116,12 @@ class ForceTorqueShell:
             )
         )
 
+    def _rotation_base_sensor(self, pose_base_peg: PoseData) -> Array:
+        return np.asarray(pose_base_peg.pose().rotation @ self._mounting.rotation)
+
     def _identify(self, command: IdentifyPayload) -> FtCalibration:
         readings = [
-            StaticReading(reading.pose_base_peg.pose().rotation, np.asarray(reading.wrench_raw))
+            StaticReading(self._rotation_base_sensor(reading.pose_base_peg), np.asarray(reading.wrench_raw))
             for reading in command.readings
         ]
         try:
@@ -140,11 +147,13 @@ class ForceTorqueShell:
         if not self._calibrated:
             raise CommandRefused("not_calibrated", "the sensor was never calibrated; run `crosspih calibrate ft`")
         tool = self._pipeline.tool
-        wrench = compensated(np.asarray(command.wrench_raw), command.pose_base_peg.pose().rotation, tool)
+        wrench = compensated(
+            np.asarray(command.wrench_raw), self._rotation_base_sensor(command.pose_base_peg), tool, self._mounting
+        )
         residual = None
         if command.wrench_free_raw is not None:
-            free_pose = (command.pose_base_peg_free or command.pose_base_peg).pose()
-            residual = compensated(np.asarray(command.wrench_free_raw), free_pose.rotation, tool)
+            free = self._rotation_base_sensor(command.pose_base_peg_free or command.pose_base_peg)
+            residual = compensated(np.asarray(command.wrench_free_raw), free, tool, self._mounting)
             wrench = wrench - residual
         return ContactReading(
             wrench=floats(wrench),

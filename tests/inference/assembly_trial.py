@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import Hole, Peg
 from services.inference.estimator import (
     EstimatorSettings,
     PoseErrorEstimate,
@@ -53,6 +53,8 @@ def admittance_push(
     timeout_s: float = 12.0,
 ) -> PushResult:
     """Advance along a direction, giving way sideways (2 N/(mm/s)) and in rotation (20 Nm/(rad/s)) about the rim."""
+    peg, hole = world.peg, world.hole
+    assert isinstance(peg, Peg) and isinstance(hole, Hole)
     world.place(start_hole_peg)
     rotation, position = start_hole_peg.rotation.copy(), start_hole_peg.translation_m.copy()
     lever = np.array([0.0, 0.0, RIM_AHEAD_M])
@@ -85,7 +87,7 @@ def admittance_push(
         if count % 20 == 0:
             rotation = np.asarray(Rotation.from_matrix(rotation).as_matrix())
             pose = world.pose_hole_peg()
-            depth = float(pose.apply([0.0, 0.0, world.peg.taper_start_m])[2]) - world.hole.chamfer_m
+            depth = float(pose.apply([0.0, 0.0, peg.taper_start_m])[2]) - hole.chamfer_m
             if depth > best_z + 1e-4:
                 best_z, best_at = depth, count
             stuck = count - best_at > 1500
@@ -94,7 +96,7 @@ def admittance_push(
         if np.linalg.norm(force) > force_limit_n or np.linalg.norm(moment) > moment_limit_nm:
             break
     pose = world.pose_hole_peg()
-    depth = float(pose.apply([0.0, 0.0, world.peg.taper_start_m])[2]) - world.hole.chamfer_m
+    depth = float(pose.apply([0.0, 0.0, peg.taper_start_m])[2]) - hole.chamfer_m
     return PushResult(depth, peak_force, peak_moment, count * STEP_S, Pose(rotation, position), felt.copy())
 
 
@@ -126,8 +128,8 @@ class Trial:
 
 
 def assemble(
-    peg: CrossPeg,
-    hole: CrossHole,
+    peg: Peg,
+    hole: Hole,
     friction_coefficient: float,
     seed: int,
     prior_sd: tuple[float, ...] = VISION_SD,
@@ -135,8 +137,8 @@ def assemble(
     most_corrections: int = 6,
     push_first: bool = True,
     settings: EstimatorSettings | None = None,
-    model_peg: CrossPeg | None = None,
-    model_hole: CrossHole | None = None,
+    model_peg: Peg | None = None,
+    model_hole: Hole | None = None,
     compliance_scale: float = 1.0,
 ) -> Trial:
     """One assembly from a belief drawn off the truth with `prior_sd`; the models, and the

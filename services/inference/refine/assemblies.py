@@ -127,8 +127,8 @@ def _check_same(path: Path, cell: CellFile, content: dict[str, Any]) -> None:
     for name in SAME:
         if getattr(theirs, name) != getattr(cell.workcell, name):
             raise NothingToRefine(
-                f"{path}: another cell's recording (its cell.{name} differs from that of {cell.path}); leave it out, or "
-                f"name its cell's file with --cell"
+                f"{path}: another cell's recording (its cell.{name} differs from that of {cell.path}); leave it out, "
+                f"or name its cell's file with --cell"
             )
 
 

@@ -1,7 +1,8 @@
-"""The joint fit: taper, clearance, F/T origin and friction shared by all assemblies, and each assembly's own hole.
+"""The joint fit: taper, clearance, F/T sensor, camera and friction shared by all assemblies, and each one's own hole.
 
-Robust nonlinear least squares over all touches and presses. Contacts are judged afresh in a few stages, in which the
-whitening tightens from tenths of a millimetre to the true noise; within a stage they are fixed, and the fit is smooth.
+Robust nonlinear least squares over what vision saw, all touches and all presses. Contacts are judged afresh in a few
+stages, in which the whitening tightens from tenths of a millimetre to the true noise; within a stage they are fixed,
+and the fit is smooth.
 """
 
 from __future__ import annotations
@@ -16,65 +17,64 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
-from services.inference.estimator import BoreWalls, EstimatorSettings, PressSettings
+from services.inference.estimator import BoreWalls, EstimatorSettings
 from services.inference.estimator.hypotheses import TouchBatch
 from services.inference.refine.assemblies import AssemblyData
-from services.inference.refine.camera import FeltHole
 from services.inference.refine.parameters import (
     CLEARANCE,
-    GEOMETRY,
-    GEOMETRY_SD,
     LEAST_CLEARANCE_M,
+    NAMES,
+    PRIOR_SD,
+    TURN,
+    camera_pose,
     sensor_pose,
     shapes,
 )
 from services.inference.refine.pressed import PressModel
 from services.inference.refine.touched import TouchModel, TouchState
 
-# how well a hole is known where nothing touches it: about vision's worst
-HOLE_SD = np.array([1e-3, 1e-3, 5e-3, 0.02, 0.02, 0.02])
+# of a hole about T2 as it was found, before anything is counted: far wider than what is
+HOLE_SD = np.array([3e-3, 3e-3, 3e-2, 0.05, 0.05, 0.05])
 SOFTNESS = (1.0, 0.4, 0.15, 0.05, 0.0, 0.0)
 F_SCALE = 2.0
 STEP = 1e-4  # of a parameter, in sds
 EVALUATIONS = 12
-FRICTION = len(GEOMETRY)
+FRICTION = len(NAMES)
 OWN = FRICTION + 1  # from here on the holes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFit:
-    """parameters (8,) with covariance (8, 8); friction and its sd; the holes, with what presses and touches say of
-    each; root mean square residual of touches and presses with the drawing's parameters and with the found ones, sds;
-    and the share of touches that the fit explains, before and after."""
+    """parameters (14,) with covariance (14, 14); friction and its sd; the holes; root mean square residuals, in sds, of
+    contacts and of vision, with the parameters that were in use and with those found."""
 
     parameters: Array
     covariance: Array
     friction: float
     friction_sd: float
-    holes: tuple[FeltHole, ...]
-    rms_before: float
-    rms_after: float
+    holes: tuple[Pose, ...]
+    contact_rms: tuple[float, float]
+    vision_rms: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """All data as arrays; `owner_touch`, `owner_press`: which assembly each is of."""
+    """What is fitted, and what is known of the parameters before: a mean and the root of the information."""
 
     workcell: Workcell
     assemblies: Sequence[AssemblyData]
     prior_mean: Array
     prior_root: Array
     settings: EstimatorSettings
-    press_settings: PressSettings
 
     def unpacked(self, x: Array) -> tuple[Array, float, list[Pose]]:
-        """Parameters (8,), friction, and the holes."""
+        """Parameters (14,), friction, and the holes."""
         moves = x[OWN:].reshape(-1, 6) * HOLE_SD
         holes = [
             one.pose_base_hole @ Pose.from_rotvec(move[3:], move[:3])
             for one, move in zip(self.assemblies, moves, strict=True)
         ]
-        return x[:FRICTION] * GEOMETRY_SD, self.friction(x), holes
+        return x[:FRICTION] * PRIOR_SD, self.friction(x), holes
 
     def friction(self, x: Array) -> float:
         """The friction coefficient."""
@@ -105,6 +105,18 @@ class _Problem:
                 twist = press.compliance_peg @ wrench
                 states.append((hole.inverse() @ press.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), wrench))
         return states
+
+    def vision(self, parameters: Array, holes: Sequence[Pose]) -> Array:
+        """(6 V,): the holes that were seen against the holes, in sds."""
+        correction = camera_pose(parameters)
+        parts = [np.zeros(0)]
+        for one, hole in zip(self.assemblies, holes, strict=True):
+            if one.seen is not None:
+                pose = one.seen.pose_base_camera @ correction @ one.seen.pose_camera_hole
+                between = pose.inverse() @ hole
+                error = np.concatenate([between.translation_m, between.rotvec_rad()])
+                parts.append(np.linalg.solve(np.linalg.cholesky(one.seen.covariance), error))
+        return np.concatenate(parts)
 
     def owners(self) -> tuple[Array, Array]:
         """The assembly of each touch and of each press."""
@@ -140,29 +152,29 @@ class _Stage:
         walls = BoreWalls.of(peg, hole)
         presses = [
             PressModel.of(
-                walls, hole.chamfer_m, peg.taper_start_m, pose, wrench, float(parameters[CLEARANCE]),
-                problem.press_settings,
+                walls, hole.chamfer_m, peg.taper_start_m, pose, wrench, float(parameters[CLEARANCE])
             )
             for pose, wrench in problem.press_states(parameters, holes)
         ]  # fmt: skip
-        rows += [np.full(5 + len(model.points), owner) for model, owner in zip(presses, by_press, strict=True)]
+        rows += [np.full(len(model.points), owner) for model, owner in zip(presses, by_press, strict=True)]
+        rows += [np.full(6, index) for index, one in enumerate(problem.assemblies) if one.seen is not None]
         return cls(problem, touches, presses, np.concatenate(rows))
 
     def data(self, x: Array) -> Array:
-        """Residuals of touches and presses."""
+        """Residuals of touches, presses and, last, of vision."""
         parameters, friction, holes = self.problem.unpacked(x)
         parts = []
         if self.touches is not None:
             parts.append(
                 self.touches.residual(self.problem.touch_state(parameters, holes), parameters, friction).ravel()
             )
-        for model, (pose, wrench) in zip(self.presses, self.problem.press_states(parameters, holes), strict=True):
-            parts.append(model.residual(pose, wrench, parameters))
-        return np.concatenate(parts)
+        for model, (pose, _) in zip(self.presses, self.problem.press_states(parameters, holes), strict=True):
+            parts.append(model.residual(pose, parameters))
+        return np.concatenate([*parts, self.problem.vision(parameters, holes)])
 
     def residual(self, x: Array) -> Array:
         """With what is known before."""
-        known = self.problem.prior_root @ (x[:FRICTION] * GEOMETRY_SD - self.problem.prior_mean)
+        known = self.problem.prior_root @ (x[:FRICTION] * PRIOR_SD - self.problem.prior_mean)
         return np.concatenate([self.data(x), known, x[FRICTION:]])
 
     def jacobian(self, x: Array) -> Array:
@@ -178,7 +190,7 @@ class _Stage:
             moved = x.copy()
             moved[OWN + axis :: 6] += STEP
             matrix[np.arange(count), OWN + 6 * self.owner + axis] = (self.data(moved) - here) / STEP
-        matrix[count : count + FRICTION, :FRICTION] = self.problem.prior_root * GEOMETRY_SD
+        matrix[count : count + FRICTION, :FRICTION] = self.problem.prior_root * PRIOR_SD
         matrix[count + FRICTION :, FRICTION:] = np.eye(len(x) - FRICTION)
         return matrix
 
@@ -191,101 +203,94 @@ def joint_fit(
     tell: Callable[[str, int, int], None] = lambda doing, done, total: None,
     settings: EstimatorSettings | None = None,
 ) -> JointFit:
-    """Before (8,): the parameters in use; turn: the sensor's, with covariance, as weighing found it.
+    """Before (14,): the parameters in use; turn: the sensor's, with covariance, as weighing found it.
 
-    The tolerances of `parameters` are the prior, about the drawing (and a sensor that sits straight).
-    ValueError without assemblies.
+    The tolerances of `parameters` are the prior, about the drawing, a sensor that sits straight and the camera as
+    calibrated. ValueError without assemblies.
     """
     if not assemblies:
         raise ValueError("joint_fit wants at least one assembly with presses")
     settings = settings or EstimatorSettings(friction_mean=workcell.friction_expected)
-    mean, information = np.zeros(len(GEOMETRY)), np.diag(GEOMETRY_SD**-2.0)
+    mean, information = np.zeros(len(NAMES)), np.diag(PRIOR_SD**-2.0)
     if turn is not None:
         # the tolerance is in it already
-        information[5:, 5:] = np.linalg.inv(turn[1])
-        mean[5:] = turn[0]
-    problem = _Problem(
-        workcell, assemblies, mean, np.linalg.cholesky(information).T, settings, PressSettings()
-    )  # fmt: skip
-    x = np.zeros(OWN + 6 * len(assemblies))
-    fixed = x.copy()
-    fixed[:FRICTION] = before / GEOMETRY_SD
-    x[:FRICTION] = np.where(np.arange(FRICTION) >= 5, mean, before) / GEOMETRY_SD
-    total = 2 * len(SOFTNESS)
-    step = 0
+        mean[TURN], information[TURN, TURN] = turn[0], np.linalg.inv(turn[1])
+    root = np.asarray(np.linalg.cholesky(information).T, dtype=np.float64)
+    problem = _Problem(workcell, assemblies, mean, root, settings)
+    steps = iter(range(1, 2 * len(SOFTNESS) + 1))
 
     def told() -> None:
-        nonlocal step
-        step += 1
-        tell("fitting", step, total)
+        tell("fitting", next(steps), 2 * len(SOFTNESS))
 
-    fixed, held = _fitted(problem, fixed, told, OWN - 1)
+    start = np.zeros(OWN + 6 * len(assemblies))
+    start[:FRICTION] = before / PRIOR_SD
+    held = _fitted(problem, start, told, FRICTION)
     # the holes as they come out with the old parameters are the better start
-    x[FRICTION:] = fixed[FRICTION:]
-    x, fit = _fitted(problem, x, told, 0)
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac) * fit.birge
-    parameters, friction, holes = problem.unpacked(x)
+    start = held.x.copy()
+    if turn is not None:
+        start[TURN] = mean[TURN] / PRIOR_SD[TURN]
+    fit = _fitted(problem, start, told, 0)
+    parameters, friction, holes = problem.unpacked(fit.x)
+    covariance = np.asarray(np.linalg.inv(fit.jacobian.T @ fit.jacobian) * fit.birge, dtype=np.float64)
     return JointFit(
         parameters,
-        covariance[:FRICTION, :FRICTION] * np.outer(GEOMETRY_SD, GEOMETRY_SD),
+        covariance[:FRICTION, :FRICTION] * np.outer(PRIOR_SD, PRIOR_SD),
         friction,
         float(np.sqrt(covariance[FRICTION, FRICTION])) * settings.friction_sd,
-        tuple(
-            FeltHole(hole, _information(covariance[OWN + 6 * i : OWN + 6 * i + 6, OWN + 6 * i : OWN + 6 * i + 6]))
-            for i, hole in enumerate(holes)
-        ),
-        held.rms,
-        fit.rms,
+        tuple(holes),
+        (held.contact_rms, fit.contact_rms),
+        (held.vision_rms, fit.vision_rms),
     )
-
-
-def _information(covariance: Array) -> Array:
-    """Of a hole by touches and presses alone: what was known before, one sd of HOLE_SD, is taken out."""
-    information = np.linalg.inv(covariance) - np.eye(6)
-    values, vectors = np.linalg.eigh(information)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T / np.outer(HOLE_SD, HOLE_SD))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ended:
-    """A fit's Jacobian, the ratio by which its residuals exceed their noise (1 or more), and their rms, sds."""
+    """Where a fit ended, its robust Jacobian, the ratio by which residuals exceed their noise (1 or more), and their
+    root mean squares."""
 
-    jac: Array
+    x: Array
+    jacobian: Array
     birge: float
-    rms: float
+    contact_rms: float
+    vision_rms: float
 
 
-def _fitted(problem: _Problem, x: Array, told: Callable[[], None], held: int) -> tuple[Array, _Ended]:
+def _rms(residuals: Array) -> float:
+    """Clipped, so that one wild touch does not stand for all; rows that ask nothing (no overlap) are left out."""
+    asked = residuals[residuals != 0.0]
+    return float(np.sqrt(np.mean(np.minimum(asked**2, 100.0)))) if len(asked) else 0.0
+
+
+def _fitted(problem: _Problem, x: Array, told: Callable[[], None], held: int) -> _Ended:
     """All stages from a start; the first `held` unknowns stay."""
-    clearance = problem.workcell.hole.clearance_m
     lower = np.full(len(x), -np.inf)
-    lower[CLEARANCE] = (LEAST_CLEARANCE_M - clearance) / GEOMETRY_SD[CLEARANCE]
-    free = slice(held, None)
-    ended: _Ended | None = None
+    lower[CLEARANCE] = (LEAST_CLEARANCE_M - problem.workcell.hole.clearance_m) / PRIOR_SD[CLEARANCE]
+    jacobian = np.zeros((0, 0))
+    stage = _Stage.of(problem, x, SOFTNESS[0])
     for softness in SOFTNESS:
         stage = _Stage.of(problem, x, softness)
-        start = x.copy()
-
-        def whole(part: Array, start: Array = start) -> Array:
-            return np.concatenate([start[:held], part])
-
-        fit = least_squares(
-            lambda part, stage=stage, whole=whole: stage.residual(whole(part)),
-            x[free],
-            jac=lambda part, stage=stage, whole=whole: stage.jacobian(whole(part))[:, free],
-            bounds=(lower[free], np.inf),
-            loss="soft_l1", f_scale=F_SCALE, max_nfev=EVALUATIONS,
-        )  # fmt: skip
-        x = whole(fit.x)
-        data = stage.data(x)
-        counted = data[data != 0.0]
-        # clipped like the robust loss, so that one wild touch does not stand for all
-        freedom = max(len(counted) - len(x), 1)
-        birge = max(1.0, float(np.sum(np.minimum(counted**2, 9.0))) / freedom)
-        ended = _Ended(fit.jac, birge, float(np.sqrt(np.mean(np.minimum(counted**2, 100.0)))))
+        x, jacobian = _descended(stage, x, lower, held)
         told()
-    assert ended is not None
-    return x, ended
+    data = stage.data(x)
+    seen = len(problem.vision(problem.unpacked(x)[0], problem.unpacked(x)[2]))
+    contacts, vision = data[: len(data) - seen], data[len(data) - seen :]
+    asked = data[data != 0.0]
+    birge = max(1.0, float(np.sum(np.minimum(asked**2, 9.0))) / max(len(asked) - len(x), 1))
+    return _Ended(x, jacobian, birge, _rms(contacts), _rms(vision))
 
 
-__all__ = ["HOLE_SD", "JointFit", "joint_fit"]
+def _descended(stage: _Stage, x: Array, lower: Array, held: int) -> tuple[Array, Array]:
+    """Least squares with the stage's contacts; the unknowns and the robust Jacobian of the free ones."""
+    fixed = x[:held]
+
+    def residual(part: Array) -> Array:
+        return stage.residual(np.concatenate([fixed, part]))
+
+    def jacobian(part: Array) -> Array:
+        return stage.jacobian(np.concatenate([fixed, part]))[:, held:]
+
+    fit = least_squares(
+        residual, x[held:], jac=jacobian, bounds=(lower[held:], np.inf), loss="soft_l1", f_scale=F_SCALE,
+        max_nfev=EVALUATIONS, x_scale="jac",
+    )  # fmt: skip
+    return np.concatenate([fixed, fit.x]), np.asarray(fit.jac, dtype=np.float64)

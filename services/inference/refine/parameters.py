@@ -19,6 +19,9 @@ CAMERA = ("camera_x", "camera_y", "camera_z", "camera_rx", "camera_ry", "camera_
 TAPER, CLEARANCE, SHIFT, TURN = 0, 1, slice(2, 5), slice(5, 8)
 GEOMETRY_SD = np.array([0.01, 5e-5, *(5e-4,) * 3, *(np.deg2rad(0.5),) * 3])
 CAMERA_SD = np.array([*(3e-3,) * 3, *(np.deg2rad(1.0),) * 3])
+NAMES = GEOMETRY + CAMERA
+PRIOR_SD = np.concatenate([GEOMETRY_SD, CAMERA_SD])
+CAMERA_SHIFT, CAMERA_TURN = slice(8, 11), slice(11, 14)
 LEAST_CLEARANCE_M = 5e-6
 
 
@@ -63,8 +66,13 @@ def shapes(workcell: Workcell, taper: float, clearance_m: float) -> tuple[Peg, H
 
 
 def sensor_pose(parameters: Array) -> Pose:
-    """The sensor's frame in the peg frame by the joint fit's parameters (8,)."""
+    """The sensor's frame in the peg frame by the joint fit's parameters (14,)."""
     return Pose.from_rotvec(parameters[TURN], parameters[SHIFT])
+
+
+def camera_pose(parameters: Array) -> Pose:
+    """Where the left camera is, in the frame where its calibration says, by the joint fit's parameters (14,)."""
+    return Pose.from_rotvec(parameters[CAMERA_TURN], parameters[CAMERA_SHIFT])
 
 
 def judged(

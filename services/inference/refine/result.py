@@ -9,9 +9,17 @@ import numpy as np
 
 from crosspih_common.config import CellFile
 from services.inference.refine.assemblies import Past, camera_correction, sensor_correction
-from services.inference.refine.camera import CameraFit, camera_fit
-from services.inference.refine.joint import HOLE_SD, JointFit, joint_fit
-from services.inference.refine.parameters import CAMERA, CAMERA_SD, GEOMETRY, GEOMETRY_SD, Refined, judged, refined_peg
+from services.inference.refine.joint import JointFit, joint_fit
+from services.inference.refine.parameters import (
+    CAMERA,
+    GEOMETRY,
+    NAMES,
+    PRIOR_SD,
+    TURN,
+    Refined,
+    judged,
+    refined_peg,
+)
 from services.inference.refine.weighing import sensor_turn
 
 Teller = Callable[[str, int, int], None]
@@ -29,7 +37,6 @@ class Refinement:
 
     parameters: tuple[Refined, ...]
     joint: JointFit
-    camera: CameraFit | None
     assemblies: int
     touches: int
     presses: int
@@ -43,10 +50,8 @@ class Refinement:
             "parameters": [{**asdict(one), "value": one.value} for one in self.parameters],
             "friction": self.joint.friction,
             "friction_sd": self.joint.friction_sd,
-            "contact_rms_before": self.joint.rms_before,
-            "contact_rms_after": self.joint.rms_after,
-            "vision_rms_before": None if self.camera is None else self.camera.rms_before,
-            "vision_rms_after": None if self.camera is None else self.camera.rms_after,
+            "contact_rms": list(self.joint.contact_rms),
+            "vision_rms": list(self.joint.vision_rms) if self.seen else None,
             "assemblies": self.assemblies,
             "touches": self.touches,
             "presses": self.presses,
@@ -84,31 +89,25 @@ class Refinement:
 def refine(cell: CellFile, past: Past, tell: Teller = lambda doing, done, total: None) -> Refinement:
     """Fit all that the past tells of the cell."""
     sensor, camera = sensor_correction(cell.sections), camera_correction(cell.sections)
-    before = np.concatenate([[0.0, 0.0], sensor.translation_m, sensor.rotvec_rad()])
-    turn = sensor_turn(past.weighings, GEOMETRY_SD[5:])
+    before = np.concatenate(
+        [[0.0, 0.0], sensor.translation_m, sensor.rotvec_rad(), camera.translation_m, camera.rotvec_rad()]
+    )
+    turn = sensor_turn(past.weighings, PRIOR_SD[TURN])
     joint = joint_fit(cell.workcell, past.assemblies, before, turn, tell)
-    parameters = judged(GEOMETRY, before, joint.parameters, joint.covariance, GEOMETRY_SD)
-    pairs = [(one.seen, hole) for one, hole in zip(past.assemblies, joint.holes, strict=True) if one.seen is not None]
-    found: CameraFit | None = None
-    if pairs:
-        in_use = np.concatenate([camera.translation_m, camera.rotvec_rad()])
-        found = camera_fit(pairs, in_use, CAMERA_SD, HOLE_SD)
-        parameters += judged(CAMERA, in_use, found.correction, found.covariance, CAMERA_SD)
+    parameters = judged(NAMES, before, joint.parameters, joint.covariance, PRIOR_SD)
+    seen = sum(one.seen is not None for one in past.assemblies)
     notes = list(past.left_out)
     for group, wanted in WANTED.items():
         held = [one.name for one in parameters if one.name.startswith(group) and not one.taken]
         if held:
             notes.append(f"{', '.join(held)}: kept as they were, the recordings do not fix them; wanted: {wanted}")
-    if not pairs:
-        notes.append(f"camera: not refined, vision saw none of these holes; wanted: {WANTED['camera']}")
     return Refinement(
         tuple(parameters),
         joint,
-        found,
         len(past.assemblies),
         sum(len(one.touches) for one in past.assemblies),
         sum(len(one.presses) for one in past.assemblies),
-        len(pairs),
+        seen,
         len(past.weighings),
         tuple(notes),
     )
