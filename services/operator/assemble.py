@@ -16,12 +16,14 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from deploy.launcher import LauncherError
 from services.operator.pegs import cell_with_peg
+from services.operator.refine import refine
 from services.operator.report import make_report
 from services.operator.scoring import TrialFigures
 from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
+calibrate_app.command()(refine)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

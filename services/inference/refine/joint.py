@@ -217,19 +217,21 @@ def joint_fit(
         mean[TURN], information[TURN, TURN] = turn[0], np.linalg.inv(turn[1])
     root = np.asarray(np.linalg.cholesky(information).T, dtype=np.float64)
     problem = _Problem(workcell, assemblies, mean, root, settings)
-    steps = iter(range(1, 2 * len(SOFTNESS) + 1))
+    # presses need no softness: which walls they meet shows in their forces
+    stages = SOFTNESS if any(one.touches for one in assemblies) else SOFTNESS[-2:]
+    steps = iter(range(1, 2 * len(stages) + 1))
 
     def told() -> None:
-        tell("fitting", next(steps), 2 * len(SOFTNESS))
+        tell("fitting", next(steps), 2 * len(stages))
 
     start = np.zeros(OWN + 6 * len(assemblies))
     start[:FRICTION] = before / PRIOR_SD
-    held = _fitted(problem, start, told, FRICTION)
+    held = _fitted(problem, start, stages, told, FRICTION)
     # the holes as they come out with the old parameters are the better start
     start = held.x.copy()
     if turn is not None:
         start[TURN] = mean[TURN] / PRIOR_SD[TURN]
-    fit = _fitted(problem, start, told, 0)
+    fit = _fitted(problem, start, stages, told, 0)
     parameters, friction, holes = problem.unpacked(fit.x)
     covariance = np.asarray(np.linalg.inv(fit.jacobian.T @ fit.jacobian) * fit.birge, dtype=np.float64)
     return JointFit(
@@ -261,13 +263,13 @@ def _rms(residuals: Array) -> float:
     return float(np.sqrt(np.mean(np.minimum(asked**2, 100.0)))) if len(asked) else 0.0
 
 
-def _fitted(problem: _Problem, x: Array, told: Callable[[], None], held: int) -> _Ended:
+def _fitted(problem: _Problem, x: Array, stages: Sequence[float], told: Callable[[], None], held: int) -> _Ended:
     """All stages from a start; the first `held` unknowns stay."""
     lower = np.full(len(x), -np.inf)
     lower[CLEARANCE] = (LEAST_CLEARANCE_M - problem.workcell.hole.clearance_m) / PRIOR_SD[CLEARANCE]
     jacobian = np.zeros((0, 0))
-    stage = _Stage.of(problem, x, SOFTNESS[0])
-    for softness in SOFTNESS:
+    stage = _Stage.of(problem, x, stages[0])
+    for softness in stages:
         stage = _Stage.of(problem, x, softness)
         x, jacobian = _descended(stage, x, lower, held)
         told()

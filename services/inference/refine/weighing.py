@@ -44,4 +44,6 @@ def sensor_turn(weighings: Sequence[Weighing], prior_sd_rad: Array) -> tuple[Arr
     fit = least_squares(residual, start, loss="soft_l1", f_scale=3.0, x_scale="jac")
     count = sum(one.force_n.size for one in used)
     birge = max(1.0, 2.0 * float(fit.cost) / max(count - 6 * len(used), 1))
-    return np.asarray(fit.x[:3]), np.asarray(np.linalg.inv(fit.jac.T @ fit.jac)[:3, :3] * birge)
+    jacobian = np.asarray(fit.jac, dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian)[:3, :3] * birge, dtype=np.float64)
+    return np.asarray(fit.x[:3], dtype=np.float64), covariance

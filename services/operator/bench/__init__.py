@@ -5,6 +5,7 @@ import typer
 from services.operator.bench.assembly import assembly
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
+from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
 from services.operator.bench.states import states
 from services.operator.bench.vision import vision
@@ -16,3 +17,4 @@ app.command()(scaling)
 app.command()(states)
 app.command()(compare)
 app.command()(vision)
+app.command()(refine)

@@ -18,10 +18,13 @@ class ToolFailed(CrosspihError):
     """The process ended without a result; its own words stand above."""
 
 
-def run_tool(arguments: Sequence[str], console: Console) -> dict[str, Any]:
-    """Run `python -m services.inference.network` with these arguments until it prints its result.
+def run_tool(
+    arguments: Sequence[str], console: Console, module: str = "services.inference.network"
+) -> dict[str, Any]:
+    """Run `python -m services.inference.network` (or another tool) with these arguments until it prints its result.
 
-    The process writes JSON lines: {"doing", "done", "total"} as it goes, {"result"} at the end. Raises ToolFailed.
+    The process writes JSON lines: {"doing", "done", "total"} as it goes, {"result"} at the end, or
+    {"error"}, in words. Raises ToolFailed.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -31,7 +34,8 @@ def run_tool(arguments: Sequence[str], console: Console) -> dict[str, Any]:
         TimeRemainingColumn(),
     )
     result: dict[str, Any] | None = None
-    command = [sys.executable, "-m", "services.inference.network", *arguments]
+    refused: str | None = None
+    command = [sys.executable, "-m", module, *arguments]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,
         Progress(*columns, console=console) as progress,
@@ -44,6 +48,9 @@ def run_tool(arguments: Sequence[str], console: Console) -> dict[str, Any]:
             except ValueError:
                 progress.console.print(line.rstrip(), highlight=False, markup=False)
                 continue
+            if "error" in said:
+                refused = str(said["error"])
+                continue
             if "result" in said:
                 result = said["result"]
                 continue
@@ -51,6 +58,8 @@ def run_tool(arguments: Sequence[str], console: Console) -> dict[str, Any]:
                 doing = said["doing"].split(":")[0]
                 task = progress.add_task(said["doing"], total=said["total"])
             progress.update(task, completed=said["done"], total=said["total"], description=said["doing"])
+    if refused is not None:
+        raise ToolFailed(refused)
     if process.returncode != 0 or result is None:
-        raise ToolFailed(f"python -m services.inference.network {arguments[0]} ended with {process.returncode}")
+        raise ToolFailed(f"python -m {module} {arguments[0]} ended with {process.returncode}")
     return result
