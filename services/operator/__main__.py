@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+
 import typer
 
 from deploy.launcher.cli import register as register_launcher
@@ -12,6 +15,8 @@ from services.operator.keys_table import keys
 from services.operator.report.cli import report
 from services.operator.results import results
 from services.operator.train import train
+
+COLUMNS_IN_A_FILE = 120
 
 app = typer.Typer(
     name="crosspih",
@@ -33,6 +38,9 @@ register_launcher(app)
 
 def main() -> None:
     """The console script."""
+    if not sys.stdout.isatty():
+        # into a file or a pipe tables would be cut to 80 columns
+        os.environ.setdefault("COLUMNS", str(COLUMNS_IN_A_FILE))
     app()
 
 

@@ -24,7 +24,7 @@ from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded,
 from services.operator.scoring import TrialFigures
 
 FILE_WIDTH = 118
-POOR = {"lateral_m": 0.001, "depth_m": 0.001, "rotation_rad": 0.0524}
+POOR = {"lateral_m": 0.0025, "depth_m": 0.002, "rotation_rad": 0.0524}
 
 
 class Vision(str, Enum):
@@ -37,7 +37,7 @@ class Vision(str, Enum):
 
 CONDITIONS = {
     Vision.GOOD: Condition(name="good vision"),
-    Vision.POOR: Condition(name="poor vision: off by 1 mm, 3° an axis", overrides={"vision": {"extra_noise": POOR}}),
+    Vision.POOR: Condition(name="poor vision: off by 2.5 mm, 3° an axis", overrides={"vision": {"extra_noise": POOR}}),
     Vision.OFF: Condition(name="no vision", overrides={"vision": {"enabled": False}}),
 }
 # in the order of the table: from blind to informed

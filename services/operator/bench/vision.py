@@ -198,4 +198,4 @@ def vision(
         json.dump([row.model_dump() for row in rows], sys.stdout, indent=1)
         print()
     else:
-        Console(width=200 if not sys.stdout.isatty() else None).print(_table(rows))
+        Console().print(_table(rows))
