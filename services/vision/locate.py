@@ -47,8 +47,9 @@ ROW_MOST_PX = 12.0
 PRIOR_SLACK = 1.3
 CHAMFER_SHARES = (0.5, 0.0, 1.0)
 # systematic errors, one sd, px: of each edge in each picture, and of all edges that face one way
-EDGE_SD_PX = 0.06
-WALL_SD_PX = 0.06
+SYSTEMATIC_SD_PX = 0.048
+# and more where the step at the rim is small beside the noise: a dim picture
+SYSTEMATIC_SD_NOISE_PX = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,7 +144,7 @@ def locate_rim(
     pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
     pictures = [annotated(grey[side], regions[side], side, model, stereo, fit.pose_camera_hole) for side in range(2)]
-    covariance = covariance_of(fit, model.facing(), half_ranges)
+    covariance = covariance_of(fit, model.facing(), half_ranges, noise)
     return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
 
 
@@ -211,15 +212,17 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
         )
 
 
-def covariance_of(fit: ProfileFit, facing: Array, half_ranges: Array) -> Array:
+def covariance_of(fit: ProfileFit, facing: Array, half_ranges: Array, noise_grey: float) -> Array:
     """Noise, and the systematic errors that dominate it: each edge by itself, and all edges that face one way.
 
     facing (n,): which edges face the same way; half_ranges (6,): what is known without any picture, m and rad.
     """
     inverse = np.linalg.inv(fit.information + np.diag(3.0 / half_ranges**2))
-    edge = EDGE_SD_PX**2 * np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
+    noise_px = SYSTEMATIC_SD_NOISE_PX * noise_grey / max(float(np.median(fit.step_grey)), STEP_LEAST_GREY)
+    edges = np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
     walls = np.zeros((6, 6))
     for way in np.unique(facing):
         lever = fit.edge_lever[:, facing == way].sum(axis=(0, 1))
-        walls += WALL_SD_PX**2 * np.outer(lever, lever)
-    return np.asarray(inverse + inverse @ (edge + walls) @ inverse)
+        walls += np.outer(lever, lever)
+    systematic = (SYSTEMATIC_SD_PX**2 + noise_px**2) * (edges + walls)
+    return np.asarray(inverse + inverse @ systematic @ inverse)
