@@ -46,8 +46,9 @@ COST_MOST = 2.0
 ROW_MOST_PX = 12.0
 PRIOR_SLACK = 1.3
 CHAMFER_SHARES = (0.5, 0.0, 1.0)
-# systematic errors, one sd, px: of each edge in each picture, and of all edges that face one way
-SYSTEMATIC_SD_PX = 0.048
+# systematic errors, one sd, px: of each edge in each picture, and of all edges that face one way; of each edge's ends
+SYSTEMATIC_SD_PX = 0.045
+TURN_SHARE = 0.7
 # and more where the step at the rim is small beside the noise: a dim picture
 SYSTEMATIC_SD_NOISE_PX = 0.5
 
@@ -220,6 +221,7 @@ def covariance_of(fit: ProfileFit, facing: Array, half_ranges: Array, noise_grey
     inverse = np.linalg.inv(fit.information + np.diag(3.0 / half_ranges**2))
     noise_px = SYSTEMATIC_SD_NOISE_PX * noise_grey / max(float(np.median(fit.step_grey)), STEP_LEAST_GREY)
     edges = np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
+    edges += TURN_SHARE**2 * np.einsum("kei,kej->ij", fit.edge_turn, fit.edge_turn)
     walls = np.zeros((6, 6))
     for way in np.unique(facing):
         lever = fit.edge_lever[:, facing == way].sum(axis=(0, 1))

@@ -37,7 +37,8 @@ class ProfileFit:
 
     information (6, 6) of the pose, by the noise alone; cost: mean square of the residual grey over the noise's;
     support (2, n, S): whether a profile looks like a rim; step_grey (2, n): face minus bore; edge_information
-    (n, 6, 6): each edge's share; edge_lever (2, n, 6): pull on the pose of a whole edge of one picture, per pixel.
+    (n, 6, 6): each edge's share; edge_lever (2, n, 6): pull on the pose of a whole edge of one picture, per pixel;
+    edge_turn (2, n, 6): the same of an edge that is off by a pixel at its end and by minus one at its start.
     face_grey (2, n, S): grey beside the rim, on the face.
     """
 
@@ -48,6 +49,7 @@ class ProfileFit:
     step_grey: Array
     edge_information: Array
     edge_lever: Array
+    edge_turn: Array
     face_grey: Array
 
 
@@ -60,6 +62,7 @@ class _Normal:
     step_grey: Array
     edge_information: Array
     edge_lever: Array
+    edge_turn: Array
     face_grey: Array
 
 
@@ -86,11 +89,12 @@ def _system(
     first_slope, second_slope = slope(offsets) * np.ones_like(grey), slope(offsets - chamfer[..., None])
     information, gradient = np.zeros((parameters, parameters)), np.zeros(parameters)
     edge_information = np.zeros((edges, parameters, parameters))
-    edge_lever = np.zeros((2, edges, parameters))
+    edge_lever, edge_turn = np.zeros((2, edges, parameters)), np.zeros((2, edges, parameters))
     support = np.zeros(chamfer.shape, dtype=bool)
     step_grey = np.zeros((2, edges))
     squares, counted = 0.0, 0
     samples, length = grey.shape[2], grey.shape[3]
+    ramp = np.linspace(-1.0, 1.0, samples)[:, None]
     # what lies inside the inner rim differs from profile to profile (lit wall, shadow, far side): its step is free in
     # each, and is projected out first
     into_bore = second / np.linalg.norm(second, axis=-1, keepdims=True)
@@ -133,10 +137,20 @@ def _system(
             whole = np.zeros((2, half))
             whole[side] = fall[side].ravel()
             edge_lever[side, edge] = design.T @ (whole.ravel() * heavy) / scale**2
+            whole[side] = (fall[side] * ramp).ravel()
+            edge_turn[side, edge] = design.T @ (whole.ravel() * heavy) / scale**2
         squares += float(np.sum(np.minimum((rms / noise_grey) ** 2, COST_CAP**2)))
         counted += 2 * samples
     return _Normal(
-        information, gradient, squares / counted, support, step_grey, edge_information, edge_lever, grey[..., 0]
+        information,
+        gradient,
+        squares / counted,
+        support,
+        step_grey,
+        edge_information,
+        edge_lever,
+        edge_turn,
+        grey[..., 0],
     )
 
 
@@ -167,6 +181,7 @@ def profile_fit(
         system.step_grey,
         system.edge_information,
         system.edge_lever,
+        system.edge_turn,
         system.face_grey,
     )
 
