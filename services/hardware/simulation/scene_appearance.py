@@ -40,7 +40,6 @@ class Appearance:
             gradient=(rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1)),
         )
 
-
     def under_another_lamp(self, lamp: int) -> Appearance:
         """The same cell with another lamp lit: lamp 1 stands across from lamp 0, 2 as high as 0 is aside, and so on."""
         x, y, z = self.to_light

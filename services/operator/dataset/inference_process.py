@@ -18,9 +18,7 @@ class ToolFailed(CrosspihError):
     """The process ended without a result; its own words stand above."""
 
 
-def run_tool(
-    arguments: Sequence[str], console: Console, module: str = "services.inference.network"
-) -> dict[str, Any]:
+def run_tool(arguments: Sequence[str], console: Console, module: str = "services.inference.network") -> dict[str, Any]:
     """Run `python -m services.inference.network` (or another tool) with these arguments until it prints its result.
 
     The process writes JSON lines: {"doing", "done", "total"} as it goes, {"result"} at the end, or
