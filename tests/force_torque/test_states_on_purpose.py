@@ -29,8 +29,9 @@ from services.operator.bench.contact_states.plan import (
     lateral_stiffness_n_m,
     make_plan,
 )
-from services.operator.bench.contact_states.pushing import PushResult, PushTask, make_push, use_payload
+from services.operator.bench.contact_states.pushing import PushResult, PushTask, make_push
 from services.operator.bench.contact_states.summary import NAMES, confusion, reliability, summarise
+from services.operator.payload import use_payload
 from services.operator.session import Session
 from tests.planning.cell_in_memory import CellInMemory
 

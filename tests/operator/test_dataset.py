@@ -18,8 +18,9 @@ from crosspih_common.datasets import read_contacts
 from services.operator.__main__ import app
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.worker import Outcome
-from services.operator.dataset.contact import REPEAT_STRIDE, make_contact, make_ready
+from services.operator.dataset.contact import REPEAT_STRIDE, make_contact
 from services.operator.dataset.inference_process import ToolFailed, run_tool
+from services.operator.payload import use_payload
 from services.operator.session import Session
 from services.operator.training_report import render_training
 from tests.planning.cell_in_memory import CellInMemory
@@ -65,7 +66,7 @@ class OneCell:
 
 
 def test_a_contact_is_felt_as_its_pose_error_says_and_repeats(session: Session) -> None:
-    make_ready(session)
+    use_payload(session)
     rows = [make_contact(session, 5, repeat, 0.1, 0.001, 15.0) for repeat in (0, 1)]
     other = make_contact(session, 6, 0, 0.1, 0.001, 15.0)
     again = make_contact(session, 5, 0, 0.1, 0.001, 15.0)

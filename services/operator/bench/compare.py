@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from enum import Enum
 from pathlib import Path
@@ -23,7 +22,6 @@ from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, run_trials
 from services.operator.scoring import TrialFigures
 
-FILE_WIDTH = 118
 POOR = {"lateral_m": 0.0025, "depth_m": 0.002, "rotation_rad": 0.0524}
 
 
@@ -115,7 +113,6 @@ def _show(comparison: Comparison, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(comparison.model_dump_json(indent=1) + "\n")
         return
-    # a file is wide enough for every column, where nobody says how wide it is
-    out = Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else FILE_WIDTH)
+    out = Console()
     for condition in comparison.conditions:
         out.print(compare_table(comparison, condition.name))

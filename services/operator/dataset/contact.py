@@ -10,8 +10,9 @@ from crosspih_common.datasets import CONTACT, ContactRow
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
-from crosspih_common.keys import COMPENSATE, FT_CALIBRATION, GUARDED_MOVE, SET_PAYLOAD
-from crosspih_common.messages import CompensateWrench, GuardedMove, PoseData, ResetCell, SetPayload, floats
+from crosspih_common.keys import COMPENSATE, GUARDED_MOVE
+from crosspih_common.messages import CompensateWrench, GuardedMove, PoseData, ResetCell, floats
+from services.operator.payload import use_payload
 from services.operator.session import Session
 
 STANDOFF_M = 0.004
@@ -32,23 +33,6 @@ def start_pose_hole_peg(angles_rad: Array, lateral_m: Array, tip_m: float) -> Po
     # the axis meets the face's plane at the offset; the tip stays short of it
     tip = np.array([*lateral_m, 0.0]) - rotation_hole_peg[:, 2] * (STANDOFF_M / rotation_hole_peg[2, 2])
     return Pose(rotation_hole_peg, tip - rotation_hole_peg[:, 2] * tip_m)
-
-
-def make_ready(session: Session) -> None:
-    """An arm that knows its payload; the sensor is calibrated by the cell's owner."""
-    calibration = session.bus.latest(FT_CALIBRATION).wait_for(lambda sample: sample.calibrated, 10.0)
-    if calibration is None:
-        calibration = session.calibrate_ft(0.25)
-    session.bus.call(
-        SET_PAYLOAD,
-        SetPayload(
-            bias=calibration.bias,
-            weight_n=calibration.weight_n,
-            centroid_ft_m=calibration.centroid_m,
-            gravity_base=calibration.gravity_base,
-        ),
-        10.0,
-    )
 
 
 def make_contact(
@@ -113,7 +97,7 @@ def make_contact(
 def make_contacts(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """A worker's task: `samples` [(pose_seed, repeat), ...] with angle_rad, lateral_m and threshold_n; rows as plain
     data."""
-    make_ready(session)
+    use_payload(session)
     return [
         make_contact(
             session, pose_seed, repeat, payload["angle_rad"], payload["lateral_m"], payload["threshold_n"]

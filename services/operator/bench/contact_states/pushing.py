@@ -12,18 +12,18 @@ from crosspih_common.bus.bus import Latest
 from crosspih_common.errors import CommandRefused, NoService
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
-from crosspih_common.keys import COMPENSATE, FT_CALIBRATION, GUARDED_MOVE, SET_PAYLOAD, TRUTH
+from crosspih_common.keys import COMPENSATE, GUARDED_MOVE, TRUTH
 from crosspih_common.messages import (
     CompensateWrench,
     GuardedMove,
     PoseData,
     ResetCell,
-    SetPayload,
     SimulationTruth,
     floats,
 )
 from services.operator.bench.contact_states.aiming import start_translation_m
 from services.operator.bench.contact_states.plan import AHEAD_M, Push
+from services.operator.payload import use_payload
 from services.operator.session import Session
 
 NEEDED = ("hardware", "force_torque", "planning")
@@ -68,23 +68,6 @@ class PushResult(BaseModel):
     lateral_m: tuple[float, ...] = ()
     failure: str | None = None
     code: str = ""
-
-
-def use_payload(session: Session) -> None:
-    """Tell the arm what the last calibration found. Raises NoService when there is none."""
-    calibration = session.bus.latest(FT_CALIBRATION).wait_for(lambda latest: latest.calibrated, 10.0)
-    if calibration is None:
-        raise NoService("force_torque: not calibrated")
-    session.bus.call(
-        SET_PAYLOAD,
-        SetPayload(
-            bias=calibration.bias,
-            weight_n=calibration.weight_n,
-            centroid_ft_m=calibration.centroid_m,
-            gravity_base=calibration.gravity_base,
-        ),
-        10.0,
-    )
 
 
 def make_pushes(session: Session, tasks: tuple[PushTask, ...]) -> list[dict[str, Any]]:
