@@ -100,6 +100,13 @@ def test_every_task_is_done_once_or_named_as_lost(kinds: list[int], cells: int, 
         assert len(expected & set(of_kind)) >= HOPELESS and not set(done) & set(of_kind)
 
 
+def test_what_was_given_up_is_done_when_a_cell_comes_up_after_all() -> None:
+    """Tasks 1 and 2 are lost while task 0 is still at work; it is done, so 3 to 5 are worth a try again."""
+    executor = PlannedExecutor(2, {1: TRIES, 2: TRIES})
+    lost = run_in_cells(_tasks([0] * 6), executor, lambda index, result: None, SILENT)
+    assert set(lost) == {1, 2} and len(lost) == HOPELESS
+
+
 def test_a_cell_that_never_comes_up_is_not_tried_for_every_seed() -> None:
     executor = PlannedExecutor(2, dict.fromkeys(range(50), 9))
     lost = run_in_cells(_tasks([0] * 50 + [1] * 4), executor, lambda index, result: None, SILENT)

@@ -130,8 +130,10 @@ def test_probes_find_the_hole(name: str, x: float, y: float, turn: float, which:
     else:
         pytest.fail("not found")
     assert probe < 10
-    error = np.array([x, y, turn]) - belief.mean()
-    assert error @ np.linalg.solve(belief.covariance(), error) < 30.0
+    # The tip fits into an arm of a cross or a star too: what is left can be several places, so mean and covariance
+    # say little of the truth. It must still be among them.
+    off = (belief.cells - [x, y, turn]) / np.ptp(belief.cells, axis=0)
+    assert belief.weights[np.argmin((off**2).sum(axis=1))] > 0.02 * belief.weights.max()
 
 
 def test_a_rim_contact_says_more_than_a_corner() -> None:

@@ -81,6 +81,8 @@ class _Queue:
         self._workers = [0] * len(self._kinds)
         self._done = [0] * len(self._kinds)
         self._lost = [0] * len(self._kinds)
+        self._given_up: list[list[int]] = [[] for _ in self._kinds]
+        self._why_given_up = [""] * len(self._kinds)
 
     def take(self, current: int | None) -> int | None:
         """The next task for a cell whose last one was `current`: of the same kind, else of the kind that has the most
@@ -97,17 +99,25 @@ class _Queue:
         return self._kinds[number].pop(0)
 
     def done(self, index: int) -> None:
-        """Its kind of cell works."""
-        self._done[self._kind_of[index]] += 1
+        """Its kind of cell works; what was given up of that kind is to be done after all."""
+        number = self._kind_of[index]
+        self._done[number] += 1
+        self._kinds[number] += self._given_up[number]
+        self._given_up[number] = []
 
-    def lost(self, index: int) -> list[int]:
-        """Lost for good. Returns what is no longer tried: all of a kind whose cells never come to anything."""
+    def lost(self, index: int, why: str) -> None:
+        """Lost for good. Of a kind whose cells never come to anything the rest is given up."""
         number = self._kind_of[index]
         self._lost[number] += 1
-        if self._done[number] or self._lost[number] < HOPELESS:
-            return []
-        left, self._kinds[number] = self._kinds[number], []
-        return left
+        if self._done[number] == 0 and self._lost[number] >= HOPELESS:
+            self._given_up[number] += self._kinds[number]
+            self._kinds[number] = []
+            self._why_given_up[number] = why
+
+    def given_up(self) -> dict[int, str]:
+        """What was not tried, by index, with why."""
+        pairs = zip(self._given_up, self._why_given_up, strict=True)
+        return {index: f"not tried, for {why}" for kind, why in pairs for index in kind}
 
     def again(self, index: int) -> None:
         """To be done once more, first of its kind: should no cell of that kind come up, that is soon known."""
@@ -120,8 +130,8 @@ def run_in_cells(
     """Do all tasks; `on_result(index, result)` is called as each is done. Returns what was lost, by index, with why.
 
     A task whose cell is lost is tried once more on a new stack. When a kind of cell has never done a task and has lost
-    several, its other tasks are given up untried. The executor stays open. A KeyboardInterrupt comes
-    through: what was told to `on_result` by then is done, the rest is not.
+    several, its other tasks are given up untried, unless one that was still running is done after all. The executor
+    stays open. A KeyboardInterrupt comes through: what was told to `on_result` by then is done, the rest is not.
     """
     queue = _Queue(tasks)
     running: dict[int, int] = {}
@@ -144,7 +154,7 @@ def run_in_cells(
             executor.submit(cell, tasks[index])
         idle = waiting
         if not running:
-            return lost
+            return lost | queue.given_up()
         for cell, outcome in executor.wait(sorted(running), _POLL_S):
             index = running.pop(cell)
             idle.append(cell)
@@ -158,4 +168,4 @@ def run_in_cells(
                 queue.again(index)
             else:
                 lost[index] = outcome.lost
-                lost |= {other: f"not tried, for {outcome.lost}" for other in queue.lost(index)}
+                queue.lost(index, outcome.lost)

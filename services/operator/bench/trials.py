@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from crosspih_common.errors import CrosspihError
+from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import Failure, PosePrior, Strategy
 from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_content
 from services.operator.bench.own_cell import CellTask
@@ -49,8 +49,12 @@ class TrialsStopped(TrialsEnded):
 
 
 def base_cell_text() -> str:
-    """The cell's file that conditions are made from: that of CROSSPIH_CELL, or the default."""
-    return Path(cell_path()).read_text(encoding="utf-8")
+    """The cell's file that conditions are made from: that of CROSSPIH_CELL, or the default. Raises ConfigError."""
+    path = cell_path()
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from error
 
 
 def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:

@@ -18,32 +18,26 @@ from crosspih_common.messages import (
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 
-LOOKS = 2  # pictures taken before vision's refusal is believed
-
 
 def locate(run: Run, method: LocateMethod) -> HoleEstimate:
-    """Ask vision, again with a new picture when it refuses."""
+    """Ask vision, which itself looks again under another light before it refuses; AssemblyFailed when it does."""
     run.tell(Phase.LOCATING, f"looking for the hole ({method.value})")
-    refusal: CommandRefused | None = None
-    for _ in range(LOOKS):
-        try:
-            seen = run.ports.ask(LOCATE, LocateHole(method=method))
-        except CommandRefused as error:
-            refusal = error
-            run.tell(Phase.LOCATING, f"vision refused: {error}")
-            continue
-        sd = np.sqrt(np.diag(np.asarray(seen.covariance).reshape(6, 6)))
-        x, y, z = seen.pose_base_hole.position_m
-        run.tell(
-            Phase.LOCATING,
-            f"hole at ({x * 1e3:.1f}, {y * 1e3:.1f}, {z * 1e3:.1f}) mm",
-            sd_lateral_mm=float(np.hypot(sd[0], sd[1])) * 1e3,
-            sd_depth_mm=float(sd[2]) * 1e3,
-            sd_tilt_deg=float(np.rad2deg(np.hypot(sd[3], sd[4]))),
-        )
-        run.vision_pose = run.believed = seen.pose_base_hole.pose()
-        return seen
-    raise AssemblyFailed(Failure.NOT_SEEN, str(refusal))
+    try:
+        seen = run.ports.ask(LOCATE, LocateHole(method=method))
+    except CommandRefused as refusal:
+        run.tell(Phase.LOCATING, f"vision refused: {refusal}")
+        raise AssemblyFailed(Failure.NOT_SEEN, str(refusal)) from refusal
+    sd = np.sqrt(np.diag(np.asarray(seen.covariance).reshape(6, 6)))
+    x, y, z = seen.pose_base_hole.position_m
+    run.tell(
+        Phase.LOCATING,
+        f"hole at ({x * 1e3:.1f}, {y * 1e3:.1f}, {z * 1e3:.1f}) mm",
+        sd_lateral_mm=float(np.hypot(sd[0], sd[1])) * 1e3,
+        sd_depth_mm=float(sd[2]) * 1e3,
+        sd_tilt_deg=float(np.rad2deg(np.hypot(sd[3], sd[4]))),
+    )
+    run.vision_pose = run.believed = seen.pose_base_hole.pose()
+    return seen
 
 
 def tell_estimate(run: Run, estimate: PoseErrorEstimate) -> None:
