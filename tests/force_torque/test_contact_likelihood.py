@@ -16,7 +16,7 @@ from services.force_torque.contact_sets import NO_STATE, all_edge_sets
 from services.force_torque.contact_table import STATES
 from services.force_torque.judging import Judge
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
-from tests.force_torque.test_contact_state import FIRST_CONTACT, TABLE_6
+from tests.paper_tables import FIRST_CONTACT, TABLE_6
 
 SD = np.repeat([0.02, 0.001], 3)
 Z = np.array([0.0, 0.0, 1.0])
@@ -152,14 +152,14 @@ def test_another_peg_than_the_cross_is_judged_by_the_rule() -> None:
     square = Workcell.model_validate({"peg": {"outline": "square"}})
     with pytest.raises(ValueError, match="those of a cross"):
         LikelihoodClassifier.of(square)
-    judged = Judge(square, ContactClassifier.LIKELIHOOD)(np.array(FIRST_CONTACT))
+    judged = Judge(square, ContactClassifier.LIKELIHOOD)(FIRST_CONTACT)
     assert judged.classifier is ContactClassifier.RULE
 
 
 def test_either_classifier_can_be_asked_for() -> None:
     judge = Judge(Workcell(friction_expected=0.0), ContactClassifier.LIKELIHOOD)
     sd = np.repeat([0.05, 0.005], 3)
-    by_default, by_rule = judge(np.array(FIRST_CONTACT), sd), judge(np.array(FIRST_CONTACT), sd, ContactClassifier.RULE)
+    by_default, by_rule = judge(FIRST_CONTACT, sd), judge(FIRST_CONTACT, sd, ContactClassifier.RULE)
     assert by_default.classifier is ContactClassifier.LIKELIHOOD
     assert by_rule.classifier is ContactClassifier.RULE
     assert by_default.case == by_rule.case == "1-2-2"

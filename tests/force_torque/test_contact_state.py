@@ -18,21 +18,8 @@ from services.force_torque.contact_state import (
     count_bands,
 )
 from services.force_torque.contact_table import STATES, StateRow, signs_text, touching_arms
+from tests.paper_tables import FIRST_CONTACT, TABLE_6
 
-FIRST_CONTACT = [-19.247, -0.785, -5.3953, -0.044, -1.244, 0.339]
-# Table 6 with its three misprints mended (row 7 Mx; Mz of rows 4 and 5 interchanged).
-TABLE_6 = [
-    [-19.115, -0.949, -5.448, -0.031, -1.239, 0.325],
-    [-19.833, -1.806, -6.285, -0.007, -1.226, 0.375],
-    [-17.606, -0.126, -4.485, -0.088, -1.046, 0.376],
-    [-20.706, -0.542, -5.556, -0.098, -1.161, 0.481],
-    [-15.283, -1.343, -4.804, 0.002, -0.977, 0.266],
-    [-20.073, -0.809, -5.593, -0.063, -1.217, 0.403],
-    [-19.654, -0.332, -5.145, -0.101, -1.113, 0.456],
-    [-19.699, -1.912, -6.341, -0.014, -1.177, 0.399],
-    [-18.935, -0.707, -5.251, -0.067, -1.132, 0.396],
-    [-19.154, -1.281, -5.717, -0.043, -1.130, 0.398],
-]
 AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 Z = np.array([0.0, 0.0, 1.0])
 AXIAL_SHARE = 0.2894  # from the printed n_z0 of one contact, .278
@@ -101,7 +88,7 @@ def test_the_experiments_first_contact_is_1_2_2() -> None:
     assert found.name == "1-2-2"
     assert found.confidence > 0.85
     assert found.n_z0 == pytest.approx(0.2697, abs=1e-4)
-    assert contact_height_m(np.array(FIRST_CONTACT)) == pytest.approx(0.0646, abs=2e-4)
+    assert contact_height_m(FIRST_CONTACT) == pytest.approx(0.0646, abs=2e-4)
     assert found.state is not None
     assert found.state.arms == (2,)
 

@@ -17,7 +17,7 @@ from services.inference.mechanics import (
 )
 from services.inference.mechanics.contact_wrench import equal_arms_axial_share
 from services.inference.mechanics.translation import solve_translation
-from tests.inference.paper_tables import FIRST_CONTACT, FITTED_APEX_M, FITTED_SLOPE, TABLE_6, TABLE_7_RAD
+from tests.paper_tables import FIRST_CONTACT, FITTED_APEX_M, FITTED_SLOPE, TABLE_6, TABLE_7_RAD
 
 PEG = CrossPeg()
 HOLE = CrossHole.around(PEG, 1e-4)

@@ -22,7 +22,7 @@ from services.inference.network.settings import Optimiser, TrainingSettings
 from services.inference.network.synthesis import single_contact_dataset
 from services.inference.network.traingdx import TrainGdx
 from services.inference.network.training import train
-from tests.inference.paper_tables import TABLE_6, TABLE_7_RAD, paper_dataset
+from tests.paper_tables import TABLE_6, TABLE_7_RAD, paper_dataset
 
 PEG = CrossPeg()
 HOLE = CrossHole.around(PEG, 1e-4)
