@@ -22,8 +22,9 @@ def synthetic_touch(
     friction_coefficient: float,
     rng: np.random.Generator,
     force_n: float = 20.0,
+    noise: float = 1.0,
 ) -> TouchObservation:
-    """The observation of a push with one contact, with noise."""
+    """The observation of a push with one contact; noise: in sds of the readings."""
     to_hole = pose_base_hole.inverse()
     pose = to_hole @ start_base_peg
     direction = to_hole.rotate(direction_base)
@@ -35,7 +36,7 @@ def synthetic_touch(
         geometry.normal_peg, geometry.point_peg_m, touching.rotation.T @ direction, friction_coefficient, COMPLIANCE
     )
     wrench = basis * force_n / np.linalg.norm(basis[:3])
-    measured = wrench + rng.normal(size=6) * READING_SD
+    measured = wrench + noise * rng.normal(size=6) * READING_SD
     # The motor-side pose is the touching one with the deflection taken back.
     twist = COMPLIANCE @ wrench
     commanded = touching @ Pose.from_rotvec(twist[3:], twist[:3]).inverse()

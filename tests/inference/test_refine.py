@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.config import Workcell, load_cell
@@ -13,12 +14,15 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
 from crosspih_common.recording.reader import RecordingError
-from services.inference.estimator import BoreWalls, TouchObservation
+from services.inference.estimator import BoreWalls, EstimatorSettings, TouchObservation
+from services.inference.mechanics import PairTables
 from services.inference.refine.assemblies import AssemblyData, NothingToRefine, Past, Seen, Weighing, read_past
-from services.inference.refine.parameters import CLEARANCE, NAMES, PRIOR_SD, judged, refined_peg, shapes
+from services.inference.refine.parameters import CLEARANCE, NAMES, PRIOR_SD, TAPER, judged, refined_peg, shapes
 from services.inference.refine.pressed import displacement
 from services.inference.refine.result import refine
+from services.inference.refine.touched import TouchModel, TouchState
 from services.inference.refine.weighing import sensor_turn
+from tests.inference.synthetic_touch import COMPLIANCE, synthetic_touch
 
 CELL = load_cell("deploy/cells/default.yaml")
 WORKCELL = CELL.workcell
@@ -53,7 +57,7 @@ def pressed(hole: Pose, rng: np.random.Generator) -> tuple[TouchObservation, ...
     return tuple(made)
 
 
-def past(count: int, rng: np.random.Generator, correction: Pose | None = None) -> Past:
+def past(count: int, rng: np.random.Generator) -> Past:
     assemblies = []
     for index in range(count):
         move = rng.uniform(-1.0, 1.0, size=6) * WORKCELL.hole_prior.half_ranges()
@@ -88,6 +92,42 @@ def test_the_clearance_and_the_camera_are_found_from_presses_and_vision() -> Non
     settings = found.settings(CELL)
     assert set(settings) == {"cell", "vision"}
     assert set(settings["cell"]) == {"hole"}  # type: ignore[call-overload]
+
+
+def touched(taper: float, clearance_m: float, count: int) -> TouchState:
+    """Touches of the hole's edges by a peg of that taper, each turned and set off in its own way; without noise."""
+    rng = np.random.default_rng(4)
+    peg, hole = shapes(WORKCELL, taper, clearance_m)
+    tables, axis = PairTables.of(peg, hole), np.array([0.0, 0.0, 1.0])
+    found = []
+    for _ in range(count):
+        turn, off = rng.uniform(-0.06, 0.06, size=3), rng.uniform(-1.5e-3, 1.5e-3, size=2)
+        start = Pose.from_rotvec(turn, [*off, -peg.tip_m - 3e-3])
+        touch = synthetic_touch(tables, Pose.identity(), start, axis, 0.1, rng, force_n=6.0, noise=0.0)
+        twist = touch.compliance_peg @ touch.wrench_peg
+        found.append((touch.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), touch.wrench_peg))
+    return TouchState(
+        np.array([pose.rotation for pose, _ in found]), np.array([pose.translation_m for pose, _ in found]),
+        np.array([wrench for _, wrench in found]), np.tile(axis, (count, 1)),
+    )  # fmt: skip
+
+
+def test_touches_tell_taper_and_clearance() -> None:
+    """Judged with the drawing's shape, the residuals have their least at the true one."""
+    state, count = touched(0.012, CLEARANCE_OFF_M, 24), 24
+    model = TouchModel.of(
+        WORKCELL, state, np.zeros(len(NAMES)), 0.1, np.tile(READING_SD, (count, 1)), np.tile(COMPLIANCE, (count, 1, 1)),
+        EstimatorSettings(friction_mean=0.1), 0.0,
+    )  # fmt: skip
+
+    def residual(x: Array) -> Array:
+        parameters = np.zeros(len(NAMES))
+        parameters[[TAPER, CLEARANCE]] = x * [0.01, 1e-5]
+        return model.residual(state, parameters, 0.1).ravel()
+
+    best = least_squares(residual, np.zeros(2))
+    assert best.x * [0.01, 1e-5] == pytest.approx([0.012, CLEARANCE_OFF_M], rel=0.1)
+    assert best.cost < 0.25 * 0.5 * np.sum(residual(np.zeros(2)) ** 2)
 
 
 def test_the_turn_of_the_sensor_is_weighed() -> None:
