@@ -37,7 +37,8 @@ class Entry(BaseModel):
     has_json: bool = Field(default=True, description="can print --json; done in a second call, which finds all stored")
 
     each: dict[str, list[str]] = Field(
-        default_factory=dict, description="one section for each value, put in for {its name} in title and command"
+        default_factory=dict,
+        description="one section for each value, put in for {its name} in title, command and quick",
     )
 
     def expanded(self) -> list[Entry]:
@@ -47,7 +48,7 @@ class Entry(BaseModel):
         found = []
         for values in product(*self.each.values()):
             said = dict(zip(self.each, values, strict=True))
-            texts = {field: _filled(getattr(self, field), said) for field in ("title", "says", "command")}
+            texts = {field: _filled(getattr(self, field), said) for field in ("title", "says", "command", "quick")}
             name = "-".join([self.name, *(re.sub(r"[^a-z0-9]+", "-", value.lower()) for value in values)])
             found.append(self.model_copy(update={**texts, "name": name, "each": {}}))
         return found
