@@ -9,8 +9,9 @@ from typer.testing import CliRunner
 
 from crosspih_common.errors import ConfigError
 from services.operator.__main__ import app
+from services.operator.results.cli import chosen
 from services.operator.results.page import duration, make_page
-from services.operator.results.plan import arguments, load_plan
+from services.operator.results.plan import Entry, arguments, load_plan
 from services.operator.results.printed import Printed
 
 PLAN = """
@@ -50,6 +51,14 @@ def test_an_entry_stands_for_all_combinations(tmp_path: Path) -> None:
     entries = load_plan(path)
     assert [(entry.name, entry.title) for entry in entries] == [("p-x-1", "x of 1"), ("p-y-z-1", "Y Z of 1")]
     assert entries[0].shown("docs/results") == "crosspih x --a x --b 1 docs/results/x.png"
+
+
+@pytest.mark.parametrize(
+    "name, found", [("p", ["p-x", "p-y"]), ("p-x", ["p-x"]), ("one", ["one"]), ("one-more", ["one-more"])]
+)
+def test_a_name_or_how_names_begin_is_enough(name: str, found: list[str]) -> None:
+    entries = [Entry(name=each, title="", command="crosspih x") for each in ("one", "one-more", "p-x", "p-y")]
+    assert [entry.name for entry in chosen(entries, [name])] == found
 
 
 def test_commands_run_with_this_interpreter() -> None:

@@ -53,16 +53,29 @@ def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path) -
     )  # fmt: skip
 
 
-def _wanted(entries: list[Entry], names: list[str]) -> list[Entry]:
-    known = [entry.name for entry in entries]
+def chosen(entries: list[Entry], names: list[str]) -> list[Entry]:
+    """Those named, by their own name or by what it begins with: peg, or peg-star, for all of them."""
+
+    def means(name: str, entry: Entry) -> bool:
+        return entry.name == name or entry.name.startswith(f"{name}-")
+
     for name in names:
-        if name not in known:
-            raise ConfigError(f"{name}: no such result; want some of {', '.join(known)}")
-    return [entry for entry in entries if not names or entry.name in names]
+        if not any(means(name, entry) for entry in entries):
+            known = ", ".join(entry.name for entry in entries)
+            raise ConfigError(f"{name}: no such result; want some of {known}, or how their names begin, as in peg")
+    # what is called so means itself alone: refine is not refine-far
+    exact = {entry.name for entry in entries}
+    return [
+        entry
+        for entry in entries
+        if not names or any(entry.name == name if name in exact else means(name, entry) for name in names)
+    ]
 
 
 def results(
-    names: Annotated[list[str] | None, typer.Argument(help="Only these; all when none is named.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Only these, or those whose names begin so; all when none is named.")
+    ] = None,
     plan: Annotated[Path, typer.Option(help="The list of commands.")] = PLAN,
     page: Annotated[Path, typer.Option(help="Where the page goes; its pictures go beside it, in results/.")] = Path(
         "docs/results.md"
@@ -82,7 +95,7 @@ def results(
     failed: list[str] = []
     try:
         entries = load_plan(plan)
-        chosen = _wanted(entries, names or [])
+        chosen = chosen(entries, names or [])
         if quick:
             page, kept = Path("results/quick/results.md"), Path("results/quick/printed")
         folder, code = page.parent / "results", code_version()
