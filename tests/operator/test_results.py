@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from crosspih_common.errors import ConfigError
 from services.operator.__main__ import app
-from services.operator.results.cli import chosen
+from services.operator.results.cli import entries_named
 from services.operator.results.page import duration, make_page
 from services.operator.results.plan import Entry, arguments, load_plan
 from services.operator.results.printed import Printed
@@ -58,7 +58,7 @@ def test_an_entry_stands_for_all_combinations(tmp_path: Path) -> None:
 )
 def test_a_name_or_how_names_begin_is_enough(name: str, found: list[str]) -> None:
     entries = [Entry(name=each, title="", command="crosspih x") for each in ("one", "one-more", "p-x", "p-y")]
-    assert [entry.name for entry in chosen(entries, [name])] == found
+    assert [entry.name for entry in entries_named(entries, [name])] == found
 
 
 def test_commands_run_with_this_interpreter() -> None:

@@ -53,7 +53,7 @@ def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path) -
     )  # fmt: skip
 
 
-def chosen(entries: list[Entry], names: list[str]) -> list[Entry]:
+def entries_named(entries: list[Entry], names: list[str]) -> list[Entry]:
     """Those named, by their own name or by what it begins with: peg, or peg-star, for all of them."""
 
     def means(name: str, entry: Entry) -> bool:
@@ -95,7 +95,7 @@ def results(
     failed: list[str] = []
     try:
         entries = load_plan(plan)
-        chosen = chosen(entries, names or [])
+        chosen = entries_named(entries, names or [])
         if quick:
             page, kept = Path("results/quick/results.md"), Path("results/quick/printed")
         folder, code = page.parent / "results", code_version()
