@@ -65,6 +65,11 @@ class Story:
             self._console.print(f"[red]{event.service}: {event.code}: {event.text}[/red]", highlight=False)
 
 
+def directions_held(rank: int) -> str:
+    """In words, how much of the pose the walls of the bore fix: the rank of what they hold, 5 at most."""
+    return f"{rank} of 5" + ("" if rank == 5 else "; how a round is turned about its axis nothing tells")
+
+
 def _unit(name: str) -> str:
     tail = name.rsplit("_", 1)[-1]
     return {"mm": " mm", "deg": "°", "n": " N", "nm": " Nm", "s": " s"}.get(tail, "") if tail in UNITS else ""
@@ -106,8 +111,7 @@ def summary(figures: TrialFigures) -> Table:
             f"{figures.final_error_mm:.3f} mm lateral, {figures.final_error_deg:.2f}°",
         )
     if figures.rank is not None:
-        free = "" if figures.rank == 5 else "; how a round is turned about its axis nothing tells"
-        row("directions the walls hold", f"{figures.rank} of 5{free}")
+        row("directions the walls hold", directions_held(figures.rank))
     if figures.recording:
         row("recording", _near(figures.recording))
     if figures.report:

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Strategy
+from services.operator.bench.assembly import figures_table
 from services.operator.bench.compare import CONDITIONS, STRATEGIES, Vision
 from services.operator.bench.compare_figure import save_figure
 from services.operator.bench.compare_table import compare_table
@@ -19,6 +20,7 @@ from services.operator.bench.comparison import Comparison, compare_strategies
 from services.operator.bench.trials import TrialJob
 from services.operator.challenge_score import MOST, challenge_score
 from services.operator.scoring import TrialFigures
+from services.operator.statistics import summarise
 
 
 def scored(**changed: object) -> float:
@@ -146,3 +148,12 @@ def test_the_table_and_the_figure_show_every_strategy(tmp_path: Path) -> None:
 def test_what_is_compared_is_there() -> None:
     assert set(STRATEGIES) <= set(Strategy) and Strategy.FUSED in STRATEGIES
     assert set(CONDITIONS) == set(Vision)
+
+
+@pytest.mark.parametrize("rank, said", [(5, False), (4, True)])
+def test_what_the_walls_do_not_hold_is_said(rank: int, said: bool) -> None:
+    each = [figures(seed, Strategy.FUSED, True).model_copy(update={"rank": rank}) for seed in range(3)]
+    console = Console(file=io.StringIO(), width=120)
+    console.print(figures_table(summarise("round", 0, each)))
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert ("4 of 5; how a round is turned about its axis nothing tells" in shown) is said

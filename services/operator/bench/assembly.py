@@ -20,12 +20,13 @@ from services.operator.bench.pool import ExecutorName
 from services.operator.bench.swap import Trials, Way, swapped
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, TrialsStopped
 from services.operator.scoring import TrialFigures
+from services.operator.show import directions_held
 from services.operator.stack import cell_session
 from services.operator.statistics import BenchResult, summarise
 
 
 def figures_table(result: BenchResult, condition: str = "") -> Table:
-    """The distribution of each figure, and the failures."""
+    """The distribution of each figure, the failures, and what a round leaves open."""
     table = Table(
         title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
         f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), seeds from {result.seed}"
@@ -37,6 +38,9 @@ def figures_table(result: BenchResult, condition: str = "") -> Table:
         table.add_row(name, f"{value.p50:.3f}", f"{value.p95:.3f}", f"{value.max:.3f}", str(value.count))
     for name, count in result.failures.items():
         table.add_row(f"[red]failed: {name}[/red]", "", "", "", str(count))
+    ranks = sorted({one.rank for one in result.each if one.rank is not None})
+    if ranks and ranks[0] < 5:
+        table.caption = f"directions the walls hold: {directions_held(ranks[0])}"
     return table
 
 
