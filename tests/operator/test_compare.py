@@ -155,5 +155,5 @@ def test_what_the_walls_do_not_hold_is_said(rank: int, said: bool) -> None:
     each = [figures(seed, Strategy.FUSED, True).model_copy(update={"rank": rank}) for seed in range(3)]
     console = Console(file=io.StringIO(), width=120)
     console.print(figures_table(summarise("round", 0, each)))
-    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    shown = " ".join(console.file.getvalue().split())  # type: ignore[attr-defined]
     assert ("4 of 5; how a round is turned about its axis nothing tells" in shown) is said
