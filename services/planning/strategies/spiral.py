@@ -18,6 +18,7 @@ from services.planning.strategies.start import begin
 SPEED_M_S = 0.008
 SETTLE_S = 0.5  # to come back into contact before the path begins
 STEP_RAD = 0.25
+LEAST_STEP_S = 0.001  # of the arm
 PUSHES = 5  # with a spiral between each two
 SDS = 3.0  # of the belief's lateral spread
 
@@ -65,6 +66,8 @@ def archimedean(radius_m: float, pitch_m: float, speed_m_s: float, clockwise: bo
     sense = -1.0 if clockwise else 1.0
     knots = [PathKnot(time_s=SETTLE_S)]
     for angle, time_s in zip(angles.tolist(), times.tolist(), strict=True):
-        offset = (a * angle * np.cos(angle), sense * a * angle * np.sin(angle), 0.0)
-        knots.append(PathKnot(time_s=time_s, offset_m=offset))
+        # of a fine spiral's innermost turns a chord is enough
+        if time_s - knots[-1].time_s >= LEAST_STEP_S:
+            offset = (a * angle * np.cos(angle), sense * a * angle * np.sin(angle), 0.0)
+            knots.append(PathKnot(time_s=time_s, offset_m=offset))
     return tuple(knots)
