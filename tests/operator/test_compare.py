@@ -153,7 +153,7 @@ def test_what_is_compared_is_there() -> None:
 @pytest.mark.parametrize("rank, said", [(5, False), (4, True)])
 def test_what_the_walls_do_not_hold_is_said(rank: int, said: bool) -> None:
     each = [figures(seed, Strategy.FUSED, True).model_copy(update={"rank": rank}) for seed in range(3)]
-    console = Console(file=io.StringIO(), width=120)
-    console.print(figures_table(summarise("round", 0, each)))
-    shown = " ".join(console.file.getvalue().split())  # type: ignore[attr-defined]
+    written = io.StringIO()
+    Console(file=written, width=120).print(figures_table(summarise("round", 0, each)))
+    shown = " ".join(written.getvalue().split())
     assert ("4 of 5; how a round is turned about its axis nothing tells" in shown) is said
