@@ -14,6 +14,7 @@ from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.config import PegDrawing, load_cell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import ASSEMBLE, LOCATE, PHASE, RESET, TRUTH
 from crosspih_common.messages import (
     Assemble,
@@ -31,7 +32,7 @@ from crosspih_common.messages import (
 from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
-from services.hardware.config import HardwareConfig
+from services.hardware.config import HardwareConfig, SimulatedConfig
 from services.hardware.drivers import open_cell
 from services.hardware.shell import HardwareShell
 from services.inference.config import InferenceConfig
@@ -44,7 +45,10 @@ VISION_SD = np.array([5e-5, 5e-5, 1.5e-4, 3e-3, 3e-3, 5e-4])
 
 
 class CellInMemory:
-    """A cell; `vision_scale` multiplies the played vision's error, None makes it refuse."""
+    """A cell; `vision_scale` multiplies the played vision's error, None makes it refuse.
+
+    `vision_lie` (6,), m and rad in the hole frame, is an error on top that vision does not tell.
+    """
 
     def __init__(
         self,
@@ -54,6 +58,7 @@ class CellInMemory:
         planning: PlanningConfig | None = None,
         half_range_lateral_m: float | None = None,
         peg: PegDrawing | None = None,
+        simulated: SimulatedConfig | None = None,
     ) -> None:
         planning = planning or PlanningConfig(service_patience_s=0.5)
         self.hub = MemoryHub()
@@ -63,16 +68,16 @@ class CellInMemory:
             self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"hole_prior": prior}))
         if peg is not None:
             self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"peg": peg}))
-        if peg is not None:
-            self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"peg": peg}))
         self.vision_scale: float | None = 1.0
+        self.vision_lie: Array = np.zeros(6)
         self.contexts: list[ServiceContext] = []
         self.phases: list[AssemblyPhase] = []
         self.on_phase: Callable[[AssemblyPhase], None] = lambda phase: None
         hardware = self.context("hardware")
+        settings = HardwareConfig() if simulated is None else HardwareConfig(simulated=simulated)
         self.planning = PlanningShell(self.context("planning"), planning)
         self._shells: list[Closeable] = [
-            HardwareShell(open_cell(self.cell.workcell, HardwareConfig(), False), hardware, False),
+            HardwareShell(open_cell(self.cell.workcell, settings, False), hardware, False),
             ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))),
             self.planning,
         ]
@@ -100,7 +105,7 @@ class CellInMemory:
             raise CommandRefused("no_cross", "left: no dark region has the shape of the hole")
         rng = np.random.default_rng(self.truth().seed)
         sd = VISION_SD * self.vision_scale
-        error = rng.normal(size=6) * sd
+        error = rng.normal(size=6) * sd + self.vision_lie
         pose = self.truth().pose_base_hole.pose() @ Pose.from_rotvec(error[3:], error[:3])
         return HoleEstimate(
             pose_base_hole=PoseData.of(pose),
