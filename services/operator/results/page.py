@@ -44,8 +44,9 @@ def make_page(entries: Sequence[Entry], printed: Mapping[str, Printed], folder: 
         "# Results",
         "",
         "Made by `make results` from `services/operator/results/plan.yaml`: each section is a command and what it",
-        "printed. Trials are kept in `results/trials.jsonl`; a stopped run goes on from there. `code` is a hash of the",
-        "sources on which the figures rest. All of it is simulation: no figure here comes from a real arm.",
+        "printed. Trials are kept in `results/trials.jsonl`; a stopped run goes on from there, and one that finds them",
+        "all is over at once. `code` is a hash of the sources on which the figures rest. All of it is simulation: no",
+        "figure here comes from a real arm.",
         "",
     ]
     for entry in entries:

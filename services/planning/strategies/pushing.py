@@ -39,10 +39,12 @@ def push_in(run: Run, belief: PosePrior) -> PosePrior | None:
         )
         belief = PosePrior(pose_base_hole=advice.pose_base_hole, covariance=advice.covariance)
         if advice.action is not InsertionAction.LOWER_PUSH:
-            # back, or where it should slide and yet stood: aligned at the depth where it is
+            # back; or, where it should slide and yet stood, aligned at the depth where it is
             run.slide_to(advice.pose_base_peg.pose(), run.config.press_speed_m_s)
-        # what slides at rest stood for the push's own bending or for too little of it: as hard as ever
-        force_n = run.config.push_force_n if advice.action is InsertionAction.CONTINUE else advice.push_force_n
+        force_n = advice.push_force_n
+        if advice.action is InsertionAction.CONTINUE:
+            # a push that was lowered and stood was too weak: what is felt at rest speaks for none so weak
+            force_n = max(force_n, run.config.push_force_n)
         if run.push(belief.pose_base_hole.pose(), force_n):
             return belief
     return None
