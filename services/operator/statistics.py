@@ -34,6 +34,9 @@ FIGURES = (
     "insertion_depth_mm",
 )
 
+# a peg that was taken out again is as far away as its arm: that is no depth
+OF_INSERTED = ("insertion_depth_mm",)
+
 
 class Quantiles(BaseModel):
     """A figure over the trials that have it."""
@@ -78,7 +81,8 @@ def summarise(strategy: str, seed: int, trials: Sequence[TrialFigures]) -> Bench
     low, high = wilson95(inserted, len(trials))
     figures: dict[str, Quantiles] = {}
     for name in FIGURES:
-        values = np.array([value for trial in trials if (value := getattr(trial, name)) is not None], dtype=float)
+        counted = [trial for trial in trials if trial.inserted or name not in OF_INSERTED]
+        values = np.array([value for trial in counted if (value := getattr(trial, name)) is not None], dtype=float)
         if len(values):
             p50, p95 = np.percentile(np.abs(values), [50.0, 95.0])
             figures[name] = Quantiles(

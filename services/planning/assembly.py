@@ -83,10 +83,17 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
     if run.known is not None:
         return seated  # it was known better than the clearance before: nothing is to be felt
     for press_round in range(PRESS_ROUNDS):
-        if press_round > 0:
-            run.tell(Phase.SEATED, "the walls felt do not fit well: aligned with what they said, and once more")
-            _align(run, found.pose_base_hole.pose())
-        presses = _press_walls(run)
+        try:
+            if press_round > 0:
+                run.tell(Phase.SEATED, "the walls felt do not fit well: aligned with what they said, and once more")
+                _align(run, found.pose_base_hole.pose())
+            presses = _press_walls(run)
+        except AssemblyFailed as stopped:
+            if stopped.failure is not Failure.OVERLOAD:
+                raise
+            # the peg is in: a better pose is not worth taking it out again
+            run.tell(Phase.SEATED, f"no more pressing: {stopped.detail}")
+            break
         if not presses:
             continue
         prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)

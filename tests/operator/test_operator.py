@@ -123,6 +123,9 @@ def test_a_bench_counts_failures_by_name() -> None:
     assert (result.inserted, result.trials) == (2, 3)
     assert result.failures == {"not_deep_enough": 1}
     assert result.figures["peak_force_n"].p50 == pytest.approx(10.0)
+    assert result.figures["peak_force_n"].count == 3
+    depth = result.figures["insertion_depth_mm"]
+    assert (depth.count, depth.p50) == (2, pytest.approx(16.0))
     with pytest.raises(ValueError, match="no trials"):
         summarise("fused", 1000, [])
 

@@ -10,6 +10,7 @@ import pytest
 
 from crosspih_common.keys import ABORT
 from crosspih_common.messages import AbortAssembly, AssemblyPhase, AssemblyResult, Failure, Phase
+from services.hardware.config import SimulatedConfig
 from services.operator.scoring import insertion_depth_m, pose_error
 from services.planning.config import PlanningConfig
 from tests.planning.cell_in_memory import CellInMemory
@@ -88,6 +89,22 @@ def test_a_push_that_does_not_enter_is_mended_by_touching(folder: Path) -> None:
         result = cell.assemble()
         assert_good_pose(cell, result)
         assert result.touches > 0 and result.corrections > 0
+    finally:
+        cell.close()
+
+
+def test_a_cap_that_stops_the_pressing_leaves_the_peg_in(folder: Path) -> None:
+    """Presses so hard that the arm's cap ends them: what the seat tells counts, and the peg is not taken out again."""
+    planning = PlanningConfig(service_patience_s=0.5, press_force_n=45.0, max_overloads=1)
+    cell = CellInMemory(folder, planning=planning, simulated=SimulatedConfig(force_cap_n=30.0))
+    try:
+        cell.reset(6)
+        result = cell.assemble()
+        assert any("no more pressing: force_cap" in phase.text for phase in cell.phases)
+        assert_good_pose(cell, result)
+        truth = cell.truth()
+        depth = insertion_depth_m(cell.cell.workcell, truth.pose_base_peg.pose(), truth.pose_base_hole.pose())
+        assert depth > cell.cell.workcell.insertion_depth_m
     finally:
         cell.close()
 
