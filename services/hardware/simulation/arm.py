@@ -43,8 +43,8 @@ from services.hardware.simulation.sensor import Payload
 from services.hardware.simulation.servo import LAST_SAMPLES, Reading, Servo
 from services.hardware.simulation.turn import Turn
 
-SMALL_FORCE_N = 5.0
-SMALL_MOMENT_NM = 0.5
+SMALL_LOAD = (5.0, 0.5)  # N, Nm
+WORSE_SHARE = 0.25  # of the caps
 _LINEAR_M_S2 = 2.0
 _LINEAR_RAD_S2 = 10.0
 
@@ -237,9 +237,10 @@ class SimulatedArm:
 
     def _back_off(self) -> None:
         servo = self._servo
+        worse = (WORSE_SHARE * self._config.force_cap_n, WORSE_SHARE * self._config.moment_cap_nm)
         for steps in (
             brake(servo, self._arm.limits.acceleration_rad_s2),
-            back_off(servo, SMALL_FORCE_N, SMALL_MOMENT_NM),
+            back_off(servo, SMALL_LOAD, worse),
         ):
             try:
                 reference = next(steps)

@@ -31,6 +31,7 @@ class Ending:
 
 
 Steps = Generator[Reference, Reading, Ending]
+Load = tuple[float, float]  # N, Nm
 
 
 class Motion(Protocol):
@@ -109,28 +110,46 @@ def brake(servo: Servo, limits_rad_s2: Array) -> Generator[Reference, Reading, N
         yield Reference(joints, slower, np.zeros(6), servo.forward(joints))
 
 
-def back_off(servo: Servo, small_force_n: float, small_moment_nm: float) -> Generator[Reference, Reading, None]:
-    """Back along the way it came, at up to 20 mm/s, until little is felt or the way is at its end."""
+def back_off(servo: Servo, small: Load, worse: Load) -> Generator[Reference, Reading, None]:
+    """Back along the way it came, at up to 20 mm/s, until little is felt or the way is at its end.
+
+    A wedged peg may be held on its way back too: where the load grows by `worse` above the least that was felt, the arm
+    goes to where that was and stands.
+    """
     trail = servo.trail
     free = False
     while trail and not free:
-        felt_force, felt_moment = small_force_n * 2.0, small_moment_nm * 2.0
-        while trail and (felt_force > small_force_n or felt_moment > small_moment_nm):
-            before, target = servo.joints_rad, trail[-1]
-            far = float(np.abs(target - before).max()) / TRAIL_STEP_RAD
-            if far <= 1.0:
+        felt: Array | None = None
+        least, where = np.full(2, np.inf), servo.joints_rad
+        while trail and (felt is None or np.any(felt > small)):
+            reading = yield _towards(servo, trail[-1])
+            if np.array_equal(servo.joints_rad, trail[-1]):
                 trail.pop()
-            else:
-                target = before + (target - before) / far
-            speeds = finite_difference_speed(before, target)
-            reading = yield Reference(target, speeds, np.zeros(6), servo.forward(target), retracing=True)
-            felt_force += SLOW_FILTER * (reading.force_n - felt_force)
-            felt_moment += SLOW_FILTER * (reading.moment_nm - felt_moment)
+            load = np.array([reading.force_n, reading.moment_nm])
+            felt = load if felt is None else felt + SLOW_FILTER * (load - felt)
+            if np.all(felt <= least):
+                where = servo.joints_rad
+            least = np.minimum(least, felt)
+            if np.any(felt > least + worse):
+                while not np.array_equal(servo.joints_rad, where):
+                    yield _towards(servo, where)
+                trail.append(servo.joints_rad)
+                return
         # A vibration must not pass for freedom: look again at rest.
-        forces, moments = [], []
+        loads = []
         for _ in range(SETTLE_STEPS):
             reading = yield servo.still()
-            forces.append(reading.force_n)
-            moments.append(reading.moment_nm)
-        free = float(np.mean(forces[-10:])) <= small_force_n and float(np.mean(moments[-10:])) <= small_moment_nm
+            loads.append((reading.force_n, reading.moment_nm))
+        free = bool(np.all(np.mean(loads[-10:], axis=0) <= small))
     trail.append(servo.joints_rad)
+
+
+def _towards(servo: Servo, target: Array) -> Reference:
+    """A step of the way to a joint position, at most TRAIL_STEP_RAD of any joint."""
+    before = servo.joints_rad
+    far = float(np.abs(target - before).max()) / TRAIL_STEP_RAD
+    if far > 1.0:
+        target = before + (target - before) / far
+    return Reference(
+        target, finite_difference_speed(before, target), np.zeros(6), servo.forward(target), retracing=True
+    )
