@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from crosspih_common.geometry import Pose
 from crosspih_common.keys import ADVISE_INSERTION
 from crosspih_common.messages import AdviseInsertion, BoreContact, InsertionAction, Phase, PosePrior
 from services.planning.run import Run
@@ -38,8 +39,12 @@ def push_in(run: Run, belief: PosePrior) -> PosePrior | None:
             back_off_mm=advice.back_off_m * 1e3,
         )
         belief = PosePrior(pose_base_hole=advice.pose_base_hole, covariance=advice.covariance)
+        if advice.action is InsertionAction.BACK_OFF:
+            # straight out before it is turned: what is turned while it is clamped presses harder
+            out = Pose.from_translation([0.0, 0.0, -advice.back_off_m])
+            run.slide_to(run.pose_base_peg @ out, run.config.press_speed_m_s)
         if advice.action is not InsertionAction.LOWER_PUSH:
-            # back; or, where it should slide and yet stood, aligned at the depth where it is
+            # aligned; where it should slide and yet stood, at the depth where it is
             run.slide_to(advice.pose_base_peg.pose(), run.config.press_speed_m_s)
         force_n = advice.push_force_n
         if advice.action is InsertionAction.CONTINUE:
