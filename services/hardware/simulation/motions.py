@@ -6,7 +6,7 @@ A motion ends by returning why. It does not know of caps and stops: whoever runs
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -138,7 +138,7 @@ def back_off(servo: Servo, small: Load, worse: Load) -> Generator[Reference, Rea
         # A vibration must not pass for freedom: look again at rest.
         loads = []
         for _ in range(SETTLE_STEPS):
-            reading = yield servo.still()
+            reading = yield replace(servo.still(), retracing=True)
             loads.append((reading.force_n, reading.moment_nm))
         free = bool(np.all(np.mean(loads[-10:], axis=0) <= small))
     trail.append(servo.joints_rad)
