@@ -9,7 +9,7 @@ import pytest
 
 from crosspih_common.errors import CommandRefused, NoService
 from crosspih_common.keys import DWELL, JOINT_STATE, PHASE
-from crosspih_common.messages import AssemblyPhase, Dwell, Failure, Phase, Strategy
+from crosspih_common.messages import AssemblyPhase, Dwell, Failure, MotionOutcome, Phase, Strategy
 from services.operator.session import Session
 from tests.system.running_cell import DEADLINE_S, KillOnPhase, RunningCell, wait_until
 
@@ -69,9 +69,11 @@ def test_planning_that_is_lost_is_told_and_the_arm_comes_to_rest(cell: RunningCe
         session.trial(SEED, Strategy.FUSED, record=False)
     assert kill.killed_pid is not None
 
+    at_rest: list[MotionOutcome] = []
+
     def idle() -> bool:
         try:
-            session.bus.call(DWELL, Dwell(duration_s=0.2), 30.0)
+            at_rest.append(session.bus.call(DWELL, Dwell(duration_s=0.2), 30.0))
         except CommandRefused as refusal:
             assert refusal.code == "busy"
             return False
@@ -79,7 +81,8 @@ def test_planning_that_is_lost_is_told_and_the_arm_comes_to_rest(cell: RunningCe
 
     joints = session.bus.latest(JOINT_STATE)
     wait_until(idle, "the arm takes a new command")
-    state = joints.wait_for(lambda _: True, 5.0)
+    # a stream lags behind an answer: what it says of the end of the dwell, told every 4 ms
+    state = joints.wait_for(lambda told: told.stamp_ns > at_rest[0].stamp_ns - 10_000_000, 5.0)
     assert state is not None
     assert np.abs(state.speeds_rad_s).max() < 0.01
     cell.wait_restarted("planning", kill.killed_pid)
