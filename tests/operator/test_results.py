@@ -71,7 +71,15 @@ def test_the_page_holds_commands_what_they_said_and_pictures(tmp_path: Path) -> 
     path.write_text(PLAN, encoding="utf-8")
     entries = load_plan(path)
     command = entries[1].shown("docs/results")
-    printed = Printed(name="two", command=command, code="c0de", cores=2, status=1, elapsed_s=7300.0, text="a table\n")
+    printed = Printed(
+        name="two",
+        command=command,
+        code="c0de",
+        cores=2,
+        status=1,
+        elapsed_s=7300.0,
+        text="argv[0]=\na table\nargv[0]=\n",
+    )
     page = make_page(entries, {"two": printed}, "docs/results", "other")
     assert "Not run yet." in page and "Look." in page
     assert "```text\na table\n```" in page and "![The second](results/two.png)" in page

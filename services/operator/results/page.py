@@ -9,6 +9,7 @@ from services.operator.results.plan import Entry
 from services.operator.results.printed import Printed
 
 _PICTURE = re.compile(r"\S+\.(?:png|svg)")
+_BY_PYBULLET = "argv[0]="  # its C code prints this line with every client it opens
 
 
 def duration(seconds: float) -> str:
@@ -25,7 +26,8 @@ def _section(entry: Entry, printed: Printed | None, folder: str, code: str) -> l
         lines += [entry.says, ""]
     if printed is None:
         return [*lines, "```sh", entry.shown(folder), "```", "", "Not run yet.", ""]
-    lines += ["```sh", printed.command, "```", "", "```text", printed.text.rstrip(), "```", ""]
+    said_by_us = [line for line in printed.text.rstrip().splitlines() if line != _BY_PYBULLET]
+    lines += ["```sh", printed.command, "```", "", "```text", *said_by_us, "```", ""]
     for picture in _PICTURE.findall(printed.command):
         # the page lies one folder above its pictures
         name = picture.rsplit("/", 2)
