@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from crosspih_common.config import Workcell
-from services.hardware.simulation.camera import SimulatedScene
+from services.hardware.drivers.simulated.scene.camera import SimulatedScene
 
 
 def main() -> None:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.config.drawing import OUTLINES
 from crosspih_common.geometry import Pose
-from services.hardware.simulation.fixture_mesh import fixture_meshes
-from services.hardware.simulation.scene_mesh import Mesh, convex_mesh
+from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
+from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, convex_mesh
 
 TILE_PX = 300
 NAME_PX = 34

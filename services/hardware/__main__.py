@@ -8,7 +8,7 @@ import sys
 from crosspih_common.errors import ConfigError
 from crosspih_common.service import ServiceContext, run_service
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers import open_cell
+from services.hardware.drivers.registry import open_cell
 from services.hardware.shell import HardwareShell
 
 

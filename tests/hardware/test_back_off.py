@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from crosspih_common.config import Workcell
-from services.hardware.config import SimulatedConfig
-from services.hardware.simulation.motions import back_off
-from services.hardware.simulation.physics import Physics
-from services.hardware.simulation.sensor import SensorModel
-from services.hardware.simulation.servo import TRAIL_STEP_RAD, Reading, Reference, Servo
+from services.hardware.control.motions import back_off
+from services.hardware.control.servo import TRAIL_STEP_RAD, Reading, Reference, Servo
+from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.simulated.engines.pybullet.engine import Physics
+from services.hardware.drivers.simulated.sensor import SensorModel
 
 STEPS = 400
 SMALL, WORSE = (5.0, 0.5), (15.0, 1.5)

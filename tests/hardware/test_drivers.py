@@ -7,7 +7,7 @@ import pytest
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers import DRIVERS, open_cell
+from services.hardware.drivers.registry import DRIVERS, open_cell
 
 
 @pytest.mark.parametrize("driver", ["simulated", DRIVERS["simulated"]])

@@ -15,10 +15,10 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AdmittanceMove, MoveLinear, PathKnot, PoseData, ResetCell, StopReason, floats
 from services.hardware.config import HardwareConfig
-from services.hardware.simulation.cell import SimulatedCell, open_cell
-from services.hardware.simulation.effort import smoothness, tip_positions
-from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.search_path import SearchPath
+from services.hardware.control.effort import smoothness, tip_positions
+from services.hardware.control.search_path import SearchPath
+from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 WORKCELL = Workcell()
 offsets = st.tuples(*[st.floats(-0.01, 0.01)] * 3)

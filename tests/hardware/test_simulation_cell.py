@@ -28,9 +28,10 @@ from crosspih_common.messages import (
     StopReason,
 )
 from crosspih_common.messages.base import PoseData, floats
-from services.hardware.config import ForceTorqueConfig, HardwareConfig, SimulatedConfig
+from services.hardware.config import HardwareConfig
+from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
+from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
 from services.hardware.protocols import Cell
-from services.hardware.simulation.cell import SimulatedCell, open_cell
 
 WORKCELL = Workcell()
 FT = ForceTorqueConfig()

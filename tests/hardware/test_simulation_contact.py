@@ -21,9 +21,10 @@ from crosspih_common.messages import (
     StopReason,
 )
 from crosspih_common.messages.base import PoseData, floats
-from services.hardware.config import ForceTorqueConfig, HardwareConfig, SimulatedConfig
-from services.hardware.simulation.cell import SimulatedCell, open_cell
-from services.hardware.simulation.guarded import onset
+from services.hardware.config import HardwareConfig
+from services.hardware.control.guarded import onset
+from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
+from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
 
 WORKCELL = Workcell()
 PEG = WORKCELL.peg.shape()

@@ -13,11 +13,12 @@ from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, SetPayload, StopReason
 from crosspih_common.messages.base import PoseData, floats
-from services.hardware.config import ForceTorqueConfig, HardwareConfig, SimulatedConfig
-from services.hardware.simulation import bodies
-from services.hardware.simulation.cell import SimulatedCell, open_cell
-from services.hardware.simulation.fixture_mesh import fixture_meshes
-from services.hardware.simulation.scene_mesh import Mesh
+from services.hardware.config import HardwareConfig
+from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
+from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.drivers.simulated.engines.pybullet import bodies
+from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
+from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
 
 FT = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
 ELL_M = tuple((x * 1e-3, y * 1e-3) for x, y in ((-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)))

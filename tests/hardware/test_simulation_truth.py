@@ -11,10 +11,10 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.messages import CaptureStereo, Dwell, ResetCell
 from crosspih_common.shapes import CrossPeg
-from services.hardware.config import CameraConfig, ForceTorqueConfig, SimulatedConfig, TruthConfig
-from services.hardware.simulation.camera_rig import StereoRig
-from services.hardware.simulation.cell import SimulatedCell
-from services.hardware.simulation.truth import (
+from services.hardware.drivers.simulated.cell import SimulatedCell
+from services.hardware.drivers.simulated.config import CameraConfig, ForceTorqueConfig, SimulatedConfig, TruthConfig
+from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
+from services.hardware.drivers.simulated.truth import (
     SensorMounting,
     true_camera,
     true_hole,

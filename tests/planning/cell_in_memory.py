@@ -32,8 +32,9 @@ from crosspih_common.messages import (
 from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
-from services.hardware.config import HardwareConfig, SimulatedConfig
-from services.hardware.drivers import open_cell
+from services.hardware.config import HardwareConfig
+from services.hardware.drivers.registry import open_cell
+from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.shell import HardwareShell
 from services.inference.config import InferenceConfig
 from services.inference.shell import InferenceShell

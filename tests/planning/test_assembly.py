@@ -10,7 +10,7 @@ import pytest
 
 from crosspih_common.keys import ABORT
 from crosspih_common.messages import AbortAssembly, AssemblyPhase, AssemblyResult, Failure, Phase
-from services.hardware.config import SimulatedConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.operator.scoring import insertion_depth_m, pose_error
 from services.planning.config import PlanningConfig
 from tests.planning.cell_in_memory import CellInMemory

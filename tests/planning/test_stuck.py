@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from crosspih_common.messages import Phase
-from services.hardware.config import SimulatedConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.operator.scoring import score
 from services.planning.config import PlanningConfig
 from tests.planning.cell_in_memory import CellInMemory

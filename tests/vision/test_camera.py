@@ -11,8 +11,8 @@ import pytest
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.hardware.simulation.camera import SensorQuality, SimulatedScene
-from services.hardware.simulation.scene_appearance import Appearance, Faults
+from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
+from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())

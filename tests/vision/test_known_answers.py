@@ -7,7 +7,7 @@ import pytest
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
-from services.hardware.simulation.camera_rig import StereoRig
+from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.vision.paper import hole_from_centres
 from services.vision.rim_model import RimModel, normal_shift_jacobian, perturbed, project
 from services.vision.stereo import StereoModel

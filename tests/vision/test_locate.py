@@ -11,8 +11,8 @@ from scipy.ndimage import shift
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.hardware.simulation.camera import GreyImage, SimulatedScene
-from services.hardware.simulation.scene_appearance import Faults
+from services.hardware.drivers.simulated.scene.camera import GreyImage, SimulatedScene
+from services.hardware.drivers.simulated.scene.scene_appearance import Faults
 from services.vision.locate import Located, locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import (

@@ -7,7 +7,7 @@ import pytest
 
 from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.geometry import Pose
-from services.hardware.simulation.camera import SimulatedScene
+from services.hardware.drivers.simulated.scene.camera import SimulatedScene
 from services.vision.locate import locate_rim
 from services.vision.rim_model import RimModel
 from services.vision.stereo import StereoModel

@@ -14,7 +14,7 @@ from crosspih_common.keys import LOCATE, RESET
 from crosspih_common.messages import HoleEstimate, LocateHole, ResetCell, SceneFaults
 from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers import open_cell
+from services.hardware.drivers.registry import open_cell
 from services.hardware.shell import HardwareShell
 from services.vision.config import VisionConfig
 from services.vision.second_look import LAMPS, Look, next_look

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import PathKnot
-from services.hardware.simulation.physics import STEP_S
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 
 class SearchPath:

@@ -16,14 +16,15 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import RawWrenchBatch, ResetCell, SimulationTruth
 from crosspih_common.messages.base import PoseData, floats
 from crosspih_common.messages.simulation import TrueContact
-from services.hardware.config import HardwareConfig, SimulatedConfig
-from services.hardware.simulation.arm import SimulatedArm
-from services.hardware.simulation.paths import refuse_not_finite
-from services.hardware.simulation.physics import Physics
-from services.hardware.simulation.sensor import SensorModel
-from services.hardware.simulation.servo import Servo
-from services.hardware.simulation.stereo import SimulatedStereoCamera
-from services.hardware.simulation.turn import Turn
+from services.hardware.config import HardwareConfig
+from services.hardware.control.arm import SimulatedArm
+from services.hardware.control.paths import refuse_not_finite
+from services.hardware.control.servo import Servo
+from services.hardware.control.turn import Turn
+from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.simulated.engines.pybullet.engine import Physics
+from services.hardware.drivers.simulated.scene.stereo import SimulatedStereoCamera
+from services.hardware.drivers.simulated.sensor import SensorModel
 
 OVERLAP_M = 2e-5
 _SLEEP_AHEAD_S = 0.002

@@ -10,7 +10,7 @@ from services.hardware.config import HardwareConfig
 from services.hardware.protocols import Cell
 
 # name: "module:function"; the function takes (workcell, config, realtime) and returns a Cell
-DRIVERS = {"simulated": "services.hardware.simulation.cell:open_cell"}
+DRIVERS = {"simulated": "services.hardware.drivers.simulated.cell:open_cell"}
 
 
 def open_cell(workcell: Workcell, config: HardwareConfig, realtime: bool) -> Cell:

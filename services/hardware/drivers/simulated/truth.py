@@ -10,7 +10,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import CrossPeg, Hole, Peg
-from services.hardware.config import TruthConfig
+from services.hardware.drivers.simulated.config import TruthConfig
 
 
 def true_peg(workcell: Workcell, truth: TruthConfig) -> Peg:

@@ -25,23 +25,23 @@ from crosspih_common.messages import (
     StopReason,
 )
 from crosspih_common.messages.base import PoseData, floats
-from services.hardware.config import SimulatedConfig
-from services.hardware.simulation.admittance import Admittance
-from services.hardware.simulation.effort import Effort
-from services.hardware.simulation.guarded import OVERSHOOT_M, Guarded
-from services.hardware.simulation.motions import Ending, Follow, Hold, Linear, Motion, back_off, brake
-from services.hardware.simulation.paths import (
+from services.hardware.control.admittance import Admittance
+from services.hardware.control.effort import Effort
+from services.hardware.control.guarded import OVERSHOOT_M, Guarded
+from services.hardware.control.motions import Ending, Follow, Hold, Linear, Motion, back_off, brake
+from services.hardware.control.paths import (
     JointTrajectory,
     between,
     line,
     refuse_not_finite,
     unit_direction,
 )
-from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.search_path import SearchPath
-from services.hardware.simulation.sensor import Payload
-from services.hardware.simulation.servo import LAST_SAMPLES, Reading, Servo
-from services.hardware.simulation.turn import Turn
+from services.hardware.control.payload import Payload
+from services.hardware.control.search_path import SearchPath
+from services.hardware.control.servo import LAST_SAMPLES, Reading, Servo
+from services.hardware.control.turn import Turn
+from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 SMALL_LOAD = (5.0, 0.5)  # N, Nm
 WORSE_SHARE = 0.25  # of the caps

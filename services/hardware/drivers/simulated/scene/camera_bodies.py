@@ -8,8 +8,8 @@ from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Peg
-from services.hardware.simulation.camera_rig import StereoRig
-from services.hardware.simulation.scene_mesh import Mesh, box_mesh, capsule_mesh, convex_mesh
+from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
+from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh, capsule_mesh, convex_mesh
 
 FLANGE_TO_PEG_M = 0.0663
 """From the flange to the F/T sensor's measuring origin, along the flange's z."""

@@ -23,9 +23,9 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
-from services.hardware.config import SimulatedConfig
-from services.hardware.simulation import bodies
-from services.hardware.simulation.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
+from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.simulated.engines.pybullet import bodies
+from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
 
 STEP_NS = 1_000_000
 STEP_S = 1e-3

@@ -12,14 +12,14 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, CaptureStereo, SceneFaults
 from crosspih_common.messages.base import PoseData
-from services.hardware.config import SimulatedConfig
-from services.hardware.simulation.arm import SimulatedArm
-from services.hardware.simulation.camera import SensorQuality, SimulatedScene
-from services.hardware.simulation.camera_rig import StereoRig
-from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.scene_appearance import Appearance, Faults
-from services.hardware.simulation.servo import Servo
-from services.hardware.simulation.truth import true_camera, true_hole, true_peg
+from services.hardware.control.arm import SimulatedArm
+from services.hardware.control.servo import Servo
+from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
+from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
+from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
+from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
+from services.hardware.drivers.simulated.truth import true_camera, true_hole, true_peg
 
 
 class SimulatedStereoCamera:

@@ -14,8 +14,9 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import JointState, RawWrenchBatch
 from crosspih_common.messages.base import floats
-from services.hardware.simulation.physics import STEP_NS, STEP_S, Physics
-from services.hardware.simulation.sensor import Payload, SensorModel
+from services.hardware.control.payload import Payload
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_NS, STEP_S, Physics
+from services.hardware.drivers.simulated.sensor import SensorModel
 
 JOINT_STATE_NS = 4_000_000
 TICK_NS = 20_000_000

@@ -13,9 +13,9 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import StopReason
-from services.hardware.simulation.paths import JointTrajectory, StraightPath
-from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.servo import TRAIL_STEP_RAD, Reading, Reference, Servo, finite_difference_speed
+from services.hardware.control.paths import JointTrajectory, StraightPath
+from services.hardware.control.servo import TRAIL_STEP_RAD, Reading, Reference, Servo, finite_difference_speed
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 SETTLE_STEPS = 30
 SLOW_FILTER = 0.1

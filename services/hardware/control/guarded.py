@@ -13,10 +13,10 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import GuardedMove, StopReason
-from services.hardware.simulation.motions import Ending, Steps
-from services.hardware.simulation.paths import StraightPath
-from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.servo import Reading, Reference, Servo
+from services.hardware.control.motions import Ending, Steps
+from services.hardware.control.paths import StraightPath
+from services.hardware.control.servo import Reading, Reference, Servo
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 FREE_SKIP = 10
 FREE_SAMPLES = 30

@@ -19,17 +19,17 @@ from crosspih_common.arm import ArmModel, xb4
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import CrossPeg, Hole, Peg
-from services.hardware.simulation import camera_bodies as bodies
-from services.hardware.simulation.camera_rig import (
+from services.hardware.drivers.simulated.scene import camera_bodies as bodies
+from services.hardware.drivers.simulated.scene.camera_rig import (
     StereoRig,
     Window,
     projection_matrix,
     view_matrix,
     window_around,
 )
-from services.hardware.simulation.fixture_mesh import fixture_meshes
-from services.hardware.simulation.scene_appearance import Appearance, Faults
-from services.hardware.simulation.scene_mesh import Mesh, box_mesh
+from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
+from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
+from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
 
 GreyImage = NDArray[np.uint8]
 FloatImage = NDArray[np.float32]

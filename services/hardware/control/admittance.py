@@ -21,10 +21,10 @@ from crosspih_common.arm.inverse import InverseError, nearest
 from crosspih_common.geometry import Pose, skew
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import AdmittanceMove, StopReason
-from services.hardware.simulation.motions import Ending, Steps
-from services.hardware.simulation.physics import STEP_S
-from services.hardware.simulation.search_path import SearchPath
-from services.hardware.simulation.servo import Reading, Reference, Servo, finite_difference_speed
+from services.hardware.control.motions import Ending, Steps
+from services.hardware.control.search_path import SearchPath
+from services.hardware.control.servo import Reading, Reference, Servo, finite_difference_speed
+from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 FILTER_HZ = 100.0
 STALL_SHARE = 0.02

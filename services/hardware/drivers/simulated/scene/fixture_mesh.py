@@ -9,7 +9,7 @@ from shapely import Polygon, box, constrained_delaunay_triangles, get_parts
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole
-from services.hardware.simulation.scene_mesh import Mesh, box_mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
 
 
 def fixture_meshes(hole: Hole) -> dict[str, Mesh]:

@@ -1,0 +1,1 @@
+"""The simulated cell: thin devices over a physics engine, and a renderer."""

@@ -1,0 +1,68 @@
+"""What the simulated cell is like: its sensor, its cameras, and where it differs from what the services are told."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from crosspih_common.config.section import Section
+from crosspih_common.messages.base import Vector3, Vector6
+
+
+class ForceTorqueConfig(Section):
+    """What the simulated F/T sensor adds to the truth. The services must find bias and payload by calibration."""
+
+    # of the size of the paper's own F0 (its Eq. 16)
+    bias: Vector6 = (0.1714, -0.0426, -0.0153, -0.0020, 0.0138, -0.0067)
+    noise_n: float = Field(default=0.1, ge=0.0, description="standard deviation of one 1 kHz sample, each axis")
+    noise_nm: float = Field(default=0.005, ge=0.0)
+    bandwidth_hz: float = Field(
+        default=150.0, ge=10.0, le=500.0, description="of the sensor's own first-order low-pass"
+    )
+    drift_n_s: float = Field(default=0.0, ge=-1.0, le=1.0, description="of each force axis, since the last reset")
+    # what hangs behind the sensor, peg included: 9.555 N, where the paper's Eq. 15 puts it
+    payload_kg: float = Field(default=0.974, gt=0.05, le=4.0)
+    payload_centroid_m: Vector3 = (0.0006, 0.0011, 0.0327)
+
+
+class CameraConfig(Section):
+    """How the simulated cameras turn light into pixels."""
+
+    exposure_s: float = Field(default=0.02, gt=0.0, le=1.0, description="the cell's clock advances by this a capture")
+    samples: int = Field(default=4, ge=1, le=8, description="sub-pixels a side")
+    blur_px: float = Field(default=0.7, ge=0.0, le=5.0)
+    noise_grey: float = Field(default=3.0, ge=0.0, le=50.0)
+    brightness: float = Field(default=1.0, ge=0.0, le=4.0, description="of the cell's light; 0.3 is a dim cell")
+    glare: float = Field(
+        default=0.0, ge=0.0, le=500.0, description="grey levels of a round reflection near the rim under lamp 0"
+    )
+
+
+class TruthConfig(Section):
+    """How the simulated cell differs from its drawing and its calibrations; the services are not told."""
+
+    taper_slope_factor: float = Field(default=1.0, gt=0.8, lt=1.25, description="of the taper, whose ends stay")
+    clearance_offset_m: float = Field(default=0.0, gt=-0.002, lt=0.002, description="added to the hole's clearance")
+    ft_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the sensor's origin, in the peg frame")
+    ft_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the sensor's axes, a rotation vector")
+    camera_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
+    camera_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
+    joint_stiffness_factor: float = Field(default=1.0, gt=0.05, lt=20.0)
+
+
+class SimulatedConfig(Section):
+    """The simulated cell."""
+
+    seed: int = Field(default=0, ge=0, description="of the first trial, until a reset names another")
+    speed: Literal["realtime", "max"] = Field(
+        default="realtime", description="max: the cell's clock runs only while a command does"
+    )
+    friction_coefficient: float = Field(default=0.1, ge=0.0, le=1.0, description="peg against hole")
+    # of each joint against its own critical damping; see physics.py for what it costs and buys
+    joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
+    force_cap_n: float = Field(default=60.0, gt=0.0, le=500.0)
+    moment_cap_nm: float = Field(default=6.0, gt=0.0, le=50.0)
+    force_torque: ForceTorqueConfig = ForceTorqueConfig()
+    camera: CameraConfig = CameraConfig()
+    truth: TruthConfig = TruthConfig()

@@ -1,0 +1,1 @@
+"""The physics engines of the simulated cell, behind one protocol."""

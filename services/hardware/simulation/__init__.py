@@ -1,1 +1,0 @@
-"""The simulated cell: arm, sensor, cameras and hole in PyBullet, behind the same Protocols as real devices."""
