@@ -1,126 +1,116 @@
-"""What a device must be able to do. A driver is any class that fits: no base class, nothing to register.
+"""What a device must be able to do: read and, for an arm, write. Everything that is motion is the control layer's.
 
-SI units throughout. Motions block until they end and return what was really done; a command that cannot or must not be
-done raises `crosspih_common.errors.CommandRefused` before anything moves. `stop` may be called from another thread.
-Listeners are called on the device's own thread and must return at once.
+A driver is any class that fits: no base class, nothing to inherit. SI units throughout; stamps are nanoseconds of the
+device's own clock, which for the joints is the cell's clock. Rates are the device's own; nothing here is assumed of
+them. `services/hardware/drivers/registry.py` says how a driver is found.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crosspih_common.messages import (
-    AdmittanceMove,
-    CameraCalibration,
-    CaptureStereo,
-    Dwell,
-    FollowTrajectory,
-    GuardedMove,
-    GuardedMoveOutcome,
-    JointState,
-    MotionOutcome,
-    MoveLinear,
-    RawWrenchBatch,
-    ResetCell,
-    SetPayload,
-    SimulationTruth,
-)
+from crosspih_common.arm import ArmModel
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import CameraCalibration, ResetCell, SimulationTruth
 
 
-class Clock(Protocol):
-    """The cell's clock."""
+@dataclass(frozen=True, slots=True, eq=False)
+class JointReading:
+    """The encoders in one cycle: positions (n,), rad, and speeds (n,), rad/s."""
 
-    def now_ns(self) -> int:
-        """Cell time, ns."""
-
-    def on_tick(self, listener: Callable[[int], object]) -> None:
-        """Call with the cell time about 50 times a second of cell time."""
-
-
-class Arm(Protocol):
-    """A 6-axis arm with its controller: position moves, and the moves that need the force beside the controller."""
-
-    def joint_state(self) -> JointState:
-        """The encoders now."""
-
-    def on_joint_state(self, listener: Callable[[JointState], object]) -> None:
-        """Call with every joint state (250 Hz of cell time)."""
-
-    def follow(self, command: FollowTrajectory) -> MotionOutcome:
-        """Follow a joint trajectory."""
-
-    def move_linear(self, command: MoveLinear) -> MotionOutcome:
-        """Move the peg frame on a straight line."""
-
-    def guarded_move(self, command: GuardedMove) -> GuardedMoveOutcome:
-        """Move until something is felt."""
-
-    def admittance_move(self, command: AdmittanceMove) -> MotionOutcome:
-        """Push in, yielding."""
-
-    def dwell(self, command: Dwell) -> MotionOutcome:
-        """Hold still and average the sensor."""
-
-    def set_payload(self, command: SetPayload) -> None:
-        """What hangs behind the sensor, so that thresholds and caps see contact only."""
-
-    def stop(self) -> bool:
-        """End whatever moves now; whether anything did."""
+    stamp_ns: int
+    positions_rad: Array
+    speeds_rad_s: Array
 
 
-class ForceTorqueSensor(Protocol):
-    """A wrist force/torque sensor."""
+@dataclass(frozen=True, slots=True, eq=False)
+class WrenchSamples:
+    """What the sensor gave since the last read, oldest first: stamps (m,), ns, and raw wrenches (m, 6), N and Nm.
 
-    def on_batch(self, listener: Callable[[RawWrenchBatch], object]) -> None:
-        """Call with every batch of raw samples (1 kHz in batches of 10 ms)."""
+    Raw is as the sensor says it, in its own axes about its own origin, bias and weight included.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    wrenches: Array
 
 
-class StereoCamera(Protocol):
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoCapture:
+    """A pair of pictures, each (height, width) grey or (height, width, 3) RGB, and when they were exposed."""
+
+    stamp_ns: int
+    exposure_s: float
+    left: NDArray[np.uint8]
+    right: NDArray[np.uint8]
+
+
+class JointDevice(Protocol):
+    """An arm's joints under position control. Called from one thread."""
+
+    @property
+    def model(self) -> ArmModel:
+        """Kinematics and limits of the arm that is there."""
+
+    @property
+    def period_s(self) -> float:
+        """The time of one cycle: 0.008, 0.004, 0.002 or 0.001 on arms that one can buy."""
+
+    def read(self) -> JointReading:
+        """Wait for the next cycle; what the encoders say in it. Raises DeviceLost when the arm no longer answers."""
+
+    def write(self, positions_rad: Array, speeds_rad_s: Array) -> None:
+        """Where the joints (n,) are to be in the next cycle, and how fast they pass there."""
+
+    def halt(self) -> None:
+        """Stop as fast as the arm itself can, and stay: the loop has ended or cannot go on. Any thread may call."""
+
+
+class WrenchDevice(Protocol):
+    """A wrist force/torque sensor. Called from the thread that reads the joints."""
+
+    @property
+    def period_s(self) -> float:
+        """The time between two samples."""
+
+    def read(self) -> WrenchSamples:
+        """The samples that came since the last read, none if there were none; never waits."""
+
+
+class CameraDevice(Protocol):
     """Two parallel cameras."""
 
     def calibration(self) -> CameraCalibration:
         """What the cameras are and where they stand."""
 
-    def capture(self, command: CaptureStereo) -> tuple[int, float, NDArray[np.uint8], NDArray[np.uint8]]:
-        """Take a pair: (stamp_ns, exposure_s, left, right), each (height, width) or (height, width, 3)."""
+    def capture(self, exposure_scale: float, lamp: int) -> StereoCapture:
+        """Take a pair: the usual exposure times a factor, with one of the cell's lamps lit, 0 being the usual one."""
 
 
 class Simulation(Protocol):
     """What only a simulated cell can do."""
 
     def reset(self, command: ResetCell) -> SimulationTruth:
-        """Start a new trial."""
+        """Start a new trial. Raises CommandRefused: not_finite, unreachable, peg_in_contact."""
 
     def truth(self) -> SimulationTruth:
         """What the simulator knows."""
 
 
-class Cell(Protocol):
-    """The devices of one cell, opened together."""
+@dataclass(slots=True, eq=False)
+class Devices:
+    """The devices that one process has opened; None is what another process has.
 
-    @property
-    def clock(self) -> Clock:
-        """The cell's clock."""
+    `realtime` is False only for a simulated cell whose time stands still between commands.
+    """
 
-    @property
-    def arm(self) -> Arm:
-        """The arm."""
-
-    @property
-    def force_torque(self) -> ForceTorqueSensor:
-        """The sensor in its wrist."""
-
-    @property
-    def camera(self) -> StereoCamera:
-        """The cameras."""
-
-    @property
-    def simulation(self) -> Simulation | None:
-        """None on a real cell."""
-
-    def close(self) -> None:
-        """Stop all motion and let go of the devices."""
+    joints: JointDevice | None = None
+    wrench: WrenchDevice | None = None
+    camera: CameraDevice | None = None
+    simulation: Simulation | None = None
+    realtime: bool = True
+    close: Callable[[], None] = lambda: None
