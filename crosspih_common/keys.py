@@ -38,6 +38,7 @@ from crosspih_common.messages import (
     Event,
     FollowTrajectory,
     FtCalibration,
+    GiveLease,
     GuardedMove,
     GuardedMoveOutcome,
     HoleEstimate,
@@ -45,6 +46,10 @@ from crosspih_common.messages import (
     Image,
     InsertionAdvice,
     JointState,
+    LeaseBeat,
+    LeaseGiven,
+    LeaseGranted,
+    LeaseState,
     LocateHole,
     Message,
     MotionOutcome,
@@ -63,8 +68,11 @@ from crosspih_common.messages import (
     StopAccepted,
     StopMotion,
     StopRecording,
+    TakeLease,
     Touch,
     TouchPlan,
+    Withdraw,
+    WithdrawResult,
 )
 
 ROOT = "crosspih"
@@ -173,6 +181,14 @@ STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning", "o
 SET_PAYLOAD = Command(
     "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
 )
+LEASE_TAKE = Command(
+    "arm/lease/take", TakeLease, LeaseGranted, "hardware", ("planning", "operator"), "hold the arm: motion needs it"
+)
+LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("planning", "operator"), "let go of the arm")
+LEASE_BEAT = Topic(
+    "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
+)
+LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ALL, "who holds the arm")
 CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
 RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
 
@@ -236,6 +252,9 @@ ASSEMBLE = Command("planning/assemble", Assemble, AssemblyResult, "planning", ("
 ABORT = Command("planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator",), "end it, peg backed off")
 CALIBRATE_FT = Command(
     "planning/calibrate_ft", CalibrateFt, FtCalibration, "planning", ("operator",), "drive the poses and identify"
+)
+WITHDRAW = Command(
+    "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator",), "a seated peg straight out"
 )
 PHASE = Topic("planning/phase", AssemblyPhase, Kind.EVENT, "planning", RECORDED, "each step as it happens")
 TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", RECORDED, "each touch")

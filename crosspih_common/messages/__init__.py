@@ -10,6 +10,8 @@ from crosspih_common.messages.assembly import (
     Failure,
     Phase,
     Strategy,
+    Withdraw,
+    WithdrawResult,
 )
 from crosspih_common.messages.base import (
     Covariance6,
@@ -40,12 +42,15 @@ from crosspih_common.messages.hole import HoleEstimate, LocateHole, LocateMethod
 from crosspih_common.messages.images import Image
 from crosspih_common.messages.insertion import AdviseInsertion, BoreContact, InsertionAction, InsertionAdvice
 from crosspih_common.messages.joints import JointState
+from crosspih_common.messages.lease import GiveLease, LeaseBeat, LeaseGiven, LeaseGranted, LeaseState, TakeLease
 from crosspih_common.messages.motion import (
+    BROKEN_OFF,
     AdmittanceMove,
     Dwell,
     FollowTrajectory,
     GuardedMove,
     GuardedMoveOutcome,
+    Held,
     JointKnot,
     MotionOutcome,
     MoveLinear,
@@ -71,6 +76,7 @@ from crosspih_common.messages.wrench import (
 )
 
 __all__ = [
+    "BROKEN_OFF",
     "AbortAccepted",
     "AbortAssembly",
     "AdmittanceMove",
@@ -101,8 +107,10 @@ __all__ = [
     "FollowTrajectory",
     "Frame",
     "FtCalibration",
+    "GiveLease",
     "GuardedMove",
     "GuardedMoveOutcome",
+    "Held",
     "HoleEstimate",
     "IdentifyPayload",
     "Image",
@@ -111,6 +119,10 @@ __all__ = [
     "JointKnot",
     "JointState",
     "KeyTraffic",
+    "LeaseBeat",
+    "LeaseGiven",
+    "LeaseGranted",
+    "LeaseState",
     "LocateHole",
     "LocateMethod",
     "Message",
@@ -142,11 +154,14 @@ __all__ = [
     "StopReason",
     "StopRecording",
     "Strategy",
+    "TakeLease",
     "Touch",
     "TouchPlan",
     "TouchUse",
     "TrueContact",
     "Vector3",
     "Vector6",
+    "Withdraw",
+    "WithdrawResult",
     "floats",
 ]

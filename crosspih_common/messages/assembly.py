@@ -54,6 +54,9 @@ class Failure(str, Enum):
     REFUSED = "refused"  # a service said no to a command
     SERVICE_LOST = "service_lost"  # a service did not answer in time, also when asked again
     ABORTED = "aborted"  # somebody stopped it
+    ARM_STOPPED = "arm_stopped"  # the arm broke a motion off by itself: holder, cycles or sensor lost
+    DEFECT = "defect"  # an error in the program itself: the detail has its text, the planner's log its trace
+    STUCK = "stuck"  # only a withdrawal: the peg is held fast where it sits
 
 
 class Assemble(Message):
@@ -124,3 +127,27 @@ class CalibrateFt(Message):
     """Drive the calibration poses, dwell in each and identify bias, weight and centroid."""
 
     samples_s: float = Field(default=0.25, gt=0.0, le=5.0)
+
+
+class Withdraw(Message):
+    """Take a seated peg straight out along its own axis, slowly and under a force watch."""
+
+    pose_base_hole: PoseData | None = Field(
+        default=None, description="how far in the peg is counts from there; the last assembly's, or the drawing's"
+    )
+    clear_m: float = Field(default=0.03, gt=0.0, le=0.1, description="tip to the hole's face at the end")
+    speed_m_s: float = Field(default=0.01, gt=0.0, le=0.05)
+    force_limit_n: float = Field(default=20.0, gt=0.0, description="more pull than this means that it is stuck")
+
+
+class WithdrawResult(Message):
+    """How a withdrawal ended. After `stuck` the arm stands where it felt the limit, its pull let go."""
+
+    withdrawn: bool
+    failure: Failure | None
+    failure_detail: str = ""
+    distance_m: float = Field(description="that the peg moved out")
+    pose_base_peg: PoseData | None
+    motion_s: float = Field(description="cell clock")
+    peak_force_n: float
+    peak_moment_nm: float

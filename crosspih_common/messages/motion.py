@@ -21,6 +21,19 @@ class StopReason(str, Enum):
     FORCE_CAP = "force_cap"  # |F| passed the cell's cap: stopped and backed off by itself
     MOMENT_CAP = "moment_cap"  # |M| passed the cell's cap: stopped and backed off by itself
     STOPPED = "stopped"  # a stop command came
+    HOLDER_LOST = "holder_lost"  # no beat of whoever holds the arm: it stopped by itself
+    LATE_CYCLES = "late_cycles"  # the control loop missed too many of its cycles: it stopped by itself
+    SENSOR_LOST = "sensor_lost"  # no fresh samples of the force/torque sensor: it stopped by itself
+
+
+# the arm stopped by itself, and not because of what it touched: whoever sent the motion can no longer rely on it
+BROKEN_OFF = (StopReason.HOLDER_LOST, StopReason.LATE_CYCLES, StopReason.SENSOR_LOST)
+
+
+class Held(Part):
+    """Of a command that only the holder of the arm may give: it names the lease. Refused with code `no_lease` otherwise."""
+
+    lease: str = Field(default="", description="of the present holder; see LeaseGranted")
 
 
 class JointKnot(Part):
@@ -32,13 +45,13 @@ class JointKnot(Part):
     accelerations_rad_s2: Vector6 = (0.0,) * 6
 
 
-class FollowTrajectory(Message):
+class FollowTrajectory(Message, Held):
     """Follow quintic segments through the knots; the first knot is where the arm must now be (0.01 rad)."""
 
     knots: tuple[JointKnot, ...] = Field(min_length=2)
 
 
-class GuardedMove(Message):
+class GuardedMove(Message, Held):
     """Move in a straight line, orientation kept, until the force rises.
 
     At the threshold the arm goes on at `creep_speed_m_s` for `observe_s`; the wrench and the pose are averaged over
@@ -67,7 +80,7 @@ class PathKnot(Part):
     turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector, about the centre")
 
 
-class AdmittanceMove(Message):
+class AdmittanceMove(Message, Held):
     """Push along a direction while yielding to lateral force and to moment, under a force cap.
 
     The peg yields with `lateral_damping_n_s_m` across the direction and `rotational_damping_nm_s_rad` about
@@ -93,7 +106,7 @@ class AdmittanceMove(Message):
     path: tuple[PathKnot, ...] = ()
 
 
-class MoveLinear(Message):
+class MoveLinear(Message, Held):
     """Move the peg frame in a straight line, orientation turned along, to a pose in the base frame."""
 
     pose_base_peg: PoseData
@@ -101,7 +114,7 @@ class MoveLinear(Message):
     rotational_speed_rad_s: float = Field(default=0.5, gt=0.0, le=3.0)
 
 
-class Dwell(Message):
+class Dwell(Message, Held):
     """Hold still and average the sensor."""
 
     duration_s: float = Field(gt=0.0, le=10.0)
@@ -111,7 +124,7 @@ class StopMotion(Message):
     """End whatever moves, now."""
 
 
-class SetPayload(Message):
+class SetPayload(Message, Held):
     """What hangs behind the sensor and the sensor's bias, so that caps, thresholds and admittance see contact only."""
 
     bias: Vector6
@@ -129,6 +142,7 @@ class MotionOutcome(Message):
 
     stop_reason: StopReason
     detail: str = ""
+    notes: tuple[str, ...] = Field(default=(), description="what was done otherwise than asked, such as a lower speed")
     start_stamp_ns: int
     duration_s: float
     travel_m: float
