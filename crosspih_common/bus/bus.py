@@ -32,6 +32,8 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 
 # how many samples a publisher keeps for unlucky readers; a late one is given the newest alone
 HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}
+# a request is read whole before anything of it is judged: what is larger than any sensible one is refused unread
+MAX_REQUEST_BYTES = 4_000_000
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
 
@@ -219,17 +221,24 @@ class Bus:
         *,
         lane: str = "work",
         refuse_when_busy: bool = False,
+        on_accept: Callable[[], object] = lambda: None,
+        on_end: Callable[[], object] = lambda: None,
     ) -> None:
         """Answer a command. Commands of one lane are answered one after the other, on the lane's own thread.
 
         With `refuse_when_busy` a command that finds its lane at work is refused instead of queued: right for motions,
-        where a command that waits would later move an arm that its sender has given up on.
+        where a command that waits would later move an arm that its sender has given up on. `on_accept` is called when
+        it is accepted, before anything of it is read, and `on_end` when it has been answered.
         """
         key = command.key(self.cell)
         requests, replies = self.publisher(command.request_echo), self.publisher(command.reply_echo)
 
         def handle(query: Query) -> Answer:
             try:
+                if len(query.payload) > MAX_REQUEST_BYTES:
+                    raise CommandRefused(
+                        "size", f"{key}: the request has {len(query.payload)} bytes, {MAX_REQUEST_BYTES} are allowed"
+                    )
                 request = decode(command.request, query.payload, query.label, key)
                 self.traffic.count(key, "received")
                 self.clock.observe(request.stamp_ns)
@@ -252,13 +261,18 @@ class Bus:
             return Answer(encode_refusal(refusal), "", is_error=True)
 
         def job(query: Query) -> Callable[[], None]:
-            answer = handle(query)
+            try:
+                answer = handle(query)
+            finally:
+                on_end()
             return lambda: query.answer(answer)
 
         worker = self._lane(lane)
 
         def accept(query: Query) -> None:
+            on_accept()
             if not worker.offer(lambda: job(query), only_when_idle=refuse_when_busy):
+                on_end()
                 refusal = CommandRefused("busy", f"{command.path}: another command is still being carried out")
                 query.answer(Answer(encode_refusal(refusal), "", is_error=True))
 

@@ -31,7 +31,7 @@ BROKEN_OFF = (StopReason.HOLDER_LOST, StopReason.LATE_CYCLES, StopReason.SENSOR_
 
 
 class Held(Part):
-    """Of a command that only the holder of the arm may give: it names the lease. Refused with code `no_lease` otherwise."""
+    """A command of the holder of the arm alone: it names the lease, and is refused with code `no_lease` otherwise."""
 
     lease: str = Field(default="", description="of the present holder; see LeaseGranted")
 
@@ -55,7 +55,7 @@ class GuardedMove(Message, Held):
     """Move in a straight line, orientation kept, until the force rises.
 
     At the threshold the arm goes on at `creep_speed_m_s` for `observe_s`; the wrench and the pose are averaged over
-    the last `observe_samples` sensor samples of that creep, so that sliding friction keeps its direction. Then it
+    the last `average_s` of that creep, so that sliding friction keeps its direction. Then it
     retreats by `retreat_m` along the way it came.
     """
 
@@ -66,7 +66,7 @@ class GuardedMove(Message, Held):
     moment_threshold_nm: float = Field(default=1.0, gt=0.0)
     travel_limit_m: float = Field(gt=0.0, le=0.3)
     observe_s: float = Field(default=0.1, gt=0.0, le=2.0)
-    observe_samples: int = Field(default=25, ge=1, le=2000)
+    average_s: float = Field(default=0.025, gt=0.0, le=2.0, description="at the end of the creep")
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
 
 

@@ -1,26 +1,51 @@
-"""`python -m services.hardware`: the cell's devices on the bus."""
+"""`python -m services.hardware [--devices arm,force_torque]`: the cell's devices on the bus, all or some of them.
+
+The arm and the sensor in its wrist run in one loop, in one process. A process without the arm is called `camera` on the
+bus.
+"""
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.service import ServiceContext, run_service
-from services.hardware.config import HardwareConfig
-from services.hardware.drivers.registry import open_cell
-from services.hardware.shell import HardwareShell
+from services.hardware.config import DEVICES, HardwareConfig
+from services.hardware.hosting import open_cell
+from services.hardware.shells.hardware import HardwareShell
 
 
-def build(context: ServiceContext) -> HardwareShell:
-    """Open the cell that the configuration names and bind it to its keys."""
+def wanted_devices(text: str) -> frozenset[str]:
+    """The devices of a list with commas. Raises argparse.ArgumentTypeError naming what is no device."""
+    names = {name.strip() for name in text.split(",") if name.strip()}
+    unknown = sorted(names - set(DEVICES))
+    if unknown or not names:
+        raise argparse.ArgumentTypeError(f"{', '.join(unknown) or 'nothing'}: want some of {', '.join(DEVICES)}")
+    if ("arm" in names) != ("force_torque" in names):
+        raise argparse.ArgumentTypeError("the arm and its force/torque sensor run in one loop: name both or neither")
+    return frozenset(names)
+
+
+def build(context: ServiceContext, wanted: frozenset[str]) -> HardwareShell:
+    """Open the devices that the configuration names and bind them to their keys."""
     config = context.cell.section("hardware", HardwareConfig)
     speed = os.environ.get("CROSSPIH_SPEED") or config.simulated.speed
     if speed not in ("realtime", "max"):
         raise ConfigError(f"CROSSPIH_SPEED={speed}: want realtime or max")
-    realtime = speed == "realtime"
-    return HardwareShell(open_cell(context.cell.workcell, config, realtime), context, realtime)
+    return HardwareShell(open_cell(context.cell.workcell, config, speed == "realtime", wanted), context)
+
+
+def main() -> int:
+    """Run the service."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--devices", type=wanted_devices, default=frozenset(DEVICES))
+    chosen, others = parser.parse_known_args()
+    wanted: frozenset[str] = chosen.devices
+    name = "hardware" if "arm" in wanted else "camera"
+    return run_service(name, lambda context: build(context, wanted), others)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("hardware", build))
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""The hardware service's own settings: which driver serves the cell, and what the simulated one is like."""
+"""The hardware service's own settings: which driver serves which device, and the limits that hold for all of them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,32 @@ from typing import Any
 from pydantic import Field
 
 from crosspih_common.config.section import Section
+from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
+
+DEVICES = ("arm", "force_torque", "camera")
+
+
+class DriversConfig(Section):
+    """Another driver for one device; the others keep `hardware.driver`."""
+
+    arm: str | None = None
+    force_torque: str | None = None
+    camera: str | None = None
 
 
 class HardwareConfig(Section):
     """The `hardware` section of a cell's file."""
 
     driver: str = Field(
-        default="simulated",
-        description='a name in drivers/registry.py, or your own "package.module:function"',
+        default="simulated", description='a name in drivers/registry.py, or your own "package.module:function"'
     )
+    drivers: DriversConfig = DriversConfig()
     options: dict[str, Any] = Field(default_factory=dict, description="for your own driver, as it likes")
+    limits: LimitsConfig = LimitsConfig()
     simulated: SimulatedConfig = SimulatedConfig()
+
+    def driver_of(self, device: str) -> str:
+        """The driver of one of `DEVICES`."""
+        chosen: str | None = getattr(self.drivers, device)
+        return chosen or self.driver

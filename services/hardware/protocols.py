@@ -84,6 +84,10 @@ class WrenchDevice(Protocol):
 class CameraDevice(Protocol):
     """Two parallel cameras."""
 
+    @property
+    def exposure_s(self) -> float:
+        """The usual exposure."""
+
     def calibration(self) -> CameraCalibration:
         """What the cameras are and where they stand."""
 

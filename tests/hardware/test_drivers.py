@@ -7,7 +7,8 @@ import pytest
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.registry import DRIVERS, open_cell
+from services.hardware.drivers.registry import DRIVERS
+from services.hardware.hosting import open_cell
 
 
 @pytest.mark.parametrize("driver", ["simulated", DRIVERS["simulated"]])
@@ -15,7 +16,7 @@ def test_a_driver_opens_by_name_and_by_path(driver: str) -> None:
     cell = open_cell(Workcell(), HardwareConfig(driver=driver), realtime=False)
     try:
         assert cell.arm.joint_state().joints_rad == pytest.approx(Workcell().home_joints_rad)
-        assert cell.simulation is not None
+        assert cell.has_camera and cell.has_simulation
     finally:
         cell.close()
 

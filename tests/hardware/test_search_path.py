@@ -17,8 +17,8 @@ from crosspih_common.messages import AdmittanceMove, MoveLinear, PathKnot, PoseD
 from services.hardware.config import HardwareConfig
 from services.hardware.control.effort import smoothness, tip_positions
 from services.hardware.control.search_path import SearchPath
-from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
 from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
+from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()
 offsets = st.tuples(*[st.floats(-0.01, 0.01)] * 3)
@@ -26,7 +26,7 @@ turns = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
 
 
 @pytest.fixture(scope="module")
-def cell() -> Iterator[SimulatedCell]:
+def cell() -> Iterator[HostedCell]:
     opened = open_cell(WORKCELL, HardwareConfig(), realtime=False)
     yield opened
     opened.close()
@@ -43,7 +43,7 @@ def test_the_speeds_add_up_to_the_last_knot(
     rotation = Rotation.from_rotvec(frame).as_matrix()
     push = rotation @ np.array([0.0, 0.0, 1.0])
     knots = (PathKnot(time_s=0.1, turn_rad=other), PathKnot(time_s=0.25, offset_m=offset, turn_rad=turn))
-    path = SearchPath(knots, rotation, push)
+    path = SearchPath(knots, rotation, push, STEP_S)
     assert path.steps == 250
     came = path.velocity_m_s.sum(axis=0) * STEP_S
     assert np.allclose(came, rotation @ [offset[0], offset[1], 0.0], atol=1e-12)
@@ -56,10 +56,10 @@ def test_the_speeds_add_up_to_the_last_knot(
 
 def test_knots_that_do_not_rise_are_refused() -> None:
     with pytest.raises(CommandRefused, match="time_s must rise"):
-        SearchPath((PathKnot(time_s=0.2), PathKnot(time_s=0.2)), np.eye(3), np.array([0.0, 0.0, 1.0]))
+        SearchPath((PathKnot(time_s=0.2), PathKnot(time_s=0.2)), np.eye(3), np.array([0.0, 0.0, 1.0]), STEP_S)
 
 
-def test_a_search_in_free_air_goes_its_path_and_ends_with_it(cell: SimulatedCell) -> None:
+def test_a_search_in_free_air_goes_its_path_and_ends_with_it(cell: HostedCell) -> None:
     cell.simulation.reset(ResetCell(seed=1))
     start = WORKCELL.pose_base_peg(WORKCELL.home_joints_rad)
     command = AdmittanceMove(
@@ -69,20 +69,20 @@ def test_a_search_in_free_air_goes_its_path_and_ends_with_it(cell: SimulatedCell
         lateral_damping_n_s_m=1e6,
         rotational_damping_nm_s_rad=1e6,
         path=(
-            PathKnot(time_s=0.5, offset_m=(0.005, 0.0, 0.0)),
-            PathKnot(time_s=1.0, offset_m=(0.005, 0.004, 0.0), turn_rad=(0.0, 0.02, 0.01)),
+            PathKnot(time_s=1.0, offset_m=(0.005, 0.0, 0.0)),
+            PathKnot(time_s=2.0, offset_m=(0.005, 0.004, 0.0), turn_rad=(0.0, 0.02, 0.01)),
         ),
     )
     outcome = cell.arm.admittance_move(command)
     assert outcome.stop_reason is StopReason.COMPLETED
-    assert outcome.duration_s == pytest.approx(1.0, abs=0.03)  # it tares first
+    assert outcome.duration_s == pytest.approx(2.0, abs=0.03)  # it tares first
     centre = np.asarray(command.centre_peg_m)
     moved = start.inverse() @ outcome.pose_base_peg.pose()
-    assert np.allclose(moved.apply(centre) - centre, [0.005, 0.004, 1e-4], atol=2e-5)
+    assert np.allclose(moved.apply(centre) - centre, [0.005, 0.004, 2e-4], atol=2e-5)
     assert np.allclose(moved.rotvec_rad(), [0.0, 0.02, 0.01], atol=1e-4)
 
 
-def test_a_motion_tells_how_far_and_how_smoothly_its_tip_went(cell: SimulatedCell) -> None:
+def test_a_motion_tells_how_far_and_how_smoothly_its_tip_went(cell: HostedCell) -> None:
     """A quintic from rest to rest over d in T: |jerk| = d / T^3 |60 - 360 x + 360 x^2|, 8 d / T^2 rounded up in all."""
     cell.simulation.reset(ResetCell(seed=1))
     start = WORKCELL.pose_base_peg(WORKCELL.home_joints_rad)

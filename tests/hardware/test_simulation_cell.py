@@ -29,9 +29,8 @@ from crosspih_common.messages import (
 )
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
-from services.hardware.protocols import Cell
+from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()
 FT = ForceTorqueConfig()
@@ -44,7 +43,7 @@ def moved(by: list[float]) -> Array:
 
 
 @pytest.fixture
-def cell() -> Iterator[SimulatedCell]:
+def cell() -> Iterator[HostedCell]:
     opened = open_cell(WORKCELL, HardwareConfig(), realtime=False)
     yield opened
     opened.close()
@@ -56,10 +55,9 @@ def knots(*joints: object, seconds: float = 1.0) -> tuple[JointKnot, ...]:
     )
 
 
-def test_it_is_a_cell(cell: SimulatedCell) -> None:
-    protocol: Cell = cell
-    assert protocol.clock.now_ns() == 0
-    assert protocol.simulation is not None
+def test_it_is_a_cell(cell: HostedCell) -> None:
+    assert cell.has_arm and cell.has_camera and cell.has_simulation
+    assert cell.arm.now_ns() == 0
 
 
 def test_the_sensor_reads_bias_and_weight_exactly() -> None:
@@ -83,31 +81,31 @@ def test_the_sensor_reads_bias_and_weight_exactly() -> None:
         cell.close()
 
 
-def test_noise_has_the_size_it_is_said_to_have(cell: SimulatedCell) -> None:
+def test_noise_has_the_size_it_is_said_to_have(cell: HostedCell) -> None:
     batches: list[RawWrenchBatch] = []
-    cell.force_torque.on_batch(batches.append)
+    cell.arm.on_batch(batches.append)
     outcome = cell.arm.dwell(Dwell(duration_s=1.0))
     samples = np.array([sample for batch in batches for sample in batch.samples])
     np.testing.assert_allclose(samples.std(axis=0), [0.1] * 3 + [0.005] * 3, rtol=0.12)
     np.testing.assert_allclose(outcome.wrench_sd, [0.1 / 970**0.5] * 3 + [0.005 / 970**0.5] * 3, rtol=0.12)
 
 
-def test_streams_keep_their_rates_and_the_clock_stands_still_between_commands(cell: SimulatedCell) -> None:
+def test_streams_keep_their_rates_and_the_clock_stands_still_between_commands(cell: HostedCell) -> None:
     states: list[JointState] = []
     batches: list[RawWrenchBatch] = []
     ticks: list[int] = []
     cell.arm.on_joint_state(states.append)
-    cell.force_torque.on_batch(batches.append)
-    cell.clock.on_tick(ticks.append)
+    cell.arm.on_batch(batches.append)
+    cell.arm.on_tick(ticks.append)
     cell.arm.dwell(Dwell(duration_s=0.2))
-    assert cell.clock.now_ns() == 200_000_000
+    assert cell.arm.now_ns() == 200_000_000
     assert len(states) == 50
     assert [batch.stamp_ns for batch in batches] == [1_000_000 + 10_000_000 * k for k in range(20)]
     assert all(len(batch.samples) == 10 for batch in batches)
     assert ticks == [20_000_000 * k for k in range(1, 11)]
 
 
-def test_follow_ends_where_it_should_and_says_how_long_it_took(cell: SimulatedCell) -> None:
+def test_follow_ends_where_it_should_and_says_how_long_it_took(cell: HostedCell) -> None:
     goal = moved([0.3, 0.2, -0.2, 0.4, -0.3, 0.5])
     outcome = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal)))
     assert outcome.stop_reason is StopReason.COMPLETED
@@ -119,7 +117,7 @@ def test_follow_ends_where_it_should_and_says_how_long_it_took(cell: SimulatedCe
     assert truth.distance_to_m(outcome.pose_base_peg.pose()) < 1e-5
 
 
-def test_linear_moves_go_straight(cell: SimulatedCell) -> None:
+def test_linear_moves_go_straight(cell: HostedCell) -> None:
     start = WORKCELL.pose_base_peg(WORKCELL.home_joints_rad)
     goal = start @ Pose.from_rotvec([0.1, -0.05, 0.1], [0.02, -0.03, 0.04])
     outcome = cell.arm.move_linear(MoveLinear(pose_base_peg=PoseData.of(goal)))
@@ -140,16 +138,16 @@ def test_linear_moves_go_straight(cell: SimulatedCell) -> None:
     ],
 )
 def test_trajectories_are_refused_before_anything_moves(
-    cell: SimulatedCell, trajectory: tuple[JointKnot, ...], code: str, words: str
+    cell: HostedCell, trajectory: tuple[JointKnot, ...], code: str, words: str
 ) -> None:
     with pytest.raises(CommandRefused) as refusal:
         cell.arm.follow(FollowTrajectory(knots=trajectory))
     assert refusal.value.code == code
     assert words in refusal.value.text
-    assert cell.clock.now_ns() == 0
+    assert cell.arm.now_ns() == 0
 
 
-def test_unreachable_and_nan_and_directionless_commands_are_refused(cell: SimulatedCell) -> None:
+def test_unreachable_and_nan_and_directionless_commands_are_refused(cell: HostedCell) -> None:
     far = Pose.from_translation([2.0, 0.0, 0.3])
     with pytest.raises(CommandRefused, match="unreachable"):
         cell.arm.move_linear(MoveLinear(pose_base_peg=PoseData.of(far)))
@@ -160,10 +158,10 @@ def test_unreachable_and_nan_and_directionless_commands_are_refused(cell: Simula
         cell.arm.admittance_move(AdmittanceMove(direction_base=(0.0, 0.0, 0.0), speed_m_s=0.01, travel_m=0.01))
     with pytest.raises(CommandRefused, match="unreachable"):
         cell.arm.guarded_move(GuardedMove(direction_base=(0.0, -1.0, 0.0), speed_m_s=0.05, travel_limit_m=0.3))
-    assert cell.clock.now_ns() == 0
+    assert cell.arm.now_ns() == 0
 
 
-def test_a_guarded_move_in_free_air_reaches_its_limit(cell: SimulatedCell) -> None:
+def test_a_guarded_move_in_free_air_reaches_its_limit(cell: HostedCell) -> None:
     outcome = cell.arm.guarded_move(GuardedMove(direction_base=(0.0, 0.0, -2.0), speed_m_s=0.05, travel_limit_m=0.02))
     assert outcome.stop_reason is StopReason.TRAVEL_LIMIT
     assert outcome.travel_m == pytest.approx(0.02, abs=2e-6)
@@ -172,7 +170,7 @@ def test_a_guarded_move_in_free_air_reaches_its_limit(cell: SimulatedCell) -> No
     assert outcome.wrench_free_raw is not None
 
 
-def test_stop_from_another_thread_ends_a_motion_within_the_braking_time(cell: SimulatedCell) -> None:
+def test_stop_from_another_thread_ends_a_motion_within_the_braking_time(cell: HostedCell) -> None:
     stopped_at: list[int] = []
 
     def stop_at(now_ns: int) -> None:
@@ -181,7 +179,7 @@ def test_stop_from_another_thread_ends_a_motion_within_the_braking_time(cell: Si
             caller.start()
             caller.join()
 
-    cell.clock.on_tick(stop_at)
+    cell.arm.on_tick(stop_at)
     goal = moved([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     outcome = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal)))
     assert stopped_at == [300_000_000]
@@ -193,7 +191,7 @@ def test_stop_from_another_thread_ends_a_motion_within_the_braking_time(cell: Si
     assert again.stop_reason is StopReason.COMPLETED
 
 
-def test_only_one_command_at_a_time(cell: SimulatedCell) -> None:
+def test_only_one_command_at_a_time(cell: HostedCell) -> None:
     codes: list[str] = []
 
     def meanwhile(now_ns: int) -> None:
@@ -202,12 +200,12 @@ def test_only_one_command_at_a_time(cell: SimulatedCell) -> None:
         except CommandRefused as refusal:
             codes.append(refusal.code)
 
-    cell.clock.on_tick(meanwhile)
+    cell.arm.on_tick(meanwhile)
     cell.arm.dwell(Dwell(duration_s=0.02))
     assert codes == ["busy"]
 
 
-def test_holes_are_drawn_inside_their_ranges_and_by_their_seed(cell: SimulatedCell) -> None:
+def test_holes_are_drawn_inside_their_ranges_and_by_their_seed(cell: HostedCell) -> None:
     half = WORKCELL.hole_prior.half_ranges()
     nominal = WORKCELL.hole_prior.pose_base_hole()
     offsets = []
@@ -223,7 +221,7 @@ def test_holes_are_drawn_inside_their_ranges_and_by_their_seed(cell: SimulatedCe
     np.testing.assert_array_equal([*again.translation_m, *again.rotvec_rad()], offsets[7])
 
 
-def test_reset_places_the_peg_and_refuses_to_place_it_inside_the_fixture(cell: SimulatedCell) -> None:
+def test_reset_places_the_peg_and_refuses_to_place_it_inside_the_fixture(cell: HostedCell) -> None:
     place = Pose.from_rotvec([0.02, 0.03, -0.04], [0.001, 0.002, -0.09])
     truth = cell.simulation.reset(ResetCell(seed=1, place_peg=PoseData.of(place)))
     placed = truth.pose_base_hole.pose().inverse() @ truth.pose_base_peg.pose()
@@ -235,7 +233,7 @@ def test_reset_places_the_peg_and_refuses_to_place_it_inside_the_fixture(cell: S
     assert cell.simulation.truth().pose_base_hole == truth.pose_base_hole
 
 
-def test_compensation_uses_the_payload_it_is_given(cell: SimulatedCell) -> None:
+def test_compensation_uses_the_payload_it_is_given(cell: HostedCell) -> None:
     goal = nearest(WORKCELL.arm(), WORKCELL.arm().pose_base_flange(HOME + 0.3), HOME)
     without = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal, seconds=3.0)))
     cell.arm.set_payload(
@@ -254,22 +252,22 @@ def test_realtime_keeps_the_clock_running_between_commands() -> None:
     cell = open_cell(WORKCELL, HardwareConfig(), realtime=True)
     try:
         ticked = threading.Event()
-        cell.clock.on_tick(lambda now_ns: ticked.set() if now_ns >= 60_000_000 else None)
+        cell.arm.on_tick(lambda now_ns: ticked.set() if now_ns >= 60_000_000 else None)
         assert ticked.wait(timeout=20.0)
         outcome = cell.arm.dwell(Dwell(duration_s=0.05))
         assert outcome.stop_reason is StopReason.COMPLETED
-        assert cell.clock.now_ns() >= outcome.start_stamp_ns + 50_000_000
+        assert cell.arm.now_ns() >= outcome.start_stamp_ns + 50_000_000
     finally:
         cell.close()
 
 
-def test_a_capture_takes_its_exposure_and_shows_the_hole(cell: SimulatedCell) -> None:
+def test_a_capture_takes_its_exposure_and_shows_the_hole(cell: HostedCell) -> None:
     cell.simulation.reset(ResetCell(seed=5))
-    stamp_ns, exposure_s, left, right = cell.camera.capture(CaptureStereo())
-    assert (stamp_ns, exposure_s) == (0, 0.02)
-    assert cell.clock.now_ns() == 20_000_000
+    taken = cell.camera.capture(CaptureStereo())
+    left, right = taken.left, taken.right
+    assert (taken.stamp_ns, taken.exposure_s) == (0, 0.02)
+    assert cell.arm.now_ns() == 20_000_000
     assert left.shape == right.shape == (480, 640)
     assert left.std() > 10.0
     cell.simulation.reset(ResetCell(seed=5))
-    _, _, again, _ = cell.camera.capture(CaptureStereo())
-    np.testing.assert_array_equal(left, again)
+    np.testing.assert_array_equal(left, cell.camera.capture(CaptureStereo()).left)

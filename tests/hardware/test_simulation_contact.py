@@ -23,8 +23,8 @@ from crosspih_common.messages import (
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.control.guarded import onset
-from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()
 PEG = WORKCELL.peg.shape()
@@ -36,7 +36,7 @@ AXIS_BASE = NOMINAL.rotation[:, 2]
 FT = ForceTorqueConfig()
 
 
-def opened(friction: float = 0.1, noisy: bool = True, **more: Any) -> SimulatedCell:
+def opened(friction: float = 0.1, noisy: bool = True, **more: Any) -> HostedCell:
     sensor = FT if noisy else ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
     config = SimulatedConfig(friction_coefficient=friction, force_torque=sensor, **more)
     cell = open_cell(WORKCELL, HardwareConfig(simulated=config), realtime=False)
@@ -44,7 +44,7 @@ def opened(friction: float = 0.1, noisy: bool = True, **more: Any) -> SimulatedC
     return cell
 
 
-def know_payload(cell: SimulatedCell) -> None:
+def know_payload(cell: HostedCell) -> None:
     cell.arm.set_payload(
         SetPayload(
             bias=FT.bias,
@@ -56,13 +56,13 @@ def know_payload(cell: SimulatedCell) -> None:
 
 
 @pytest.fixture
-def cell() -> Iterator[SimulatedCell]:
+def cell() -> Iterator[HostedCell]:
     made = opened()
     yield made
     made.close()
 
 
-def place(cell: SimulatedCell, lateral_m: tuple[float, float], before_m: float, seed: int = 0) -> None:
+def place(cell: HostedCell, lateral_m: tuple[float, float], before_m: float, seed: int = 0) -> None:
     """The peg aligned with the nominal hole, its tip before the face."""
     pose = Pose.from_translation([*lateral_m, -PEG.tip_m - before_m])
     cell.simulation.reset(ResetCell(seed=seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(pose)))
@@ -76,12 +76,12 @@ def contact_of(outcome: GuardedMoveOutcome) -> Array:
     return np.asarray(np.array(outcome.wrench_observed_raw) - FT.bias - weight)
 
 
-def touch(cell: SimulatedCell, **more: Any) -> GuardedMoveOutcome:
+def touch(cell: HostedCell, **more: Any) -> GuardedMoveOutcome:
     command = {"speed_m_s": 0.005, "travel_limit_m": 0.04, "observe_s": 0.1, **more}
     return cell.arm.guarded_move(GuardedMove(direction_base=floats(AXIS_BASE), **command))
 
 
-def test_the_face_is_felt_where_it_is(cell: SimulatedCell) -> None:
+def test_the_face_is_felt_where_it_is(cell: HostedCell) -> None:
     place(cell, (0.02, 0.02), 0.004)
     outcome = touch(cell, retreat_m=0.001)
     assert outcome.stop_reason is StopReason.CONTACT
@@ -126,7 +126,7 @@ def test_the_onset_is_found_in_noise_behind_the_threshold(stiffness_n_m: float) 
         count = int(np.argmax(forces > 5.0)) + 1
         contacts: Array = rng.normal(size=(count, 6)) * [0.1, 0.1, 0.1, 0.005, 0.005, 0.005]
         contacts[:, :3] += forces[:count, None] * np.array([0.8, 0.0, -0.6])
-        errors.append(onset(np.asarray(travels[:count], dtype=float), contacts) - touched_m)
+        errors.append(onset(np.asarray(travels[:count], dtype=float), contacts, 0.001) - touched_m)
     assert np.max(np.abs(errors)) < 3e-5
     assert abs(float(np.median(errors))) < 5e-6
 
@@ -148,7 +148,7 @@ def test_deflection_is_what_the_stiffness_says() -> None:
         cell.close()
 
 
-def test_contacts_in_the_truth_add_up_to_what_the_sensor_feels(cell: SimulatedCell) -> None:
+def test_contacts_in_the_truth_add_up_to_what_the_sensor_feels(cell: HostedCell) -> None:
     place(cell, (0.001, 0.0005), 0.004)
     outcome = touch(cell)
     truth = cell.simulation.truth()
@@ -159,18 +159,18 @@ def test_contacts_in_the_truth_add_up_to_what_the_sensor_feels(cell: SimulatedCe
     np.testing.assert_allclose(contact_of(outcome), truth.wrench_contact, atol=1.0)
 
 
-def test_pushing_into_the_face_trips_the_force_cap_and_backs_off(cell: SimulatedCell) -> None:
+def test_pushing_into_the_face_trips_the_force_cap_and_backs_off(cell: HostedCell) -> None:
     place(cell, (0.02, 0.02), 0.001)
     goal = NOMINAL @ Pose.from_translation([0.02, 0.02, -PEG.tip_m + 0.006])
     outcome = cell.arm.move_linear(MoveLinear(pose_base_peg=PoseData.of(goal), speed_m_s=0.005))
     assert outcome.stop_reason is StopReason.FORCE_CAP
     assert "60 N" in outcome.detail
-    assert 60.0 < outcome.peak_force_n < 70.0
+    assert 45.0 < outcome.peak_force_n < 66.0  # it reacts before the cap, by what its speed will still press
     assert np.linalg.norm(cell.simulation.truth().wrench_contact[:3]) < 6.0
     assert outcome.pose_base_peg.pose().distance_to_m(goal) > 0.005
 
 
-def test_turning_in_the_hole_trips_the_moment_cap_and_backs_off(cell: SimulatedCell) -> None:
+def test_turning_in_the_hole_trips_the_moment_cap_and_backs_off(cell: HostedCell) -> None:
     # the body 5 mm deep
     before_m = -PEG.tip_m + PEG.taper_start_m - HOLE.chamfer_m - 0.005
     place(cell, (0.0, 0.0), before_m)
@@ -182,7 +182,7 @@ def test_turning_in_the_hole_trips_the_moment_cap_and_backs_off(cell: SimulatedC
     assert np.linalg.norm(cell.simulation.truth().wrench_contact[3:]) < 1.0
 
 
-def test_an_aligned_peg_slides_in_and_sits(cell: SimulatedCell) -> None:
+def test_an_aligned_peg_slides_in_and_sits(cell: HostedCell) -> None:
     place(cell, (0.0, 0.0), 0.001)
     outcome = cell.arm.admittance_move(
         AdmittanceMove(direction_base=floats(AXIS_BASE), speed_m_s=0.02, travel_m=0.043, timeout_s=10.0)
@@ -193,7 +193,7 @@ def test_an_aligned_peg_slides_in_and_sits(cell: SimulatedCell) -> None:
     assert depth_m + PEG.taper_start_m - HOLE.chamfer_m > WORKCELL.insertion_depth_m
 
 
-def test_small_errors_are_yielded_to_under_the_caps(cell: SimulatedCell) -> None:
+def test_small_errors_are_yielded_to_under_the_caps(cell: HostedCell) -> None:
     pose = Pose.from_rotvec([0.006, -0.006, 0.006], [0.0004, -0.0004, -PEG.tip_m - 0.001])
     cell.simulation.reset(ResetCell(seed=3, offset_hole=(0.0,) * 6, place_peg=PoseData.of(pose)))
     outcome = cell.arm.admittance_move(
@@ -203,7 +203,7 @@ def test_small_errors_are_yielded_to_under_the_caps(cell: SimulatedCell) -> None
     assert outcome.peak_force_n < 30.0
 
 
-def test_an_admittance_move_against_the_face_stalls_under_its_axial_force(cell: SimulatedCell) -> None:
+def test_an_admittance_move_against_the_face_stalls_under_its_axial_force(cell: HostedCell) -> None:
     place(cell, (0.02, 0.02), 0.0005)
     outcome = cell.arm.admittance_move(
         AdmittanceMove(direction_base=floats(AXIS_BASE), speed_m_s=0.004, travel_m=0.02, axial_force_n=15.0)
@@ -214,7 +214,7 @@ def test_an_admittance_move_against_the_face_stalls_under_its_axial_force(cell: 
 
 
 def test_the_same_seed_and_commands_give_the_same_trial_to_the_last_bit() -> None:
-    def trial(cell: SimulatedCell) -> list[dict[str, Any]]:
+    def trial(cell: HostedCell) -> list[dict[str, Any]]:
         pose = Pose.from_rotvec([0.02, 0.03, 0.04], [0.002, 0.001, -PEG.tip_m - 0.002])
         cell.simulation.reset(ResetCell(seed=11, place_peg=PoseData.of(pose)))
         axis = cell.simulation.truth().pose_base_peg.pose().rotation[:, 2]

@@ -14,18 +14,18 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, SetPayload, StopReason
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.cell import SimulatedCell, open_cell
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
 from services.hardware.drivers.simulated.engines.pybullet import bodies
 from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
+from services.hardware.hosting import HostedCell, open_cell
 
 FT = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
 ELL_M = tuple((x * 1e-3, y * 1e-3) for x, y in ((-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)))
 
 
 @contextmanager
-def opened(peg: PegDrawing, friction: float = 0.1) -> Iterator[tuple[SimulatedCell, Workcell]]:
+def opened(peg: PegDrawing, friction: float = 0.1) -> Iterator[tuple[HostedCell, Workcell]]:
     workcell = Workcell(peg=peg)
     config = SimulatedConfig(friction_coefficient=friction, force_torque=FT)
     cell = open_cell(workcell, HardwareConfig(simulated=config), realtime=False)
@@ -43,7 +43,7 @@ def opened(peg: PegDrawing, friction: float = 0.1) -> Iterator[tuple[SimulatedCe
         cell.close()
 
 
-def place(cell: SimulatedCell, workcell: Workcell, error: tuple[float, ...], before_m: float) -> Pose:
+def place(cell: HostedCell, workcell: Workcell, error: tuple[float, ...], before_m: float) -> Pose:
     """The peg before the nominal hole with an error (x, y, rx, ry, rz); where the hole is."""
     tip_m = workcell.peg.shape().tip_m
     pose = Pose.from_rotvec(error[2:], [*error[:2], -tip_m - before_m])

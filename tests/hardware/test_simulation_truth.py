@@ -11,7 +11,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.messages import CaptureStereo, Dwell, ResetCell
 from crosspih_common.shapes import CrossPeg
-from services.hardware.drivers.simulated.cell import SimulatedCell
+from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import CameraConfig, ForceTorqueConfig, SimulatedConfig, TruthConfig
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.truth import (
@@ -21,6 +21,7 @@ from services.hardware.drivers.simulated.truth import (
     true_peg,
     true_stiffness_nm_rad,
 )
+from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()
 SMALL = st.floats(-0.01, 0.01)
@@ -74,12 +75,12 @@ def test_a_sensor_off_its_place_feels_forces_about_its_own_origin(
     assert np.allclose(felt, expected, atol=1e-15)
 
 
-def _cell(truth: TruthConfig) -> SimulatedCell:
+def _cell(truth: TruthConfig) -> HostedCell:
     config = SimulatedConfig(
         truth=truth, force_torque=ForceTorqueConfig(noise_n=0.0, noise_nm=0.0, bias=(0.0,) * 6),
         camera=CameraConfig(samples=2, noise_grey=0.0),
     )  # fmt: skip
-    return SimulatedCell(WORKCELL, config, realtime=False)
+    return open_cell(WORKCELL, HardwareConfig(simulated=config), realtime=False)
 
 
 def test_the_cell_hides_what_it_is() -> None:
@@ -91,7 +92,7 @@ def test_the_cell_hides_what_it_is() -> None:
         try:
             cell.simulation.reset(ResetCell(seed=3))
             raw = cell.arm.dwell(Dwell(duration_s=0.2)).wrench_raw
-            _, _, left, _ = cell.camera.capture(CaptureStereo())
+            left = cell.camera.capture(CaptureStereo()).left
             seen.append((np.asarray(raw), left, cell.camera.calibration().pose_base_camera, cell.simulation.truth()))
         finally:
             cell.close()

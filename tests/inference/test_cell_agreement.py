@@ -21,8 +21,8 @@ from crosspih_common.messages.base import PoseData, floats
 from services.force_torque.calibration import ToolParameters
 from services.force_torque.compensation import compensated
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.registry import open_cell
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.hosting import open_cell
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 
 WORKCELL = Workcell()

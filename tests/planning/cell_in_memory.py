@@ -33,9 +33,10 @@ from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.registry import open_cell
+from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.shell import HardwareShell
+from services.hardware.hosting import open_cell
+from services.hardware.shells.hardware import HardwareShell
 from services.inference.config import InferenceConfig
 from services.inference.shell import InferenceShell
 from services.planning.config import PlanningConfig
@@ -60,6 +61,7 @@ class CellInMemory:
         half_range_lateral_m: float | None = None,
         peg: PegDrawing | None = None,
         simulated: SimulatedConfig | None = None,
+        limits: LimitsConfig | None = None,
     ) -> None:
         planning = planning or PlanningConfig(service_patience_s=0.5)
         self.hub = MemoryHub()
@@ -75,10 +77,10 @@ class CellInMemory:
         self.phases: list[AssemblyPhase] = []
         self.on_phase: Callable[[AssemblyPhase], None] = lambda phase: None
         hardware = self.context("hardware")
-        settings = HardwareConfig() if simulated is None else HardwareConfig(simulated=simulated)
+        settings = HardwareConfig(simulated=simulated or SimulatedConfig(), limits=limits or LimitsConfig())
         self.planning = PlanningShell(self.context("planning"), planning)
         self._shells: list[Closeable] = [
-            HardwareShell(open_cell(self.cell.workcell, settings, False), hardware, False),
+            HardwareShell(open_cell(self.cell.workcell, settings, False), hardware),
             ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))),
             self.planning,
         ]

@@ -10,7 +10,7 @@ import pytest
 
 from crosspih_common.keys import ABORT
 from crosspih_common.messages import AbortAssembly, AssemblyPhase, AssemblyResult, Failure, Phase
-from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.control.config import LimitsConfig
 from services.operator.scoring import insertion_depth_m, pose_error
 from services.planning.config import PlanningConfig
 from tests.planning.cell_in_memory import CellInMemory
@@ -96,7 +96,7 @@ def test_a_push_that_does_not_enter_is_mended_by_touching(folder: Path) -> None:
 def test_a_cap_that_stops_the_pressing_leaves_the_peg_in(folder: Path) -> None:
     """Presses so hard that the arm's cap ends them: what the seat tells counts, and the peg is not taken out again."""
     planning = PlanningConfig(service_patience_s=0.5, press_force_n=45.0, max_overloads=1)
-    cell = CellInMemory(folder, planning=planning, simulated=SimulatedConfig(force_cap_n=30.0))
+    cell = CellInMemory(folder, planning=planning, limits=LimitsConfig(force_cap_n=30.0))
     try:
         cell.reset(6)
         result = cell.assemble()

@@ -92,7 +92,7 @@ def test_a_spiral_passes_no_place_by(radius_m: float, pitch_m: float, clockwise:
 def test_a_fine_spiral_is_a_path_that_the_arm_takes(radius_m: float, pitch_m: float) -> None:
     """Its innermost turns are shorter than a step of the arm."""
     knots = archimedean(radius_m, pitch_m, 0.008)
-    search = SearchPath(knots, np.eye(3), np.array([0.0, 0.0, 1.0]))
+    search = SearchPath(knots, np.eye(3), np.array([0.0, 0.0, 1.0]), 0.001)
     assert search.fastest_m_s <= 1.01 * max(0.008, np.pi * (radius_m + pitch_m) ** 2 / pitch_m / (SEARCH_S - SETTLE_S))
     assert np.linalg.norm(knots[-1].offset_m) >= radius_m - 1e-9
 

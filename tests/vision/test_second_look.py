@@ -14,8 +14,8 @@ from crosspih_common.keys import LOCATE, RESET
 from crosspih_common.messages import HoleEstimate, LocateHole, ResetCell, SceneFaults
 from crosspih_common.service.lifecycle import Closeable, ServiceContext
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.registry import open_cell
-from services.hardware.shell import HardwareShell
+from services.hardware.hosting import open_cell
+from services.hardware.shells.hardware import HardwareShell
 from services.vision.config import VisionConfig
 from services.vision.second_look import LAMPS, Look, next_look
 from services.vision.shell import VisionShell
@@ -54,7 +54,7 @@ class Cell:
 
         self.contexts = [context(name) for name in ("hardware", "vision", "operator")]
         self.shells: list[Closeable] = [
-            HardwareShell(open_cell(cell.workcell, HardwareConfig(), False), self.contexts[0], False),
+            HardwareShell(open_cell(cell.workcell, HardwareConfig(), False), self.contexts[0]),
             VisionShell(self.contexts[1], VisionConfig(looks=looks)),
         ]
         self.bus = self.contexts[2].bus

@@ -21,17 +21,17 @@ from crosspih_common.arm.inverse import InverseError, nearest
 from crosspih_common.geometry import Pose, skew
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import AdmittanceMove, StopReason
-from services.hardware.control.motions import Ending, Steps
+from services.hardware.control.cycle import Reading, Reference, finite_difference_speed
+from services.hardware.control.motions import Ending, Steps, cycles
+from services.hardware.control.runner import Runner
 from services.hardware.control.search_path import SearchPath
-from services.hardware.control.servo import Reading, Reference, Servo, finite_difference_speed
-from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 
 FILTER_HZ = 100.0
 STALL_SHARE = 0.02
 _RAMP_M_S2 = 0.5
 _MOMENT_LOAD_NM = 4.0
-_EXACT_EVERY = 5
-_JACOBIAN_EVERY = 50
+_EXACT_S = 0.005
+_JACOBIAN_S = 0.05
 
 
 class Admittance:
@@ -39,7 +39,7 @@ class Admittance:
 
     def __init__(
         self, arm: ArmModel, pose_flange_peg: Pose, start: Pose, direction_base: Array, command: AdmittanceMove,
-        search: SearchPath | None = None,
+        search: SearchPath, period_s: float,
     ) -> None:  # fmt: skip
         self._arm = arm
         self._pose_flange_peg = pose_flange_peg
@@ -47,23 +47,24 @@ class Admittance:
         self._start = start
         self._direction = direction_base
         self._command = command
-        self._search = search or SearchPath((), start.rotation, direction_base)
+        self._search, self._period_s = search, period_s
         self.travel_m = 0.0
 
-    def steps(self, servo: Servo) -> Steps:
+    def steps(self, runner: Runner) -> Steps:
         """Until seated, stalled, at the end of the search path or out of time."""
-        command, direction, search = self._command, self._direction, self._search
-        smoothing = 1.0 - np.exp(-2.0 * np.pi * FILTER_HZ * STEP_S)
+        command, direction, search, period_s = self._command, self._direction, self._search, self._period_s
+        exact_every, jacobian_every = cycles(_EXACT_S, period_s), cycles(_JACOBIAN_S, period_s)
+        smoothing = 1.0 - np.exp(-2.0 * np.pi * FILTER_HZ * period_s)
         centre_peg = np.asarray(command.centre_peg_m, float)
         pose = self._start
         begin = centre = pose.apply(centre_peg)
-        joints = servo.joints_rad
+        joints = runner.joints_rad
         wrench = np.zeros(6)
         speed = 0.0
-        window = max(1, round(command.stall_s / STEP_S))
+        window = cycles(command.stall_s, period_s)
         progress: deque[float] = deque([0.0], maxlen=window)
-        to_joints: Array = np.eye(6)
-        for index in range(max(1, round(command.timeout_s / STEP_S))):
+        to_joints: Array = np.eye(len(joints), 6)
+        for index in range(cycles(command.timeout_s, period_s)):
             before = pose
             axial_speed, lateral, turn = self._velocities(wrench, pose, centre_peg)
             if search.steps:
@@ -72,24 +73,26 @@ class Admittance:
                 lateral = lateral + search.velocity_m_s[index]
                 turn = turn + search.turn_rad_s[index]
             # gather speed gently, give way at once
-            speed = min(axial_speed, speed + _RAMP_M_S2 * STEP_S)
-            centre = centre + (direction * speed + lateral) * STEP_S
+            speed = min(axial_speed, speed + _RAMP_M_S2 * period_s)
+            centre = centre + (direction * speed + lateral) * period_s
             # At 0.05 rad/s a step turns 5e-5 rad: the second order is exact to 1e-14.
-            spin = skew(turn * STEP_S)
+            spin = skew(turn * period_s)
             rotation = pose.rotation + spin @ (pose.rotation + 0.5 * spin @ pose.rotation)
             pose = Pose(rotation, centre - rotation @ centre_peg)
             # The closed form every 5 ms, the Jacobian in between: nanometres apart, at a third of the time.
-            if index % _JACOBIAN_EVERY == 0:
-                to_joints = np.asarray(np.linalg.inv(self._arm.jacobian(joints, self._pose_flange_peg)), dtype=float)
-            if index % _EXACT_EVERY == 0:
+            if index % jacobian_every == 0:
+                to_joints = np.asarray(np.linalg.pinv(self._arm.jacobian(joints, self._pose_flange_peg)), dtype=float)
+            if index % exact_every == 0:
                 try:
                     following = nearest(self._arm, pose @ self._peg_to_flange, joints)
                 except InverseError as error:
                     return Ending(StopReason.STALLED, f"yielding led out of reach: {error}")
             else:
                 moved = pose.translation_m - before.translation_m
-                following = joints + to_joints @ np.concatenate([moved, turn * STEP_S])
-            reading: Reading = yield Reference(following, finite_difference_speed(joints, following), np.zeros(6), pose)
+                following = joints + to_joints @ np.concatenate([moved, turn * period_s])
+            tip_speed = abs(speed) + float(np.sqrt(lateral @ lateral))
+            speeds = finite_difference_speed(joints, following, period_s)
+            reading: Reading = yield Reference(following, speeds, pose, tip_speed_m_s=tip_speed)
             joints = following
             wrench = wrench + smoothing * (reading.contact - wrench)
             self.travel_m = float((centre - begin) @ direction)

@@ -1,4 +1,4 @@
-"""The simulated arm: checks commands, runs motions under the caps, and says what was really done."""
+"""The arm's controller over thin devices: judges commands, runs motions, and says what was really done."""
 
 from __future__ import annotations
 
@@ -21,99 +21,137 @@ from crosspih_common.messages import (
     JointState,
     MotionOutcome,
     MoveLinear,
+    RawWrenchBatch,
     SetPayload,
-    StopReason,
 )
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.control.admittance import Admittance
+from services.hardware.control.config import LimitsConfig
 from services.hardware.control.effort import Effort
+from services.hardware.control.execution import Execution
 from services.hardware.control.guarded import OVERSHOOT_M, Guarded
-from services.hardware.control.motions import Ending, Follow, Hold, Linear, Motion, back_off, brake
+from services.hardware.control.holder import Holder
+from services.hardware.control.limits import TouchingLimits, judged_admittance, judged_guarded, path_stretch
+from services.hardware.control.motions import Along, Ending, Hold
 from services.hardware.control.paths import (
     JointTrajectory,
+    LineInTime,
     between,
     line,
+    refuse_longer,
     refuse_not_finite,
     unit_direction,
 )
 from services.hardware.control.payload import Payload
+from services.hardware.control.runner import LAST_S, Runner
 from services.hardware.control.search_path import SearchPath
-from services.hardware.control.servo import LAST_SAMPLES, Reading, Servo
 from services.hardware.control.turn import Turn
-from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
+from services.hardware.control.zone import ContactZone, tip_pose
+from services.hardware.protocols import JointDevice, WrenchDevice
 
-SMALL_LOAD = (5.0, 0.5)  # N, Nm
-WORSE_SHARE = 0.25  # of the caps
 _LINEAR_M_S2 = 2.0
 _LINEAR_RAD_S2 = 10.0
 
 
-class SimulatedArm:
-    """Implements the Arm protocol. Commands come from any thread, one at a time."""
+class ArmController:
+    """The arm and the sensor in its wrist. Commands come from any thread, one at a time."""
 
-    def __init__(self, workcell: Workcell, config: SimulatedConfig, servo: Servo, turn: Turn) -> None:
-        self._arm = workcell.arm()
+    def __init__(
+        self, workcell: Workcell, config: LimitsConfig, joints: JointDevice, wrench: WrenchDevice, realtime: bool
+    ) -> None:
+        self._arm = joints.model
         self._pose_flange_peg = workcell.pose_flange_peg()
+        self._pose_flange_tip = tip_pose(workcell)
+        self._stiffness_nm_rad = np.asarray(workcell.joint_stiffness_nm_rad, float)
         self._config = config
-        self._servo = servo
-        self._turn = turn  # whoever steps the cell has it
+        self._joints = joints
+        self._runner = Runner(joints, wrench, self._pose_flange_peg)
+        self._zone = ContactZone(workcell, self._arm)
+        self._turn = Turn()  # whoever steps the cell has it
         self._commanded = threading.Lock()
-        self._stop_lock = threading.Lock()
-        self._moving = False
-        self._stop_wanted = False
-        self._peak_force_n = 0.0
-        self._peak_moment_nm = 0.0
-        tip_m = [0.0, 0.0, workcell.peg.shape().tip_m]
-        self._effort = Effort(self._arm, self._pose_flange_peg.apply(tip_m), STEP_S)
+        self.holder = Holder(config.holder_timeout_s, realtime)
+        self._effort = Effort(self._arm, self._pose_flange_tip.translation_m, joints.period_s)
+        self._execution = Execution(self._runner, config, self.holder, self._effort)
+        self._closing = threading.Event()
+        self._idler: threading.Thread | None = None
+        if realtime:
+            self._idler = threading.Thread(target=self._idle, name="arm-loop", daemon=True)
+            self._idler.start()
+
+    # ------------------------------------------------------------------------------------------------------- streams
+
+    def now_ns(self) -> int:
+        """The arm's clock, which is the cell's, ns."""
+        return self._runner.now_ns
+
+    def on_tick(self, listener: Callable[[int], object]) -> None:
+        """Call with the cell time about 50 times a second of cell time."""
+        self._runner.on_tick(listener)
 
     def joint_state(self) -> JointState:
         """The encoders now: the motor side."""
-        return self._servo.joint_state()
+        return self._runner.joint_state()
 
     def on_joint_state(self, listener: Callable[[JointState], object]) -> None:
-        """250 Hz of cell time."""
-        self._servo.on_joint_state(listener)
+        """Call with every joint state (250 Hz of cell time, or the arm's own rate where that is slower)."""
+        self._runner.on_joint_state(listener)
+
+    def on_batch(self, listener: Callable[[RawWrenchBatch], object]) -> None:
+        """Call with all raw samples of the sensor, in batches of about 10 ms."""
+        self._runner.on_batch(listener)
+
+    # ------------------------------------------------------------------------------------------------------ commands
 
     def follow(self, command: FollowTrajectory) -> MotionOutcome:
-        """Raises CommandRefused: wrong_start, joint_limit, speed_limit, acceleration_limit, knots, not_finite."""
+        """Raises CommandRefused: wrong_start, joint_limit, speed_limit, acceleration_limit, knots, not_finite, size."""
         with self._command():
-            trajectory = JointTrajectory(self._arm, command.knots, self._servo.joints_rad)
-            return self._done(self._run(Follow(trajectory)), None)
+            refuse_longer("knots", command.knots[-1].time_s - command.knots[0].time_s, self._config.motion_s)
+            trajectory = JointTrajectory(self._arm, command.knots, self._runner.joints_rad)
+            return self._along(trajectory)
 
     def move_linear(self, command: MoveLinear) -> MotionOutcome:
-        """Raises CommandRefused: unreachable, joint_limit, not_finite. Joint limits may make it slower than asked."""
+        """Raises CommandRefused: unreachable, joint_limit, not_finite, size. Joint limits may make it slower."""
         refuse_not_finite("pose_base_peg", [*command.pose_base_peg.position_m, *command.pose_base_peg.quaternion_xyzw])
         if float(np.linalg.norm(command.pose_base_peg.quaternion_xyzw)) < 1e-6:
             raise CommandRefused("not_finite", "pose_base_peg.quaternion_xyzw is zero, want a rotation")
         with self._command():
-            start, goal = self._servo.forward(self._servo.joints_rad), command.pose_base_peg.pose()
-            path = between(self._arm, self._pose_flange_peg, start, goal, self._servo.joints_rad)
+            start, goal = self._runner.forward(self._runner.joints_rad), command.pose_base_peg.pose()
             distance, angle = start.distance_to_m(goal), start.angle_to_rad(goal)
             duration_s = max(
                 1.875 * distance / command.speed_m_s,
                 1.875 * angle / command.rotational_speed_rad_s,
                 float(np.sqrt(5.7736 * distance / _LINEAR_M_S2)),
                 float(np.sqrt(5.7736 * angle / _LINEAR_RAD_S2)),
-                0.004,
+                4.0 * self._runner.period_s,
             )
-            return self._done(self._run(Linear(path, path.shortest_s(duration_s))), None)
+            refuse_longer("speed_m_s", duration_s, self._config.motion_s)
+            path = between(self._arm, self._pose_flange_peg, start, goal, self._runner.joints_rad)
+            return self._along(LineInTime(path, path.shortest_s(duration_s)))
+
+    def _along(self, path: JointTrajectory | LineInTime) -> MotionOutcome:
+        limits = self._limits()
+        pace, note = self._zone.pace(
+            path, limits.contact_speed_m_s(), self._config.free_braking_m_s2, self._config.clear_out_m_s
+        )
+        return self._done(self._execution.run(Along(path, pace), limits), None, [note] if note else [])
 
     def guarded_move(self, command: GuardedMove) -> GuardedMoveOutcome:
-        """`travel_m` is how far it went before it retreated. Raises as `move_linear`, and speed_limit."""
+        """`travel_m` is how far it went before it retreated. Raises as `move_linear`, and speed_limit, cap."""
         direction = unit_direction("direction_base", command.direction_base)
         with self._command():
-            servo = self._servo
-            start = servo.forward(servo.joints_rad)
-            creep_m = command.creep_speed_m_s * max(command.observe_s, command.observe_samples * 1e-3)
+            runner, limits = self._runner, self._limits()
+            command, notes = judged_guarded(command, limits)
+            refuse_longer("speed_m_s", command.travel_limit_m / command.speed_m_s, self._config.motion_s)
+            start = runner.forward(runner.joints_rad)
+            creep_m = command.creep_speed_m_s * max(command.observe_s, command.average_s)
             beyond_m = creep_m + command.speed_m_s**2 / 10.0 + OVERSHOOT_M
             path = line(
-                self._arm, self._pose_flange_peg, start, direction, command.travel_limit_m + beyond_m, servo.joints_rad
+                self._arm, self._pose_flange_peg, start, direction, command.travel_limit_m + beyond_m, runner.joints_rad
             )
             path.check_speed(max(command.speed_m_s, 0.05))
-            motion = Guarded(path, command)
+            motion = Guarded(path, command, runner.period_s, limits.braking_m_s2)
             self._feel_nothing()
-            outcome = self._done(self._run(motion), motion.travel_m)
+            outcome = self._done(self._execution.run(motion, limits), motion.travel_m, notes)
             found: dict[str, object] = {}
             if motion.free_raw is not None:
                 found["wrench_free_raw"] = floats(motion.free_raw)
@@ -138,20 +176,27 @@ class SimulatedArm:
         direction = unit_direction("direction_base", command.direction_base)
         refuse_not_finite("centre_peg_m", command.centre_peg_m)
         with self._command():
-            servo = self._servo
-            start = servo.forward(servo.joints_rad)
-            path = line(self._arm, self._pose_flange_peg, start, direction, command.travel_m, servo.joints_rad)
-            search = SearchPath(command.path, start.rotation, direction)
+            runner, limits = self._runner, self._limits()
+            start = runner.forward(runner.joints_rad)
+            path = line(self._arm, self._pose_flange_peg, start, direction, command.travel_m, runner.joints_rad)
+            search = SearchPath(command.path, start.rotation, direction, runner.period_s)
+            stretch = path_stretch(search.fastest_m_s, command.axial_force_n, limits)
+            if stretch > 1.0:
+                search = SearchPath(command.path, start.rotation, direction, runner.period_s, stretch)
+            command, notes = judged_admittance(command, limits, search.fastest_m_s)
+            if stretch > 1.0:
+                notes.append(f"path slowed by {stretch:.3g}: faster could press beyond the cap")
+                command = command.model_copy(update={"timeout_s": command.timeout_s * stretch})
             path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s + search.fastest_m_s)
-            motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search)
+            motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search, runner.period_s)
             self._feel_nothing()
-            return self._done(self._run(motion), motion.travel_m)
+            return self._done(self._execution.run(motion, limits), motion.travel_m, notes)
 
     def dwell(self, command: Dwell) -> MotionOutcome:
         """The wrench is the mean of the dwell, less its first 30 ms."""
         with self._command():
             motion = Hold(command.duration_s)
-            outcome = self._done(self._run(motion), 0.0)
+            outcome = self._done(self._execution.run(motion, self._limits()), 0.0, [])
             if len(motion.samples) < 2:
                 return outcome
             mean, sd = _mean(np.array(motion.samples))
@@ -163,24 +208,25 @@ class SimulatedArm:
         refuse_not_finite("centroid_ft_m", [command.weight_n, *command.centroid_ft_m])
         unit_direction("gravity_base", command.gravity_base)
         with self._turn.taken():
-            self._servo.use_payload(Payload.from_command(command))
+            self._runner.use_payload(Payload.from_command(command))
+
+    # --------------------------------------------------------------------------------------- stops, and whose turn
+
+    def accept(self) -> None:
+        """A motion was accepted and is about to begin: from now on a stop ends it."""
+        self._execution.accept()
+
+    def done(self) -> None:
+        """The accepted motion has ended or did not begin."""
+        self._execution.done()
 
     def stop(self) -> bool:
-        """At the next step; whether anything moved."""
-        with self._stop_lock:
-            self._stop_wanted = self._moving
-            return self._moving
+        """End whatever moves or is about to, at the next cycle; whether anything did. Any thread may call."""
+        return self._execution.stop()
 
-    def idle_step(self) -> None:
-        """One millisecond between commands."""
-        with self._turn.idle():
-            self.hold_still(1)
-
-    def hold_still(self, steps: int) -> None:
-        """Some milliseconds of holding still; the caps hold here too. For whoever has the turn."""
-        for _ in range(steps):
-            if self._over_caps(self._servo.advance(self._servo.still())) is not None:
-                self._back_off()
+    def hold_still(self, duration_s: float) -> None:
+        """Hold still for a time, for whoever has the turn: a simulated camera exposes meanwhile."""
+        self._execution.hold_still(duration_s)
 
     @contextmanager
     def exclusively(self) -> Iterator[None]:
@@ -199,104 +245,72 @@ class SimulatedArm:
         with self._commanded, self._turn.taken():
             yield
 
+    def restart(self) -> None:
+        """The arm was put somewhere else, by a reset: nothing of what was before is known. Call it exclusively."""
+        self._runner.restart()
+
+    def close(self) -> None:
+        """Stop all motion, end the loop, tell the arm to stand. A second call does nothing."""
+        self.stop()
+        self._closing.set()
+        if self._idler is not None:
+            self._idler.join()
+            self._idler = None
+        with self.between_motions():
+            self._joints.halt()
+
+    def _idle(self) -> None:
+        while not self._closing.is_set():
+            with self._turn.idle():
+                self._execution.hold_still(self._runner.period_s)
+
     @contextmanager
     def _command(self) -> Iterator[None]:
         with self.exclusively():
-            with self._stop_lock:
-                self._moving, self._stop_wanted = True, False
-            self._peak_force_n = self._peak_moment_nm = 0.0
-            self._effort.restart()
-            self._start_ns = self._servo.now_ns
-            self._start_joints = self._servo.joints_rad
+            self._execution.accept()
+            self._execution.restart()
+            self._start_ns = self._runner.now_ns
+            self._start_joints = self._runner.joints_rad
             try:
                 yield
             finally:
-                with self._stop_lock:
-                    self._moving = self._stop_wanted = False
+                self._execution.done()
+
+    def _limits(self) -> TouchingLimits:
+        return TouchingLimits.at(
+            self._config, self._arm, self._stiffness_nm_rad, self._runner.joints_rad, self._pose_flange_tip,
+            self._runner.period_s,
+        )  # fmt: skip
 
     def _feel_nothing(self) -> None:
         """Without a known payload, moves that go by force first need something to tare by."""
-        if self._servo.payload is None and len(self._servo.last_raw) < LAST_SAMPLES:
-            self.hold_still(LAST_SAMPLES)
-            self._peak_force_n = self._peak_moment_nm = 0.0
+        last = self._runner.last_samples
+        if self._runner.payload is None and len(last) < (last.maxlen or 0):
+            self._execution.hold_still(LAST_S)
+            self._execution.restart()
 
-    def _over_caps(self, reading: Reading) -> Ending | None:
-        self._peak_force_n = max(self._peak_force_n, reading.force_n)
-        self._peak_moment_nm = max(self._peak_moment_nm, reading.moment_nm)
-        # written so that a force that is not a number trips it too
-        if not reading.force_n <= self._config.force_cap_n:
-            return Ending(
-                StopReason.FORCE_CAP, f"|F| {reading.force_n:.1f} N passed {self._config.force_cap_n:g} N: backed off"
-            )
-        if not reading.moment_nm <= self._config.moment_cap_nm:
-            return Ending(
-                StopReason.MOMENT_CAP,
-                f"|M| {reading.moment_nm:.2f} Nm passed {self._config.moment_cap_nm:g} Nm: backed off",
-            )
-        return None
-
-    def _back_off(self) -> None:
-        servo = self._servo
-        worse = (WORSE_SHARE * self._config.force_cap_n, WORSE_SHARE * self._config.moment_cap_nm)
-        for steps in (
-            brake(servo, self._arm.limits.acceleration_rad_s2),
-            back_off(servo, SMALL_LOAD, worse),
-        ):
-            try:
-                reference = next(steps)
-                while True:
-                    reading = servo.advance(reference)
-                    self._effort.add(servo.joints_rad, reading.force_n)
-                    self._peak_force_n = max(self._peak_force_n, reading.force_n)
-                    self._peak_moment_nm = max(self._peak_moment_nm, reading.moment_nm)
-                    reference = steps.send(reading)
-            except StopIteration:
-                pass
-
-    def _run(self, motion: Motion) -> Ending:
-        servo = self._servo
-        servo.tare()
-        steps = motion.steps(servo)
-        reference = next(steps)
-        while True:
-            if self._stop_wanted:
-                for slower in brake(servo, self._arm.limits.acceleration_rad_s2):
-                    servo.advance(slower)
-                return Ending(StopReason.STOPPED, "stopped by command")
-            reading = servo.advance(reference)
-            self._effort.add(servo.joints_rad, reading.force_n)
-            ending = self._over_caps(reading)
-            if ending is not None:
-                self._back_off()
-                return ending
-            try:
-                reference = steps.send(reading)
-            except StopIteration as end:
-                ending = end.value
-                assert isinstance(ending, Ending)
-                return ending
-
-    def _done(self, ending: Ending, travel_m: float | None) -> MotionOutcome:
-        servo = self._servo
-        pose = servo.forward(servo.joints_rad)
-        servo.pose_base_peg = pose
+    def _done(self, ending: Ending, travel_m: float | None, notes: list[str]) -> MotionOutcome:
+        runner, execution = self._runner, self._execution
+        pose = runner.forward(runner.measured_rad)
+        runner.pose_base_peg = pose
         if travel_m is None:
-            travel_m = pose.distance_to_m(servo.forward(self._start_joints))
-        servo.speeds_rad_s = np.zeros(6)
-        mean, sd = _mean(np.array(servo.last_raw)) if servo.last_raw else (np.zeros(6), np.zeros(6))
+            travel_m = pose.distance_to_m(runner.forward(self._start_joints))
+        runner.speeds_rad_s = np.zeros(len(runner.joints_rad))
+        mean, sd = _mean(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.zeros(6))
         return MotionOutcome(
-            stamp_ns=servo.now_ns,
+            stamp_ns=runner.now_ns,
             stop_reason=ending.reason,
             detail=ending.detail,
+            notes=tuple(notes),
             start_stamp_ns=self._start_ns,
-            duration_s=(servo.now_ns - self._start_ns) * 1e-9,
+            duration_s=(runner.now_ns - self._start_ns) * 1e-9,
             travel_m=travel_m,
-            joints_rad=floats(servo.joints_rad),
+            joints_rad=floats(runner.measured_rad),
             pose_base_peg=PoseData.of(pose),
             wrench_raw=floats(mean),
             wrench_sd=floats(sd),
-            peak_force_n=self._peak_force_n,
-            peak_moment_nm=self._peak_moment_nm,
+            peak_force_n=execution.peak_force_n,
+            peak_moment_nm=execution.peak_moment_nm,
             **dataclasses.asdict(self._effort.figures()),
         )
 

@@ -15,8 +15,8 @@ from scipy.signal import savgol_filter
 from crosspih_common.arm import ArmModel
 from crosspih_common.geometry.pose import Array
 
-STEPS_A_SAMPLE = 2
-WINDOW = 15
+SAMPLE_S = 0.002
+WINDOW_S = 0.03
 MOVING_M_S = 0.01
 CONTACT_N = 2.0  # above the noise, and above what a gentle move feels of the payload's inertia
 HEAVY_N = 20.0
@@ -39,6 +39,7 @@ class Effort:
 
     def __init__(self, arm: ArmModel, tip_flange_m: Array, step_s: float) -> None:
         self._arm, self._tip_flange_m, self._step_s = arm, tip_flange_m, step_s
+        self._steps_a_sample = max(1, round(SAMPLE_S / step_s))
         self._joints: list[Array] = []
         self._force_n: list[float] = []
 
@@ -48,8 +49,8 @@ class Effort:
         self._force_n.clear()
 
     def add(self, joints_rad: Array, force_n: float) -> None:
-        """One step of the motor side (6,) and the contact force felt in it."""
-        if len(self._force_n) % STEPS_A_SAMPLE == 0:
+        """One step of the joints (n,) and the contact force felt in it."""
+        if len(self._force_n) % self._steps_a_sample == 0:
             self._joints.append(joints_rad)
         self._force_n.append(force_n)
 
@@ -57,8 +58,8 @@ class Effort:
         """Over all steps since the restart."""
         force = np.asarray(self._force_n)
         touching = force > CONTACT_N
-        tips = tip_positions(self._arm, np.array(self._joints).reshape(-1, 6), self._tip_flange_m)
-        moving_s, jerk_integral = smoothness(tips, STEPS_A_SAMPLE * self._step_s)
+        tips = tip_positions(self._arm, np.array(self._joints).reshape(len(self._joints), -1), self._tip_flange_m)
+        moving_s, jerk_integral = smoothness(tips, self._steps_a_sample * self._step_s)
         return EffortFigures(
             tip_path_m=float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()),
             moving_s=moving_s,
@@ -84,12 +85,13 @@ def tip_positions(arm: ArmModel, joints_rad: Array, tip_flange_m: Array) -> Arra
 
 def smoothness(positions_m: Array, period_s: float) -> tuple[float, float]:
     """(time in motion, s; integral of |jerk| over it, m/s^2) of positions (n, 3); zeros where n is below the window."""
-    if len(positions_m) <= WINDOW:
+    window = max(5, 2 * int(WINDOW_S / period_s / 2.0) + 1)
+    if len(positions_m) <= window:
         return 0.0, 0.0
     velocity = np.diff(positions_m, axis=0) / period_s
     fitted = {
         order: np.linalg.norm(
-            savgol_filter(velocity, WINDOW, 2, deriv=order, delta=period_s, axis=0, mode="interp"), axis=1
+            savgol_filter(velocity, window, 2, deriv=order, delta=period_s, axis=0, mode="interp"), axis=1
         )
         for order in (0, 2)
     }

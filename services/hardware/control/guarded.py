@@ -13,16 +13,15 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import GuardedMove, StopReason
-from services.hardware.control.motions import Ending, Steps
+from services.hardware.control.cycle import Reading, Reference
+from services.hardware.control.motions import Ending, Steps, cycles
 from services.hardware.control.paths import StraightPath
-from services.hardware.control.servo import Reading, Reference, Servo
-from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
+from services.hardware.control.runner import Runner
 
-FREE_SKIP = 10
-FREE_SAMPLES = 30
-BRAKE_M_S2 = 5.0
+FREE_SKIP_S = 0.01
+FREE_S = 0.03
 OVERSHOOT_M = 0.002
-ONSET_WINDOW = 25
+ONSET_S = 0.025
 _RETREAT_M_S = 0.05
 _RETREAT_M_S2 = 0.5
 
@@ -35,9 +34,10 @@ def ramp_m_s2(speed_m_s: float) -> float:
 class Guarded:
     """One guarded move; what it found stands in its attributes afterwards."""
 
-    def __init__(self, path: StraightPath, command: GuardedMove) -> None:
+    def __init__(self, path: StraightPath, command: GuardedMove, period_s: float, braking_m_s2: float) -> None:
         self._path = path
         self._command = command
+        self._period_s, self._braking_m_s2 = period_s, braking_m_s2
         self.travel_m = 0.0
         self.free_raw: Array | None = None
         self.onset_m: float | None = None
@@ -46,25 +46,26 @@ class Guarded:
         self.observed_travel_m: float | None = None
         self._speed = 0.0
 
-    def steps(self, servo: Servo) -> Steps:
+    def steps(self, runner: Runner) -> Steps:
         """Free air, approach, creep, retreat."""
         free: list[Array] = []
         felt: list[Array] = []
-        for index in range(FREE_SKIP + FREE_SAMPLES):
-            reading = yield servo.still()
-            if index >= FREE_SKIP:
+        skip, count = cycles(FREE_SKIP_S, self._period_s), cycles(FREE_S, self._period_s)
+        for index in range(skip + count):
+            reading = yield runner.still()
+            if index >= skip:
                 free.append(reading.raw)
                 felt.append(reading.contact)
         self.free_raw = np.mean(free, axis=0)
         offset = np.mean(felt, axis=0)
-        if servo.payload is not None and self._over(offset):
+        if runner.payload is not None and self._over(offset):
             # It touches already: the tare would hide that.
             offset = np.zeros(6)
-        touched = yield from self._approach(servo, offset)
+        touched = yield from self._approach(runner, offset)
         if not touched:
             return Ending(StopReason.TRAVEL_LIMIT, f"nothing felt within {self._command.travel_limit_m * 1e3:.1f} mm")
-        yield from self._creep(servo)
-        yield from self._retreat(servo)
+        yield from self._creep(runner)
+        yield from self._retreat(runner)
         return Ending(StopReason.CONTACT)
 
     def _over(self, contact: Array) -> bool:
@@ -76,11 +77,11 @@ class Guarded:
 
     def _go(self, speed: float) -> Reference:
         self._speed = speed
-        self.travel_m += speed * STEP_S
+        self.travel_m += speed * self._period_s
         joints, slope, _ = self._path.at(self.travel_m)
-        return Reference(joints, slope * speed, np.zeros(6), self._path.pose_at(self.travel_m))
+        return Reference(joints, slope * speed, self._path.pose_at(self.travel_m), tip_speed_m_s=speed)
 
-    def _approach(self, servo: Servo, offset: Array) -> Generator[Reference, Reading, bool]:
+    def _approach(self, runner: Runner, offset: Array) -> Generator[Reference, Reading, bool]:
         command = self._command
         ramp = ramp_m_s2(command.speed_m_s)
         travels, contacts = [], []
@@ -88,60 +89,64 @@ class Guarded:
             left = command.travel_limit_m - self.travel_m
             if left < 1e-6:
                 return False
-            speed = min(command.speed_m_s, self._speed + ramp * STEP_S, max(2e-4, np.sqrt(2.0 * ramp * left)))
-            reading: Reading = yield self._go(float(min(speed, left / STEP_S)))
+            speed = min(command.speed_m_s, self._speed + ramp * self._period_s, max(2e-4, np.sqrt(2.0 * ramp * left)))
+            reading: Reading = yield self._go(float(min(speed, left / self._period_s)))
             contact = reading.contact - offset
             travels.append(self.travel_m)
             contacts.append(contact)
             if self._over(contact):
-                self.onset_m = onset(np.array(travels), np.array(contacts))
+                self.onset_m = onset(np.array(travels), np.array(contacts), self._period_s)
                 return True
 
-    def _creep(self, servo: Servo) -> Generator[Reference, Reading, None]:
+    def _creep(self, runner: Runner) -> Generator[Reference, Reading, None]:
         command = self._command
-        count = max(command.observe_samples, round(command.observe_s / STEP_S))
-        raws, joints, travels = [], [], []
+        observed = cycles(command.average_s, self._period_s)
+        count = max(observed, cycles(command.observe_s, self._period_s))
+        samples, joints, travels = [], [], []
         for _ in range(count):
-            speed = max(command.creep_speed_m_s, self._speed - BRAKE_M_S2 * STEP_S)
+            speed = max(command.creep_speed_m_s, self._speed - self._braking_m_s2 * self._period_s)
             reference = self._go(speed)
             reading = yield reference
-            raws.append(reading.raw)
-            joints.append(reference.joints_rad)
+            samples.append(reading.samples)
+            joints.append(reading.joints_rad)
             travels.append(self.travel_m)
-        last = slice(count - command.observe_samples, count)
-        self.observed_raw = np.array(raws[last])
+        last = slice(count - observed, count)
+        self.observed_raw = np.concatenate(samples[last])
         self.observed_joints_rad = np.mean(joints[last], axis=0)
         self.observed_travel_m = float(np.mean(travels[last]))
 
-    def _retreat(self, servo: Servo) -> Generator[Reference, Reading, None]:
+    def _retreat(self, runner: Runner) -> Generator[Reference, Reading, None]:
         there = self.travel_m
         left = min(self._command.retreat_m, there)
         speed = 0.0
         while left > 1e-9:
-            speed = min(_RETREAT_M_S, speed + _RETREAT_M_S2 * STEP_S, max(2e-4, np.sqrt(2.0 * _RETREAT_M_S2 * left)))
-            speed = min(speed, left / STEP_S)
-            left -= speed * STEP_S
+            speed = min(
+                _RETREAT_M_S, speed + _RETREAT_M_S2 * self._period_s, max(2e-4, np.sqrt(2.0 * _RETREAT_M_S2 * left))
+            )
+            speed = min(speed, left / self._period_s)
+            left -= speed * self._period_s
             s = there - min(self._command.retreat_m, there) + left
             joints, slope, _ = self._path.at(s)
-            yield Reference(joints, -slope * speed, np.zeros(6), self._path.pose_at(s))
+            yield Reference(joints, -slope * speed, self._path.pose_at(s))
 
 
-def onset(travels_m: Array, contacts: Array) -> float:
+def onset(travels_m: Array, contacts: Array, period_s: float) -> float:
     """The travel of first contact, m, from travels (n,) and contact wrenches (n, 6) whose last one is at the threshold.
 
     The force along its own final direction is free air (zero) before contact and a straight line after it, which may
     start with a jump, because damping in the joints resists at once and stiffness only with travel. The change is put
     where the two fit best (least squares change point), near where the force left the noise for good.
     """
+    window = max(4, round(ONSET_S / period_s))
     direction = contacts[-3:, :3].mean(axis=0)
     direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
     along = contacts[:, :3] @ direction
-    noise = float(np.std(along[:ONSET_WINDOW])) if len(along) > 2 * ONSET_WINDOW else 0.1
+    noise = float(np.std(along[:window])) if len(along) > 2 * window else 0.1
     above = along > max(5.0 * noise, 0.3)
     first = len(along) - 1
     while first > 0 and above[first - 1]:
         first -= 1
-    low, high = max(0, first - ONSET_WINDOW), min(len(along), first + ONSET_WINDOW)
+    low, high = max(0, first - window), min(len(along), first + window)
     best, best_cost = first, float("inf")
     for change in range(low, first + 1):
         cost = float(along[low:change] @ along[low:change]) + _line_misfit(along[change:high])

@@ -6,7 +6,8 @@ Raises `CommandRefused` with code `not_finite`, `joint_limit`, `speed_limit`, `a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import BPoly, CubicSpline, PPoly
@@ -30,6 +31,14 @@ def refuse_not_finite(name: str, values: Sequence[float] | Array) -> None:
         raise CommandRefused("not_finite", f"{name} holds {list(values)}, want finite numbers")
 
 
+def refuse_longer(name: str, duration_s: float, most_s: float) -> None:
+    """A motion that would take too long is refused before any work is done for it."""
+    if not duration_s <= most_s:
+        raise CommandRefused(
+            "size", f"{name}: the motion would take {duration_s:.4g} s, {most_s:g} s are allowed; send it in parts"
+        )
+
+
 def unit_direction(name: str, vector: Sequence[float]) -> Array:
     """A direction (3,) made a unit vector."""
     refuse_not_finite(name, vector)
@@ -37,6 +46,17 @@ def unit_direction(name: str, vector: Sequence[float]) -> Array:
     if length < 1e-9:
         raise CommandRefused("direction", f"{name} has no length; give a vector that points somewhere")
     return np.asarray(vector, float) / length
+
+
+class TimedPath(Protocol):
+    """A way from rest to rest, parametrised by time."""
+
+    @property
+    def duration_s(self) -> float:
+        """From its start to its end."""
+
+    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array, Pose | None]]:
+        """Joints (n,), their speeds (n,) and, where it is known, `pose_base_peg`, at each of some times (k,), s."""
 
 
 class JointTrajectory:
@@ -67,7 +87,7 @@ class JointTrajectory:
         self._position = PPoly.from_bernstein_basis(BPoly.from_derivatives(times - times[0], values))
         self._speed = self._position.derivative()
         self._acceleration = self._speed.derivative()
-        self.duration_s = float(times[-1] - times[0])
+        self.duration_s: float = float(times[-1] - times[0])
         self._check(arm, times - times[0])
 
     def _check(self, arm: ArmModel, times: Array) -> None:
@@ -89,9 +109,14 @@ class JointTrajectory:
                         f"is {limit[joint]:.3f}; give the segment more time",
                     )
 
-    def samples(self, times_s: Array) -> tuple[Array, Array, Array]:
-        """Joints, speeds, accelerations, each (n, 6), at times (n,) from the first knot, s."""
-        return self._position(times_s), self._speed(times_s), self._acceleration(times_s)
+    def positions(self, times_s: Array) -> Array:
+        """Joints (k, n) at times (k,) from the first knot, s."""
+        return np.asarray(self._position(times_s))
+
+    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array, Pose | None]]:
+        """As TimedPath; poses are left to forward kinematics."""
+        for joints, speeds in zip(self._position(times_s), self._speed(times_s), strict=True):
+            yield joints, speeds, None
 
 
 class StraightPath:
@@ -156,6 +181,29 @@ class StraightPath:
             np.sqrt((self._slope * rate_change + self._curve * rate_peak**2) / self._limits.acceleration_rad_s2)
         )
         return float(max(duration_s, by_speed, by_change))
+
+
+class LineInTime:
+    """A straight path gone along by a quintic in time, from rest to rest."""
+
+    def __init__(self, path: StraightPath, duration_s: float) -> None:
+        self._path, self.duration_s = path, duration_s
+
+    def _places(self, times_s: Array) -> Array:
+        x = times_s / self.duration_s
+        return np.asarray(self._path.length * x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
+
+    def positions(self, times_s: Array) -> Array:
+        """Joints (k, n) at times (k,), s."""
+        return np.array([self._path.at(float(s))[0] for s in self._places(times_s)])
+
+    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array, Pose | None]]:
+        """As TimedPath."""
+        x = times_s / self.duration_s
+        rates = self._path.length * 30.0 * x * x * (1.0 - x) ** 2 / self.duration_s
+        for s, rate in zip(self._places(times_s).tolist(), rates.tolist(), strict=True):
+            joints, slope, _ = self._path.at(s)
+            yield joints, slope * rate, self._path.pose_at(s)
 
 
 def line(

@@ -61,8 +61,8 @@ class SimulatedConfig(Section):
     friction_coefficient: float = Field(default=0.1, ge=0.0, le=1.0, description="peg against hole")
     # of each joint against its own critical damping; see physics.py for what it costs and buys
     joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
-    force_cap_n: float = Field(default=60.0, gt=0.0, le=500.0)
-    moment_cap_nm: float = Field(default=6.0, gt=0.0, le=50.0)
+    period_s: float = Field(default=0.001, ge=0.001, le=0.02, description="of the arm's cycle, in whole milliseconds")
+    delay_s: float = Field(default=0.0, ge=0.0, le=0.05, description="how late a sample of the sensor is heard")
     force_torque: ForceTorqueConfig = ForceTorqueConfig()
     camera: CameraConfig = CameraConfig()
     truth: TruthConfig = TruthConfig()

@@ -35,7 +35,7 @@ CREEP_M_S = 0.0002
 TRAVEL_LIMIT_M = 0.03
 MOMENT_NM = 2.5
 OBSERVE_S = 0.12
-OBSERVE_SAMPLES = 40
+AVERAGE_S = 0.04
 WINDOW_NS = 45_000_000
 _LISTENING: WeakKeyDictionary[Session, Latest[SimulationTruth]] = WeakKeyDictionary()
 
@@ -119,7 +119,7 @@ def make_push(session: Session, task: PushTask) -> PushResult:
                 moment_threshold_nm=MOMENT_NM,
                 travel_limit_m=TRAVEL_LIMIT_M,
                 observe_s=OBSERVE_S,
-                observe_samples=OBSERVE_SAMPLES,
+                average_s=AVERAGE_S,
             ),
             60.0,
         )

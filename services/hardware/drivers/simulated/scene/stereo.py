@@ -6,29 +6,27 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import CameraCalibration, CaptureStereo, SceneFaults
+from crosspih_common.messages import CameraCalibration, SceneFaults
 from crosspih_common.messages.base import PoseData
-from services.hardware.control.arm import SimulatedArm
-from services.hardware.control.servo import Servo
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
 from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
 from services.hardware.drivers.simulated.truth import true_camera, true_hole, true_peg
+from services.hardware.drivers.simulated.world import World
+from services.hardware.protocols import StereoCapture
 
 
 class SimulatedStereoCamera:
-    """Implements the StereoCamera protocol. The scene is made at the first picture: not every cell takes one."""
+    """Implements the CameraDevice protocol. The scene is made at the first picture: not every cell takes one."""
 
-    def __init__(self, workcell: Workcell, simulated: SimulatedConfig, servo: Servo, arm: SimulatedArm) -> None:
+    def __init__(self, workcell: Workcell, simulated: SimulatedConfig, world: World) -> None:
         self._config = config = simulated.camera
-        self._servo = servo
-        self._arm = arm
+        self._world = world
+        self.exposure_s = config.exposure_s
         self._rig = StereoRig()
         truth = simulated.truth
         true_rig = replace(self._rig, pose_base_camera=true_camera(self._rig.pose_base_camera, truth))
@@ -53,7 +51,7 @@ class SimulatedStereoCamera:
         """What the cameras are and where they stand."""
         rig = self._rig
         return CameraCalibration(
-            stamp_ns=self._servo.now_ns,
+            stamp_ns=self._world.now_ns,
             width_px=rig.width,
             height_px=rig.height,
             fx_px=rig.fx,
@@ -64,32 +62,29 @@ class SimulatedStereoCamera:
             pose_base_camera=PoseData.of(rig.pose_base_camera),
         )
 
-    def capture(self, command: CaptureStereo) -> tuple[int, float, NDArray[np.uint8], NDArray[np.uint8]]:
-        """Expose for the asked time of the cell's clock; waits for a motion to end first."""
-        with self._arm.between_motions():
-            stamp_ns = self._servo.now_ns
-            exposure_s = self._config.exposure_s * command.exposure_scale
-            self._arm.hold_still(max(1, round(exposure_s / STEP_S)))
-            if self._scene is None:
-                self._scene = self._make()
-            left, right = self._scene.render_stereo(
-                self._pose_base_hole,
-                self._servo.joints_rad,
-                self._rng,
-                self._faults_under(command),
-                self._look if command.lamp == 0 else self._look.under_another_lamp(command.lamp),
-            )
-            return stamp_ns, exposure_s, left, right
+    def capture(self, exposure_scale: float, lamp: int) -> StereoCapture:
+        """What is seen as the cell stands; the exposure has gone by on the cell's clock when this is called."""
+        exposure_s = self._config.exposure_s * exposure_scale
+        if self._scene is None:
+            self._scene = self._make()
+        left, right = self._scene.render_stereo(
+            self._pose_base_hole,
+            self._world.joints_rad,
+            self._rng,
+            self._faults_under(exposure_scale, lamp),
+            self._look if lamp == 0 else self._look.under_another_lamp(lamp),
+        )
+        return StereoCapture(max(0, self._world.now_ns - round(exposure_s * 1e9)), exposure_s, left, right)
 
-    def _faults_under(self, command: CaptureStereo) -> Faults:
+    def _faults_under(self, exposure_scale: float, lamp: int) -> Faults:
         """What is wrong in front of the cameras, as it looks with that exposure and that lamp lit."""
         faults = self._faults
         # a flat plate throws the light of one lamp into the cameras, not that of another
-        glare = faults.glare + self._config.glare if command.lamp == 0 else 0.0
+        glare = faults.glare + self._config.glare if lamp == 0 else 0.0
         return replace(
             faults,
-            light_scale=faults.light_scale * self._config.brightness * command.exposure_scale,
-            glare=glare * command.exposure_scale,
+            light_scale=faults.light_scale * self._config.brightness * exposure_scale,
+            glare=glare * exposure_scale,
         )
 
     def close(self) -> None:

@@ -1,0 +1,134 @@
+"""Who holds the arm: one at a time, and only as long as its beats come."""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections.abc import Callable
+
+from crosspih_common.errors import CommandRefused
+from crosspih_common.messages import LeaseState
+
+BEATS_A_TIMEOUT = 5
+WAIT_S = 3.0  # for a beat, of a cell whose time stands still meanwhile
+_OWN_GAP_S = 0.02  # of the loop's own stalls no more counts against the holder
+
+
+class Holder:
+    """The lease. The arm's loop asks `lost` in every cycle of a motion.
+
+    Time counts only while this process itself keeps up: on a stalled machine the beats wait in the same queue. A
+    simulated cell that runs faster than the wall's clock stands still until the holder's next beat has come.
+    """
+
+    def __init__(self, timeout_s: float, realtime: bool) -> None:
+        self.timeout_s = timeout_s
+        self._realtime = realtime
+        self._changed = threading.Condition()
+        self._lease = ""
+        self._state = LeaseState(since_ns=0)
+        self._beats = 0
+        self._beat_at_s = 0.0  # wall clock
+        self._seen_beats = -1
+        self._seen_ns = 0
+        self._silent_s = 0.0
+        self._cycle_at_s = 0.0
+        self.on_change: Callable[[LeaseState], object] = lambda state: None
+
+    @property
+    def beat_s(self) -> float:
+        """How often a holder is to beat, wall time; oftener where the cell's time may run faster than the wall's."""
+        return self.timeout_s / (BEATS_A_TIMEOUT if self._realtime else 2 * BEATS_A_TIMEOUT)
+
+    def state(self) -> LeaseState:
+        """Who holds the arm."""
+        with self._changed:
+            return self._state
+
+    def take(self, holder: str, purpose: str, now_ns: int) -> str:
+        """A lease for this holder. Raises CommandRefused held while another one's beats come."""
+        with self._changed:
+            if self._lease and not self._expired():
+                raise CommandRefused("held", f"the arm is held by {self._who()}; wait until it lets go of it")
+            self._lease = secrets.token_hex(8)
+            self._state = LeaseState(holder=holder, purpose=purpose, since_ns=max(now_ns, 0))
+            self._beats += 1
+            self._beat_at_s = time.monotonic()
+            lease, state = self._lease, self._state
+        self.on_change(state)
+        return lease
+
+    def give(self, lease: str, now_ns: int) -> bool:
+        """Let go; whether that lease was the present one."""
+        with self._changed:
+            if not lease or lease != self._lease:
+                return False
+            state = self._clear(now_ns)
+        self.on_change(state)
+        return True
+
+    def beat(self, lease: str) -> None:
+        """The holder lives; of any other lease nothing happens."""
+        with self._changed:
+            if lease and lease == self._lease:
+                self._beats += 1
+                self._beat_at_s = time.monotonic()
+                self._changed.notify_all()
+
+    def require(self, lease: str) -> None:
+        """Raises CommandRefused no_lease when that is not the present lease."""
+        with self._changed:
+            if self._lease and lease == self._lease and not self._expired():
+                return
+            if self._lease and lease != self._lease and not self._expired():
+                raise CommandRefused(
+                    "no_lease", f"the arm is held by {self._who()}; motion is its holder's alone: wait, or stop it"
+                )
+        raise CommandRefused(
+            "no_lease", "nobody holds the arm; take the lease first (arm/lease/take) and keep it by beats"
+        )
+
+    def begin(self, now_ns: int) -> None:
+        """A motion of the holder begins."""
+        with self._changed:
+            self._seen_beats, self._seen_ns = self._beats, now_ns
+            self._silent_s, self._cycle_at_s = 0.0, time.monotonic()
+
+    def lost(self, now_ns: int) -> bool:
+        """Once a cycle: whether the holder is gone. Never of a motion that nobody holds the lease for."""
+        with self._changed:
+            if not self._lease:
+                return False
+            wall_s = time.monotonic()
+            if self._beats != self._seen_beats:
+                self._seen_beats, self._seen_ns, self._silent_s = self._beats, now_ns, 0.0
+            elif self._realtime:
+                self._silent_s += min(wall_s - self._cycle_at_s, _OWN_GAP_S)
+            elif now_ns - self._seen_ns > 1e9 * self.timeout_s:
+                beats = self._beats
+                if not self._changed.wait_for(lambda: self._beats != beats or not self._lease, WAIT_S):
+                    self._silent_s = self.timeout_s
+                else:
+                    self._seen_beats, self._seen_ns = self._beats, now_ns
+            self._cycle_at_s = wall_s
+            return bool(self._lease) and self._silent_s >= self.timeout_s
+
+    def drop(self, now_ns: int) -> None:
+        """The holder is gone: motion needs the lease to be taken anew."""
+        with self._changed:
+            state = self._clear(now_ns)
+        self.on_change(state)
+
+    def _clear(self, now_ns: int) -> LeaseState:
+        self._lease = ""
+        self._state = LeaseState(since_ns=max(now_ns, 0))
+        self._changed.notify_all()
+        return self._state
+
+    def _expired(self) -> bool:
+        patience_s = self.timeout_s if self._realtime else WAIT_S
+        return time.monotonic() - self._beat_at_s > max(patience_s, 10.0 * self.timeout_s)
+
+    def _who(self) -> str:
+        return f"{self._state.holder} ({self._state.purpose})" if self._state.purpose else self._state.holder

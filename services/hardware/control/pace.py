@@ -1,0 +1,57 @@
+"""How fast a path may be gone along: as asked, but slowly where the peg may meet the fixture.
+
+The rate of a path's own time, (0, 1], is the allowed speed of the peg's fastest point over the speed it would have.
+The allowed speed is the contact speed v_c inside the zone, and sqrt(v_c^2 + 2 a d) at a distance d before it, from
+which the arm can slow down to v_c with the deceleration a.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pace:
+    """Rates (k,) at times (k,) of a path, s; linear in between.
+
+    `touching_m_s` (k,) is how fast the peg's fastest point then is where it may touch, 0 where it may not.
+    """
+
+    times_s: Array
+    rates: Array
+    touching_m_s: Array
+
+    @classmethod
+    def as_asked(cls) -> Pace:
+        """Nothing is slowed."""
+        return cls(np.zeros(1), np.ones(1), np.zeros(1))
+
+    @property
+    def slows(self) -> bool:
+        """Whether any part of the path is gone slower than asked."""
+        return bool(np.min(self.rates) < 1.0)
+
+    def samples(self, duration_s: float, period_s: float) -> tuple[Array, Array, Array]:
+        """Times of the path (n,), s, a cycle apart, the last one its end; rates and touching speeds (n,) there."""
+        if not self.slows:
+            count = max(1, int(np.ceil(duration_s / period_s - 1e-9)))
+            at = np.minimum(np.arange(1, count + 1) * period_s, duration_s)
+            return at, np.ones(count), np.interp(at, self.times_s, self.touching_m_s)
+        # the time that has gone by at each node, then turned round: when is the path where
+        steps = np.diff(self.times_s)
+        gone = np.concatenate([[0.0], np.cumsum(steps * 0.5 * (1.0 / self.rates[1:] + 1.0 / self.rates[:-1]))])
+        count = max(1, int(np.ceil(gone[-1] / period_s - 1e-9)))
+        at = np.interp(np.arange(1, count + 1) * period_s, gone, self.times_s)
+        at[-1] = duration_s
+        rates = np.interp(at, self.times_s, self.rates)
+        return at, rates, np.interp(at, self.times_s, self.touching_m_s)
+
+
+def slowed(times_s: Array, point_speeds_m_s: Array, allowed_m_s: Array, may_touch: Array) -> Pace:
+    """The pace that keeps the fastest point's speed (k,) at times (k,) below what is allowed there (k,), m/s."""
+    rates = np.minimum(1.0, allowed_m_s / np.maximum(point_speeds_m_s, 1e-12))
+    return Pace(times_s, rates, np.where(may_touch, rates * point_speeds_m_s, 0.0))

@@ -1,0 +1,177 @@
+"""The loop: one call is one cycle of the arm, for the joints, the sensor, the clock and the listeners.
+
+Nothing here knows what the devices are. The period is the joint device's own; a sensor may be faster (its samples of a
+cycle are averaged for control, and all of them are passed on) or slower (the last one stands).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import JointState, RawWrenchBatch
+from crosspih_common.messages.base import floats
+from services.hardware.control.cycle import Reading, Reference
+from services.hardware.control.payload import Payload
+from services.hardware.control.trail import Trail
+from services.hardware.protocols import JointDevice, WrenchDevice
+
+JOINT_STATE_NS = 4_000_000
+TICK_NS = 20_000_000
+BATCH_NS = 10_000_000
+LAST_S = 0.025  # over which an outcome's wrench is averaged
+
+
+class Runner:
+    """Owns the time of one arm. Everything that moves or measures goes through `advance`."""
+
+    def __init__(self, joints: JointDevice, wrench: WrenchDevice, pose_flange_peg: Pose) -> None:
+        self._joints, self._wrench = joints, wrench
+        self.model = joints.model
+        self.period_s = joints.period_s
+        self._period_ns = round(joints.period_s * 1e9)
+        self._sample_ns = round(wrench.period_s * 1e9)
+        self._pose_flange_peg = pose_flange_peg
+        self._tick_listeners: list[Callable[[int], object]] = []
+        self._joint_listeners: list[Callable[[JointState], object]] = []
+        self._batch_listeners: list[Callable[[RawWrenchBatch], object]] = []
+        self.now_ns = 0
+        self.missed_cycles = 0
+        self.sensor_silent_s = 0.0
+        self.payload: Payload | None = None
+        self._tare = Payload.tare(np.zeros(6))
+        self.last_samples: deque[Array] = deque(maxlen=max(2, round(LAST_S / wrench.period_s)))
+        self.trail = Trail()
+        self._batch: list[Array] = []
+        self._batch_ns = 0
+        self.restart()
+
+    # --------------------------------------------------------------------------------------------------- listeners
+
+    def on_tick(self, listener: Callable[[int], object]) -> None:
+        """Called with the time, ns, about 50 times a second."""
+        self._tick_listeners.append(listener)
+
+    def on_joint_state(self, listener: Callable[[JointState], object]) -> None:
+        """Called 250 times a second, or once a cycle where that is slower."""
+        self._joint_listeners.append(listener)
+
+    def on_batch(self, listener: Callable[[RawWrenchBatch], object]) -> None:
+        """Called with every sample of the sensor, in batches of about 10 ms."""
+        self._batch_listeners.append(listener)
+
+    # ------------------------------------------------------------------------------------------------------- state
+
+    def restart(self) -> None:
+        """The arm stands somewhere, from where nothing is known: no memory of forces or of a way."""
+        state = self._joints.read()
+        self.now_ns = state.stamp_ns
+        self.joints_rad = np.array(state.positions_rad, dtype=float)
+        self.speeds_rad_s = np.zeros(len(self.joints_rad))
+        self.measured_rad = self.joints_rad
+        self.pose_base_peg = self.forward(self.joints_rad)
+        self._wrench.read()
+        self._raw = np.zeros(6)
+        self._tare = Payload.tare(np.zeros(6))
+        self._reload()
+        self.sensor_silent_s = 0.0
+        self.last_samples.clear()
+        self._batch.clear()
+        self.trail.restart(self.joints_rad)
+        self._remember_joints()
+
+    def forward(self, joints_rad: Array) -> Pose:
+        """`pose_base_peg` of the encoders' side at joints (n,)."""
+        return self.model.pose_base_flange(joints_rad) @ self._pose_flange_peg
+
+    def joint_state(self) -> JointState:
+        """The encoders as last told."""
+        return self._joint_state
+
+    def use_payload(self, payload: Payload | None) -> None:
+        """From now on contact is what this leaves; with None what is felt before a motion is no contact."""
+        self.payload = payload
+        self._reload()
+
+    def tare(self) -> None:
+        """Without a known payload: what the last samples hold is not contact."""
+        if self.payload is None and self.last_samples:
+            self._tare = Payload.tare(np.mean(self.last_samples, axis=0))
+            self._reload()
+
+    def _reload(self) -> None:
+        self._load = (self.payload or self._tare).load(self.pose_base_peg.rotation)
+
+    def _remember_joints(self) -> None:
+        self._joint_state = JointState(
+            stamp_ns=self.now_ns, joints_rad=floats(self.measured_rad), speeds_rad_s=floats(self._measured_speeds())
+        )
+
+    def _measured_speeds(self) -> Array:
+        return self.speeds_rad_s
+
+    def still(self) -> Reference:
+        """Stay where the reference is."""
+        return Reference(self.joints_rad, np.zeros(len(self.joints_rad)))
+
+    # ------------------------------------------------------------------------------------------------------- cycle
+
+    def advance(self, reference: Reference) -> Reading:
+        """One cycle."""
+        self._joints.write(reference.joints_rad, reference.speeds_rad_s)
+        state = self._joints.read()
+        samples = self._wrench.read()
+        before_ns, self.now_ns = self.now_ns, state.stamp_ns
+        gap = round((self.now_ns - before_ns) / self._period_ns)
+        if gap > 1:
+            self.missed_cycles += gap - 1
+        if not reference.retracing:
+            self.trail.follow(reference.joints_rad)
+        self.joints_rad, self.speeds_rad_s = reference.joints_rad, reference.speeds_rad_s
+        self.measured_rad = state.positions_rad
+        if reference.pose_base_peg is not None:
+            self.pose_base_peg = reference.pose_base_peg
+            self._reload()
+        count = len(samples.wrenches)
+        if count:
+            self.sensor_silent_s = 0.0
+            self._raw = samples.wrenches[0] if count == 1 else samples.wrenches.mean(axis=0)
+            self.last_samples.extend(samples.wrenches)
+        else:
+            self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
+        contact = self._raw - self._load
+        self._publish(before_ns, samples.stamps_ns, samples.wrenches)
+        force, moment = contact[:3], contact[3:]
+        return Reading(
+            samples.wrenches, self._raw, contact, float(np.sqrt(force @ force)), float(np.sqrt(moment @ moment)),
+            state.positions_rad,
+        )  # fmt: skip
+
+    def _publish(self, before_ns: int, stamps_ns: NDArray[np.int64], samples: Array) -> None:
+        now = self.now_ns
+        if now // JOINT_STATE_NS != before_ns // JOINT_STATE_NS:
+            self._remember_joints()
+            for on_state in self._joint_listeners:
+                on_state(self._joint_state)
+        if self._batch_listeners:
+            for stamp_ns, sample in zip(stamps_ns, samples, strict=True):
+                self._add_to_batch(int(stamp_ns), sample)
+        if now // TICK_NS != before_ns // TICK_NS:
+            for on_tick in self._tick_listeners:
+                on_tick(now)
+
+    def _add_to_batch(self, stamp_ns: int, sample: Array) -> None:
+        if not self._batch:
+            self._batch_ns = stamp_ns
+        self._batch.append(sample)
+        if stamp_ns - self._batch_ns + self._sample_ns >= BATCH_NS:
+            rows = tuple(tuple(row) for row in np.array(self._batch).tolist())
+            self._batch.clear()
+            batch = RawWrenchBatch(stamp_ns=self._batch_ns, period_ns=self._sample_ns, samples=rows)
+            for on_batch in self._batch_listeners:
+                on_batch(batch)

@@ -1,0 +1,65 @@
+"""The way that led here, so that the arm can go back along it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+
+TRAIL_STEP_RAD = 4e-5  # some 20 micrometres at the peg
+_LENGTH = 5000
+
+
+class Trail:
+    """Joint positions (n,) that were passed, oldest first, without the parts that were gone back over."""
+
+    def __init__(self) -> None:
+        self._points: deque[Array] = deque(maxlen=_LENGTH)
+
+    def restart(self, joints_rad: Array) -> None:
+        """A way that begins here."""
+        self._points.clear()
+        self._points.append(joints_rad)
+
+    def follow(self, joints_rad: Array) -> None:
+        """The arm goes here."""
+        points = self._points
+        while len(points) > 1 and np.abs(joints_rad - points[-2]).sum() <= np.abs(points[-1] - points[-2]).sum() * 0.5:
+            points.pop()
+        if np.abs(joints_rad - points[-1]).max() >= TRAIL_STEP_RAD:
+            points.append(joints_rad)
+
+    def __bool__(self) -> bool:
+        return bool(self._points)
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter(self._points)
+
+    @property
+    def newest(self) -> Array:
+        """The last point (n,)."""
+        return self._points[-1]
+
+    def pop(self) -> None:
+        """The last point was gone back over."""
+        self._points.pop()
+
+    def append(self, joints_rad: Array) -> None:
+        """The way back ended here."""
+        self._points.append(joints_rad)
+
+    def back(self, joints_rad: Array, budget_rad: float) -> Array:
+        """Where a step of the way back leads from joints (n,): along the trail, `budget_rad` of any joint at most.
+
+        What it passes is popped.
+        """
+        while self._points:
+            far = float(np.abs(self._points[-1] - joints_rad).max())
+            if far > budget_rad:
+                return np.asarray(joints_rad + (self._points[-1] - joints_rad) * (budget_rad / far))
+            joints_rad = self._points.pop()
+            budget_rad -= far
+        return joints_rad

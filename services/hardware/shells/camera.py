@@ -1,0 +1,33 @@
+"""Binds the stereo camera to its keys."""
+
+from __future__ import annotations
+
+from crosspih_common.bus import Bus
+from crosspih_common.keys import CAMERA_CALIBRATION, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
+from crosspih_common.messages import CaptureStereo, Frame, Image, StereoPair
+from services.hardware.hosting import HostedCamera
+
+
+class CameraShell:
+    """Serves captures; the pictures go out before the reply that names them."""
+
+    def __init__(self, camera: HostedCamera, bus: Bus, lane: str) -> None:
+        self._camera, self._bus = camera, bus
+        self._captures = 0
+        self._images = bus.publisher(IMAGE_LEFT), bus.publisher(IMAGE_RIGHT)
+        bus.publisher(CAMERA_CALIBRATION).publish(camera.calibration())
+        bus.serve(CAPTURE, self._capture, lane=lane)
+
+    def _capture(self, command: CaptureStereo) -> StereoPair:
+        taken = self._camera.capture(command)
+        self._captures += 1
+        for publisher, frame, pixels in zip(
+            self._images, (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT), (taken.left, taken.right), strict=True
+        ):
+            publisher.publish(Image(frame.value, pixels, taken.stamp_ns))
+        return StereoPair(
+            stamp_ns=taken.stamp_ns,
+            capture_id=self._captures,
+            calibration=self._camera.calibration(),
+            exposure_s=taken.exposure_s,
+        )

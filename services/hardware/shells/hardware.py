@@ -1,0 +1,28 @@
+"""Everything that one process hosts, on the bus."""
+
+from __future__ import annotations
+
+from crosspih_common.service import ServiceContext
+from services.hardware.hosting import HostedCell
+from services.hardware.shells.arm import ARM_LANE, ArmShell
+from services.hardware.shells.camera import CameraShell
+from services.hardware.shells.simulation import SimulationShell
+
+
+class HardwareShell:
+    """Binds each device that is there; knows controllers and protocols only, never a driver."""
+
+    def __init__(self, cell: HostedCell, context: ServiceContext) -> None:
+        self._cell = cell
+        bus = context.bus
+        if cell.has_arm:
+            arm = ArmShell(cell.arm, bus, cell.realtime, cell.has_simulation)
+            if cell.has_simulation:
+                SimulationShell(cell.simulation, cell.arm, arm, bus)
+        if cell.has_camera:
+            # a simulated cell in the same process exposes on the arm's clock, between motions
+            CameraShell(cell.camera, bus, ARM_LANE if cell.has_arm else "camera")
+
+    def close(self) -> None:
+        """Stop all motion and let go of the devices."""
+        self._cell.close()
