@@ -18,6 +18,10 @@ from crosspih_common.keys import (
     IMAGE_LEFT,
     IMAGE_RIGHT,
     JOINT_STATE,
+    LEASE,
+    LEASE_BEAT,
+    LEASE_GIVE,
+    LEASE_TAKE,
     MOVE_LINEAR,
     RESET,
     SET_PAYLOAD,
@@ -31,6 +35,7 @@ from crosspih_common.messages import (
     Frame,
     Image,
     Message,
+    MotionOutcome,
     PayloadAccepted,
     ResetCell,
     SetPayload,
@@ -38,13 +43,17 @@ from crosspih_common.messages import (
     StereoPair,
     StopAccepted,
     StopMotion,
+    StopReason,
 )
+from crosspih_common.messages.motion import Held
 from crosspih_common.service import ServiceContext
+from services.hardware.lease_desk import LeaseDesk
 from services.hardware.protocols import Cell, Simulation
 
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 
+LEASE_TIMEOUT_S = 0.1
 ARM_LANE = "arm"  # one motion at a time: a second one is refused, never queued
 
 
@@ -67,6 +76,12 @@ class HardwareShell:
         cell.force_torque.on_batch(wrench.publish)
         cell.clock.on_tick(self._tick)
         self._tick(cell.clock.now_ns())
+        holders = bus.publisher(LEASE)
+        self._lost_holder = ""
+        self._desk = LeaseDesk(LEASE_TIMEOUT_S, cell.clock.now_ns, holders.publish, self._holder_lost)
+        bus.serve(LEASE_TAKE, self._desk.take, lane=NOW_LANE)
+        bus.serve(LEASE_GIVE, self._desk.give, lane=NOW_LANE)
+        bus.subscribe(LEASE_BEAT, self._desk.beat)
         self._calibration.publish(cell.camera.calibration())
         bus.serve(FOLLOW, self._ticked(arm.follow), lane=ARM_LANE, refuse_when_busy=True)
         bus.serve(MOVE_LINEAR, self._ticked(arm.move_linear), lane=ARM_LANE, refuse_when_busy=True)
@@ -82,7 +97,14 @@ class HardwareShell:
 
     def _tick(self, now_ns: int) -> None:
         self._bus.clock.observe(now_ns, self._boot_id)
-        self._clock.publish(CellClock(stamp_ns=now_ns, boot_id=self._boot_id, realtime=self._realtime))
+        self._clock.publish(
+            CellClock(
+                stamp_ns=now_ns,
+                boot_id=self._boot_id,
+                realtime=self._realtime,
+                simulated=self._cell.simulation is not None,
+            )
+        )
         if self._truth is not None and self._cell.simulation is not None:
             self._truth.publish(self._cell.simulation.truth())
 
@@ -90,8 +112,14 @@ class HardwareShell:
         """A motion that ends with a tick: what is true at the instant of its outcome can be heard, not only guessed."""
 
         def moved(command: RequestT) -> ReplyT:
+            if isinstance(command, Held):
+                self._desk.require(command.lease)
+            self._lost_holder = ""
             outcome = move(command)
             self._tick(self._cell.clock.now_ns())
+            if self._lost_holder and isinstance(outcome, MotionOutcome) and outcome.stop_reason is StopReason.STOPPED:
+                told = {"stop_reason": StopReason.HOLDER_LOST, "detail": self._lost_holder}
+                return outcome.model_copy(update=told)
             return outcome
 
         return moved
@@ -111,7 +139,12 @@ class HardwareShell:
             exposure_s=exposure_s,
         )
 
+    def _holder_lost(self, why: str) -> None:
+        self._lost_holder = why
+        self._cell.arm.stop()
+
     def _set_payload(self, command: SetPayload) -> PayloadAccepted:
+        self._desk.require(command.lease)
         self._cell.arm.set_payload(command)
         return PayloadAccepted(weight_n=command.weight_n)
 
@@ -127,5 +160,6 @@ class HardwareShell:
 
     def close(self) -> None:
         """Stop all motion and let go of the devices."""
+        self._desk.close()
         self._cell.arm.stop()
         self._cell.close()
