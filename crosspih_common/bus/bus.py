@@ -114,6 +114,11 @@ class Bus:
         if service != CLOCK.publisher:
             self._listen(CLOCK, lambda tick: None)
 
+    @property
+    def endpoint(self) -> str | None:
+        """The router that this bus goes through; None for one in memory."""
+        return self._transport.endpoint
+
     def __enter__(self) -> Bus:
         return self
 

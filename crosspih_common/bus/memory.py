@@ -103,6 +103,8 @@ class _MemorySender:
 class MemoryTransport:
     """One service's side of a MemoryHub. See Transport for each method."""
 
+    endpoint: str | None = None
+
     def __init__(self, hub: MemoryHub) -> None:
         self.hub = hub
         self.closed = False

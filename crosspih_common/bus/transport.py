@@ -43,7 +43,12 @@ class Sender(Closeable, Protocol):
 
 
 class Transport(Protocol):
-    """Carries bytes. Handlers are called on the transport's threads and must only enqueue."""
+    """Carries bytes. Handlers are called on the transport's threads and must only enqueue.
+
+    `endpoint` is the router, or None where the bus is in memory.
+    """
+
+    endpoint: str | None
 
     def sender(self, key: str, *, recover: bool, history: int) -> Sender:
         """Declare a publisher; with `recover` misses are fetched again and `history` samples kept for late readers."""

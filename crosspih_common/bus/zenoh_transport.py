@@ -23,7 +23,9 @@ from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, No
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
-LEASE_MS = 5000
+# Without a sign of life for so long a link counts as cut: a stopped process is then as gone as a killed one, its token
+# taken back and what it was asked ended. The signs (four a lease) come from Zenoh's own threads, however busy Python is.
+LEASE_MS = 800
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
@@ -73,7 +75,7 @@ def open_zenoh(endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0
             f"no router answers at {endpoint} within {connect_timeout_s:g} s; start the stack with `crosspih up` "
             f"or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
         ) from None
-    return ZenohTransport(session)
+    return ZenohTransport(session, endpoint)
 
 
 class _Declared:
@@ -116,7 +118,8 @@ class _ZenohQuery:
 class ZenohTransport:
     """One Zenoh session, closed for certain: by `close`, by the context manager, or at exit."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, endpoint: str) -> None:
+        self.endpoint: str | None = endpoint
         self._session = session
         self._lock = threading.Lock()
         self._closed = False

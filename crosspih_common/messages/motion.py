@@ -31,7 +31,7 @@ BROKEN_OFF = (StopReason.HOLDER_LOST, StopReason.LATE_CYCLES, StopReason.SENSOR_
 
 
 class Held(Part):
-    """A command of the holder of the arm alone: it names the lease, and is refused with code `no_lease` otherwise."""
+    """Of a command that only the holder of the arm may give. Refused with code `no_lease` to anybody else."""
 
     lease: str = Field(default="", description="of the present holder; see LeaseGranted")
 

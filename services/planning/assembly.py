@@ -24,9 +24,11 @@ from crosspih_common.messages import (
 )
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
+from services.planning.leaving import back_off, home
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.run import Run
 from services.planning.strategies import STRATEGIES
+from services.planning.touching import feel, press
 
 RELAXATIONS = 3
 AT_REST_N = 3.0
@@ -53,7 +55,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     run.known = request.known
     try:
         run.dwell(0.05)
-        run.home()
+        home(run)
         use_calibration(run)
         belief = STRATEGIES[request.strategy](run)
         final = _seated_pose(run, belief)
@@ -65,7 +67,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     except CommandRefused as refusal:
         failure, detail = Failure.REFUSED, str(refusal)
     ports.ignore_abort()
-    backed_off = run.back_off()
+    backed_off = back_off(run)
     run.tell(Phase.DONE, f"failed: {failure.value}: {detail}")
     return Finished(run, None, failure, detail, backed_off, 0.0)
 
@@ -113,7 +115,7 @@ def _press_walls(run: Run) -> tuple[Touch, ...]:
     known = len(run.presses)
     run.tell(Phase.SEATED, "pressing against four walls of the bore for the exact pose")
     for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1]):
-        run.press(rest, direction)
+        press(run, rest, direction)
     return tuple(run.presses[known:])
 
 
@@ -127,7 +129,7 @@ def _at_rest(run: Run) -> tuple[MotionOutcome, ContactReading]:
     """Hold still and feel. A push in askew leaves the arm bent against the bore: it goes to where the peg already is
     until little is felt, for the friction of a wedged peg says nothing about its walls."""
     for left in range(RELAXATIONS, -1, -1):
-        outcome, reading = run.feel()
+        outcome, reading = feel(run)
         wrench = np.asarray(reading.wrench)
         if left == 0 or (np.linalg.norm(wrench[:3]) < AT_REST_N and np.linalg.norm(wrench[3:]) < AT_REST_NM):
             break

@@ -40,6 +40,7 @@ from crosspih_common.service import ServiceContext
 from services.planning.assembly import assemble
 from services.planning.calibrating import calibrate
 from services.planning.config import PlanningConfig
+from services.planning.leaving import home
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 
@@ -180,7 +181,7 @@ class PlanningShell:
         try:
             run = Run(self._context.cell.workcell, self._config, BusPorts(self, self._config), "")
             run.dwell(0.05)
-            run.home()
+            home(run)
             return calibrate(run, request.samples_s)
         except AssemblyFailed as error:
             raise CommandRefused(error.failure.value, error.detail) from None

@@ -13,6 +13,7 @@ from crosspih_common.messages import BoreContact, Failure, PoseData, PosePrior, 
 from services.operator.scoring import insertion_depth_m, pose_error
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
+from services.planning.leaving import withdraw
 from services.planning.run import Run
 from services.planning.shell import BusPorts
 from services.planning.strategies.pushing import push_in
@@ -87,4 +88,4 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     assert belief is not None and run.pushes > 1
     error = pose_error(belief.pose_base_hole.pose(), truth.pose_base_hole.pose())
     assert error.rotation_deg < 2.5
-    run.withdraw(truth.pose_base_hole.pose(), config.approach_m)
+    withdraw(run, truth.pose_base_hole.pose(), config.approach_m)

@@ -7,9 +7,11 @@ import numpy as np
 
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import Failure, PosePrior
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.start import begin
+from services.planning.touching import push
 
 SEED = 1
 
@@ -23,9 +25,9 @@ def admittance(run: Run) -> PosePrior:
     aim = seen
     for attempt in range(run.config.max_attempts):
         run.attempt = attempt
-        if run.push(aim):
+        if push(run, aim):
             return belief
-        run.withdraw(seen, run.config.standoff_m)
+        withdraw(run, seen, run.config.standoff_m)
         off = spread @ np.clip(rng.normal(size=6), -2.0, 2.0)
         aim = seen @ Pose.from_rotvec(off[3:], [off[0], off[1], 0.0])
         run.slide_to(run.before_hole(aim, run.config.standoff_m))

@@ -18,12 +18,14 @@ from crosspih_common.messages import (
     Touch,
     floats,
 )
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.search import FaceContact, FacePlane, HoleBelief, face_contact
 from services.planning.search.belief import pose_prior
 from services.planning.strategies.pushing import push_in
 from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.touching import deflected, touch_from
 
 IN_HOLE_M = 1.5e-3  # a tip this far behind the face, and three sd of the face, is in the hole
 REACH_SD = 2.5
@@ -105,7 +107,8 @@ class Search:
     def feel(self, start: Pose, direction: Array, clear_m: float) -> Touch | None:
         """Touch from `clear_m` before the face as believed: slowly until the tip is as far behind it."""
         slow_m = 2.0 * clear_m
-        return self.run.touch(
+        return touch_from(
+            self.run,
             start,
             direction,
             self.run.config.touch_speed_m_s,
@@ -117,7 +120,7 @@ class Search:
     def take(self, touch: Touch, start: Pose) -> bool:
         """Learn from a touch and go back to where it started; whether it was in the hole."""
         run = self.run
-        pose_nominal_peg = self.nominal.inverse() @ run.deflected(touch)
+        pose_nominal_peg = self.nominal.inverse() @ deflected(run, touch)
         contact = face_contact(self.tip_m, pose_nominal_peg, np.asarray(touch.wrench))
         if contact is not None and self.contacts:
             behind_m, sd_m = self.plane.depth_m(contact.point_m)
@@ -173,7 +176,7 @@ class Search:
                 seated = push_in(run, belief)
                 if seated is not None:
                     return seated
-                run.withdraw(pose, config.standoff_m)
+                withdraw(run, pose, config.standoff_m)
                 self.failed_pushes += 1
                 touches = 0
                 if self.failed_pushes >= config.max_attempts:

@@ -13,11 +13,13 @@ from crosspih_common.messages import (
     Phase,
     PosePrior,
 )
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.force_alone import force_alone
 from services.planning.strategies.pushing import push_in
 from services.planning.strategies.steps import correct, locate, tell_estimate
+from services.planning.touching import touch_from
 
 
 def fused(run: Run) -> PosePrior:
@@ -38,7 +40,7 @@ def fused(run: Run) -> PosePrior:
         seated = push_in(run, belief)
         if seated is not None:
             return seated
-        run.withdraw(belief.pose_base_hole.pose(), run.config.standoff_m)
+        withdraw(run, belief.pose_base_hole.pose(), run.config.standoff_m)
         plan = run.ports.ask(
             NEXT_TOUCH,
             NextTouch(
@@ -48,7 +50,8 @@ def fused(run: Run) -> PosePrior:
                 last_touch_used=explained,
             ),
         )
-        touch = run.touch(
+        touch = touch_from(
+            run,
             plan.pose_base_peg_start.pose(),
             np.asarray(plan.direction_base),
             run.config.touch_speed_m_s,
@@ -57,7 +60,7 @@ def fused(run: Run) -> PosePrior:
         )
         if touch is None:
             continue
-        run.withdraw(belief.pose_base_hole.pose(), run.config.standoff_m)
+        withdraw(run, belief.pose_base_hole.pose(), run.config.standoff_m)
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
         tell_estimate(run, estimate)
         explained = estimate.rests_on[-1].used
@@ -69,5 +72,5 @@ def fused(run: Run) -> PosePrior:
     if not run.config.feel_when_unseen:
         raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")
     run.tell(Phase.TOUCHING, "what vision saw does not lead in: it is forgotten")
-    run.withdraw(run.workcell.hole_prior.pose_base_hole(), run.config.approach_m)
+    withdraw(run, run.workcell.hole_prior.pose_base_hole(), run.config.approach_m)
     return force_alone(run)

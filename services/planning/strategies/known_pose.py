@@ -4,8 +4,10 @@ driven to before its hole and pushed in, yielding. No vision, no touch."""
 from __future__ import annotations
 
 from crosspih_common.messages import Failure, PosePrior
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
+from services.planning.touching import push
 
 
 def known_pose(run: Run) -> PosePrior:
@@ -19,7 +21,7 @@ def known_pose(run: Run) -> PosePrior:
     run.approach(pose)
     for attempt in range(run.config.max_attempts):
         run.attempt = attempt
-        if run.push(pose):
+        if push(run, pose):
             return run.known
-        run.withdraw(pose, run.config.standoff_m)
+        withdraw(run, pose, run.config.standoff_m)
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes at the known pose did not enter")

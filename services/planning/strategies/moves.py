@@ -19,7 +19,9 @@ from crosspih_common.messages import (
     StopReason,
     floats,
 )
+from services.planning.leaving import withdraw
 from services.planning.run import Run
+from services.planning.touching import touch_from
 
 SEARCH_SPEED_M_S = 0.005  # the face is hard
 SEARCH_FORCE_N = 8.0
@@ -106,9 +108,9 @@ def search_push(
         depth_m = tip_depth_m(run, run.pose_base_peg, pose_base_hole)
         run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, -back_m]))
     else:
-        run.withdraw(pose_base_hole, run.config.standoff_m)
+        withdraw(run, pose_base_hole, run.config.standoff_m)
         start = run.before_hole(pose_base_hole, run.config.standoff_m)
-        touch = run.touch(start, pose_base_hole.rotation[:, 2], SEARCH_SPEED_M_S, run.config.touch_threshold_n)
+        touch = touch_from(run, start, pose_base_hole.rotation[:, 2], SEARCH_SPEED_M_S, run.config.touch_threshold_n)
         if touch is None:
             return True
         depth_m = tip_depth_m(run, touch.pose_base_peg.pose(), pose_base_hole)

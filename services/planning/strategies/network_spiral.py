@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from crosspih_common.keys import NETWORK
 from crosspih_common.messages import EstimateByNetwork, Failure, PoseData, PosePrior
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.spiral import enter_by_spiral, radius_of
 from services.planning.strategies.start import begin
 from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.touching import touch_from
 
 PUSHES_A_CORRECTION = 2
 
@@ -25,8 +27,9 @@ def network_spiral(run: Run) -> PosePrior:
         run.attempt = attempt
         if enter_by_spiral(run, belief, radius_m, 1 if attempt == 0 else PUSHES_A_CORRECTION):
             return PosePrior(pose_base_hole=PoseData.of(belief), covariance=seen.covariance)
-        run.withdraw(belief, run.config.standoff_m)
-        touch = run.touch(
+        withdraw(run, belief, run.config.standoff_m)
+        touch = touch_from(
+            run,
             run.before_hole(belief, run.config.standoff_m),
             belief.rotation[:, 2],
             run.config.paper_speed_m_s,
@@ -34,7 +37,7 @@ def network_spiral(run: Run) -> PosePrior:
         )
         if touch is None:
             continue
-        run.withdraw(belief, run.config.standoff_m)
+        withdraw(run, belief, run.config.standoff_m)
         estimate = run.ports.ask(NETWORK, EstimateByNetwork(touch=touch, pose_base_hole_believed=PoseData.of(belief)))
         tell_estimate(run, estimate)
         corrected = estimate.pose_base_hole.pose()

@@ -15,6 +15,7 @@ from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.start import begin
 from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.touching import push, touch_from
 
 
 def paper(run: Run) -> PosePrior:
@@ -24,13 +25,14 @@ def paper(run: Run) -> PosePrior:
     for attempt in range(run.config.paper_attempts):
         run.attempt = attempt
         run.pushes += 1
-        touch = run.touch(
+        touch = touch_from(
+            run,
             run.before_hole(belief, run.config.standoff_m),
             belief.rotation[:, 2],
             run.config.paper_speed_m_s,
             run.config.paper_threshold_n,
         )
-        if touch is None and run.push(belief):
+        if touch is None and push(run, belief):
             # nothing was felt all along the taper: the body is at its bore, and the rest is the slide-in
             return PosePrior(pose_base_hole=PoseData.of(belief), covariance=seen.covariance)
         if touch is None:

@@ -6,6 +6,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.keys import ADVISE_INSERTION
 from crosspih_common.messages import AdviseInsertion, BoreContact, InsertionAction, Phase, PosePrior
 from services.planning.run import Run
+from services.planning.touching import feel, push
 
 
 def push_in(run: Run, belief: PosePrior) -> PosePrior | None:
@@ -15,10 +16,10 @@ def push_in(run: Run, belief: PosePrior) -> PosePrior | None:
     another force, as the inference service advises from what it feels.
     """
     force_n = run.config.push_force_n
-    if run.push(belief.pose_base_hole.pose(), force_n):
+    if push(run, belief.pose_base_hole.pose(), force_n):
         return belief
     for _ in range(run.config.max_advices):
-        outcome, reading = run.feel()
+        outcome, reading = feel(run)
         advice = run.ports.ask(
             ADVISE_INSERTION,
             AdviseInsertion(
@@ -50,6 +51,6 @@ def push_in(run: Run, belief: PosePrior) -> PosePrior | None:
         if advice.action is InsertionAction.CONTINUE:
             # a push that was lowered and stood was too weak: what is felt at rest speaks for none so weak
             force_n = max(force_n, run.config.push_force_n)
-        if run.push(belief.pose_base_hole.pose(), force_n):
+        if push(run, belief.pose_base_hole.pose(), force_n):
             return belief
     return None

@@ -6,10 +6,12 @@ import numpy as np
 
 from crosspih_common.keys import NEXT_TOUCH, SEQUENCE_NETWORK
 from crosspih_common.messages import EstimateBySequence, Failure, NextTouch, PosePrior
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.start import begin
 from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.touching import push, touch_from
 
 
 def sequence(run: Run) -> PosePrior:
@@ -18,13 +20,14 @@ def sequence(run: Run) -> PosePrior:
     for attempt in range(run.config.max_attempts):
         run.attempt = attempt
         pose = belief.pose_base_hole.pose()
-        if run.push(pose):
+        if push(run, pose):
             return belief
-        run.withdraw(pose, run.config.standoff_m)
+        withdraw(run, pose, run.config.standoff_m)
         plan = run.ports.ask(
             NEXT_TOUCH, NextTouch(belief=belief, touches_made=len(run.touches), failed_pushes=attempt + 1)
         )
-        touch = run.touch(
+        touch = touch_from(
+            run,
             plan.pose_base_peg_start.pose(),
             np.asarray(plan.direction_base),
             run.config.touch_speed_m_s,
@@ -32,7 +35,7 @@ def sequence(run: Run) -> PosePrior:
         )
         if touch is None:
             continue
-        run.withdraw(pose, run.config.standoff_m)
+        withdraw(run, pose, run.config.standoff_m)
         estimate = run.ports.ask(SEQUENCE_NETWORK, EstimateBySequence(prior=prior, touches=tuple(run.touches)))
         tell_estimate(run, estimate)
         if not run.can_be(estimate.pose_base_hole.pose()):

@@ -14,6 +14,7 @@ from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.moves import SEARCH_S, search_push
 from services.planning.strategies.start import begin
+from services.planning.touching import push
 
 SPEED_M_S = 0.008
 SETTLE_S = 0.5  # to come back into contact before the path begins
@@ -39,7 +40,7 @@ def enter_by_spiral(run: Run, pose_base_hole: Pose, radius_m: float, pushes: int
     """
     aim = pose_base_hole
     for attempt in range(pushes):
-        if run.push(aim):
+        if push(run, aim):
             return True
         if attempt == pushes - 1:
             break

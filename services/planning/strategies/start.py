@@ -12,9 +12,11 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Failure, LocateMethod, Phase, PoseData, PosePrior, Touch, floats
+from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.steps import locate
+from services.planning.touching import deflected, touch_from
 
 FACE_DEPTH_SD_M = 3e-4
 FACE_TILT_SD_RAD = 5e-3
@@ -59,7 +61,7 @@ def _by_the_face(run: Run) -> PosePrior:
     run.believed = pose
     variances = half_ranges**2 / 3.0
     variances[2:5] = FACE_DEPTH_SD_M**2, FACE_TILT_SD_RAD**2, FACE_TILT_SD_RAD**2
-    run.withdraw(pose, run.config.approach_m)
+    withdraw(run, pose, run.config.approach_m)
     run.slide_to(run.before_hole(pose, run.config.standoff_m), run.config.line_speed_m_s)
     return PosePrior(pose_base_hole=PoseData.of(pose), covariance=floats(np.diag(variances)))
 
@@ -69,9 +71,9 @@ def _touch_the_face(run: Run, spot: Pose) -> Array:
     tip_m = run.workcell.peg.shape().tip_m
     for further_m in (0.0, 0.8 * run.config.touch_travel_m):
         start = spot @ Pose.from_translation([0.0, 0.0, further_m - tip_m])
-        touch = run.touch(start, spot.rotation[:, 2], FACE_SPEED_M_S, run.config.touch_threshold_n)
+        touch = touch_from(run, start, spot.rotation[:, 2], FACE_SPEED_M_S, run.config.touch_threshold_n)
         if touch is not None:
-            return run.deflected(touch).apply(where_the_tip_touches(touch, tip_m))
+            return deflected(run, touch).apply(where_the_tip_touches(touch, tip_m))
     raise AssemblyFailed(Failure.NOT_SEEN, "the plate was neither seen nor felt")
 
 

@@ -14,6 +14,7 @@ from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.moves import search_push
 from services.planning.strategies.start import begin
+from services.planning.touching import push
 
 SPEED_RAD_S = 0.2
 SETTLE_S = 0.5
@@ -31,7 +32,7 @@ def tilt(run: Run) -> PosePrior:
     reach_rad = np.minimum(SDS * sd_rad, run.workcell.hole_prior.half_ranges()[3:])
     for attempt in range(PUSHES):
         run.attempt = attempt
-        if run.push(pose):
+        if push(run, pose):
             return belief
         knots = random_tilts(np.random.default_rng([SEED, attempt]), reach_rad)
         search_push(run, pose, knots, from_here=attempt % 2 == 1)

@@ -1,0 +1,143 @@
+"""What keeps a lease: beats, from a process beside the holder.
+
+A thread of the holder would not do. With eight busy processes on two cores, beside GIL-heavy work in its own process, a
+thread that beats every 20 ms was silent for up to 1.1 s, a process of its own for 36 ms. So a small process takes the
+lease, beats, and gives it back; it falls silent when its parent is gone or stopped (SIGKILL, SIGSTOP).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any, Protocol
+
+from crosspih_common import errors
+from crosspih_common.bus import Bus
+from crosspih_common.errors import BusError, CommandRefused, NoService
+from crosspih_common.holding.heart import Heart
+from crosspih_common.messages import LeaseGranted
+
+START_DEADLINE_S = 60.0  # an interpreter starts slowly on a busy machine
+ANSWER_DEADLINE_S = 15.0
+END_DEADLINE_S = 2.0
+SOURCE_ROOT = str(Path(__file__).resolve().parents[2])
+
+
+class Pulse(Protocol):
+    """Takes the lease, beats while its owner lives, gives the lease back."""
+
+    def take(self, purpose: str) -> LeaseGranted:
+        """Take it and beat from then on. Raises CommandRefused `held`, BusError."""
+
+    def give(self) -> bool:
+        """Give it back and beat no more; whether it was still held. Raises BusError."""
+
+    def close(self) -> None:
+        """Beat no more; a lease that was not given back is lost in its time-out."""
+
+
+class PulseProcess:
+    """Beats over a Zenoh session of its own. Starts at once; the first `take` waits for it."""
+
+    def __init__(self, endpoint: str, cell: str, service: str) -> None:
+        self._lock = threading.Lock()
+        self._command = [
+            sys.executable, "-m", "crosspih_common.holding.beating", endpoint, cell, service, str(os.getpid()),
+        ]  # fmt: skip
+        self._start()
+
+    def _start(self) -> None:
+        path = os.pathsep.join(part for part in (SOURCE_ROOT, os.environ.get("PYTHONPATH", "")) if part)
+        # a session of its own: a Ctrl-C is for the parent, which may still have a peg to take out
+        self._process = subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
+            start_new_session=True,
+        )
+        self._said: queue.Queue[str] = queue.Queue()
+        self._ready = False
+        self._reader = threading.Thread(target=self._read, args=(self._process, self._said), name="pulse", daemon=True)
+        self._reader.start()
+
+    @staticmethod
+    def _read(process: subprocess.Popen[str], said: queue.Queue[str]) -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            said.put(line)
+        said.put("")
+
+    def take(self, purpose: str) -> LeaseGranted:
+        """See Pulse."""
+        with self._lock:
+            if self._process.poll() is not None:
+                self._end()
+                self._start()
+            if not self._ready:
+                self._answer(START_DEADLINE_S)
+                self._ready = True
+            return LeaseGranted.model_validate(self._ask({"take": purpose})["granted"])
+
+    def give(self) -> bool:
+        """See Pulse."""
+        with self._lock:
+            return bool(self._ask({"give": True})["was_held"])
+
+    def _ask(self, what: dict[str, Any]) -> dict[str, Any]:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps(what) + "\n")
+            self._process.stdin.flush()
+        except OSError as error:
+            raise NoService(f"the process that beats for the lease is gone: {error}") from None
+        return self._answer(ANSWER_DEADLINE_S)
+
+    def _answer(self, deadline_s: float) -> dict[str, Any]:
+        try:
+            line = self._said.get(timeout=deadline_s)
+        except queue.Empty:
+            self._end()
+            raise NoService(f"the process that beats for the lease said nothing for {deadline_s:g} s") from None
+        if not line:
+            raise NoService("the process that beats for the lease ended; its standard error says why")
+        answer: dict[str, Any] = json.loads(line)
+        if "refused" in answer:
+            raise CommandRefused(answer["refused"], answer["text"])
+        if "error" in answer:
+            kind = getattr(errors, answer["error"], BusError)
+            raise kind(answer["text"])
+        return answer
+
+    def _end(self) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        try:
+            self._process.stdin.close()
+        except OSError:
+            pass  # it was gone, with words for it still unsent
+        try:
+            self._process.wait(END_DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join(END_DEADLINE_S)
+        self._process.stdout.close()
+
+    def close(self) -> None:
+        """See Pulse."""
+        with self._lock:
+            self._end()
+
+
+def pulse_of(bus: Bus) -> Pulse:
+    """Beats for what this bus's service holds: from a process of their own, or where the bus is in memory (and the arm
+    in the same process) from a thread."""
+    if bus.endpoint is None:
+        return Heart(bus)
+    return PulseProcess(bus.endpoint, bus.cell, bus.service)

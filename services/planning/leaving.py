@@ -1,0 +1,58 @@
+"""Out of the hole, and home: the peg leaves along its own axis, whatever happened before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crosspih_common.errors import CommandRefused
+from crosspih_common.geometry import Pose
+from crosspih_common.messages import Failure, Phase
+from services.planning.ports import AssemblyFailed
+from services.planning.run import Run
+
+AT_HOME_RAD = 0.02
+BACK_OFF_TRIES = 3  # a wedged peg may be stopped by the cell's caps on its way out
+NEAR_HOLE_M = 0.06  # from the axis of the nominal hole: half the cross, the hole's range, and some
+
+
+def withdraw(run: Run, pose_base_hole: Pose, distance_m: float) -> float:
+    """Back along the peg's own axis until the tip is that far before the face; how far before it is, m.
+
+    A push leaves the peg askew in the hole, and any other way out would press it against the walls.
+    """
+    tip_m = run.workcell.peg.shape().tip_m
+
+    def before_m() -> float:
+        return -float(pose_base_hole.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, tip_m]))[2])
+
+    if before_m() < distance_m:
+        run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, before_m() - distance_m]))
+    return before_m()
+
+
+def home(run: Run) -> None:
+    """To the home position from wherever the last assembly left the arm; a peg in the hole is taken out first."""
+    home = np.asarray(run.workcell.home_joints_rad, dtype=float)
+    if np.abs(run.joints_rad - home).max() < AT_HOME_RAD:
+        return
+    nominal = run.workcell.hole_prior.pose_base_hole()
+    x, y, z = nominal.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m]))
+    if np.hypot(x, y) < NEAR_HOLE_M and z > -run.config.approach_m and not back_off(run):
+        raise AssemblyFailed(Failure.UNREACHABLE, "the arm is not at home, and the peg cannot be taken out")
+    run.joints_to(home)
+
+
+def back_off(run: Run) -> bool:
+    """Out of the hole along the peg's own axis and clear of the face; whether that was done."""
+    run.tell(Phase.BACKING_OFF, "taking the peg out")
+    try:
+        run.dwell(0.02)
+        # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
+        aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.believed is None else [run.believed])]
+        for _ in range(BACK_OFF_TRIES):
+            if all([withdraw(run, aim, run.config.approach_m) >= run.config.approach_m - 0.005 for aim in aims]):
+                return True
+        return False
+    except (AssemblyFailed, CommandRefused) as error:
+        run.tell(Phase.BACKING_OFF, f"could not back off: {error}")
+        return False
