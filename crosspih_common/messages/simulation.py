@@ -50,3 +50,6 @@ class SimulationTruth(Message):
     pose_base_peg: PoseData
     wrench_contact: Vector6 = Field(description="on the peg, in the peg frame, from the contact points alone")
     contacts: tuple[TrueContact, ...] = ()
+    peak_contact_n: float | None = Field(
+        default=None, description="the largest force of contact in any step since the reset; where the cell watches it"
+    )

@@ -3,6 +3,7 @@
 import typer
 
 from services.operator.bench.assembly import assembly
+from services.operator.bench.caps.command import caps
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
 from services.operator.bench.refine import refine
@@ -18,3 +19,4 @@ app.command()(states)
 app.command()(compare)
 app.command()(vision)
 app.command()(refine)
+app.command()(caps)

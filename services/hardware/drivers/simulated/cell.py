@@ -43,7 +43,7 @@ class SimulatedTrials:
         with self._world.lock:
             pose = self._world.engine.pose_base_peg()
             contacts = self._world.engine.contacts()
-            stamp_ns = self._world.now_ns
+            stamp_ns, peak_contact_n = self._world.now_ns, self._world.peak_contact_n
         into_peg = pose.inverse()
         wrench = np.zeros(6)
         for contact in contacts:
@@ -60,6 +60,7 @@ class SimulatedTrials:
                 TrueContact(point_base_m=floats(contact.point_base_m), force_base_n=floats(contact.force_base_n))
                 for contact in contacts
             ),
+            peak_contact_n=peak_contact_n,
         )
 
     def reset(self, command: ResetCell) -> SimulationTruth:

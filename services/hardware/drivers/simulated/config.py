@@ -63,6 +63,7 @@ class SimulatedConfig(Section):
     joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
     period_s: float = Field(default=0.001, ge=0.001, le=0.02, description="of the arm's cycle, in whole milliseconds")
     delay_s: float = Field(default=0.0, ge=0.0, le=0.05, description="how late a sample of the sensor is heard")
+    watch_contact: bool = Field(default=False, description="look at the true contact force in every step; slower")
     force_torque: ForceTorqueConfig = ForceTorqueConfig()
     camera: CameraConfig = CameraConfig()
     truth: TruthConfig = TruthConfig()

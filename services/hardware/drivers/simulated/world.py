@@ -55,6 +55,7 @@ class World:
         self.period_s = self.steps_a_cycle * STEP_S
         self._delay_ns = round(config.delay_s * 1e9)
         self._pace: Callable[[int], None] = WallPace() if realtime else lambda now_ns: None
+        self.peak_contact_n: float | None = 0.0 if config.watch_contact else None
         self.lock = threading.Lock()  # around one step: whoever looks at the engine from outside takes it
         self.now_ns = 0
         self._started_ns = 0
@@ -77,6 +78,7 @@ class World:
         self._sensor.start(rng)
         self._started_ns = self.now_ns
         self._samples.clear()
+        self.peak_contact_n = None if self.peak_contact_n is None else 0.0
         self._started = True
 
     def write(self, joints_rad: Array, speeds_rad_s: Array) -> None:
@@ -102,6 +104,9 @@ class World:
             with self.lock:
                 self.engine.step(at, rate, accelerations)
                 ideal = self.engine.wrench_sensed()
+                if self.peak_contact_n is not None:
+                    force = sum((contact.force_base_n for contact in self.engine.contacts()), np.zeros(3))
+                    self.peak_contact_n = max(self.peak_contact_n, float(np.linalg.norm(force)))
                 self.now_ns += STEP_NS
             raw = self._sensor.sample(ideal, (self.now_ns - self._started_ns) * 1e-9)
             self._samples.append((self.now_ns, raw))
