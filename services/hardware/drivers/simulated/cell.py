@@ -22,7 +22,8 @@ from services.hardware.control.paths import refuse_not_finite
 from services.hardware.control.servo import Servo
 from services.hardware.control.turn import Turn
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.drivers.simulated.engines.pybullet.engine import Physics
+from services.hardware.drivers.simulated.engines.protocol import Physics
+from services.hardware.drivers.simulated.engines.registry import AUTO, open_engine
 from services.hardware.drivers.simulated.scene.stereo import SimulatedStereoCamera
 from services.hardware.drivers.simulated.sensor import SensorModel
 
@@ -170,8 +171,8 @@ class SimulatedSimulation:
 class SimulatedCell:
     """Implements the Cell protocol. Get one by `open_cell`."""
 
-    def __init__(self, workcell: Workcell, config: SimulatedConfig, realtime: bool) -> None:
-        self._physics = Physics(workcell, config)
+    def __init__(self, workcell: Workcell, config: SimulatedConfig, realtime: bool, engine: str = AUTO) -> None:
+        self._physics = open_engine(engine, workcell, config)
         self._servo = Servo(workcell, self._physics, SensorModel(config.force_torque))
         turn = Turn()
         self.clock = SimulatedClock(self._servo)
@@ -206,4 +207,4 @@ def open_cell(workcell: Workcell, config: HardwareConfig, realtime: bool) -> Sim
     """The simulated cell, a `crosspih` Cell. With `realtime` its clock keeps to the wall's and never stands still;
     without, it advances only while a command runs.
     """
-    return SimulatedCell(workcell, config.simulated, realtime)
+    return SimulatedCell(workcell, config.simulated, realtime, config.engine)
