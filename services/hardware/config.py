@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -28,6 +28,9 @@ class HardwareConfig(Section):
         default="simulated", description='a name in drivers/registry.py, or your own "package.module:function"'
     )
     drivers: DriversConfig = DriversConfig()
+    engine: Literal["auto", "pybullet", "mujoco"] = Field(
+        default="auto", description="of the simulated cell; auto: pybullet where it is installed, else mujoco"
+    )
     options: dict[str, Any] = Field(default_factory=dict, description="for your own driver, as it likes")
     limits: LimitsConfig = LimitsConfig()
     simulated: SimulatedConfig = SimulatedConfig()

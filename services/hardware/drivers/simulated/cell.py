@@ -14,7 +14,7 @@ from crosspih_common.messages.base import PoseData, floats
 from crosspih_common.messages.simulation import TrueContact
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.drivers.simulated.engines.pybullet.engine import Physics
+from services.hardware.drivers.simulated.engines.registry import open_engine
 from services.hardware.drivers.simulated.scene.stereo import SimulatedStereoCamera
 from services.hardware.drivers.simulated.world import SimulatedJoints, SimulatedWrench, World
 from services.hardware.protocols import Devices
@@ -116,7 +116,7 @@ def open_devices(request: OpenRequest) -> Devices:
     that the arm's loop asks for. A camera or a sensor alone sees a cell whose arm never moves.
     """
     workcell, simulated = request.workcell, request.config.simulated
-    world = World(Physics(workcell, simulated), simulated, request.realtime)
+    world = World(open_engine(request.config.engine, workcell, simulated), simulated, request.realtime)
     camera = SimulatedStereoCamera(workcell, simulated, world)
     trials = SimulatedTrials(workcell, simulated, world, camera)
 

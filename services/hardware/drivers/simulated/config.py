@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from crosspih_common.config.section import Section
 from crosspih_common.messages.base import Vector3, Vector6
+
+Positive = Annotated[float, Field(gt=0.0)]
 
 
 class ForceTorqueConfig(Section):
@@ -59,11 +61,16 @@ class SimulatedConfig(Section):
         default="realtime", description="max: the cell's clock runs only while a command does"
     )
     friction_coefficient: float = Field(default=0.1, ge=0.0, le=1.0, description="peg against hole")
-    # of each joint against its own critical damping; see physics.py for what it costs and buys
+    # of each joint against its own critical damping; see engines/protocol.py for what it costs and buys
     joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
     period_s: float = Field(default=0.001, ge=0.001, le=0.02, description="of the arm's cycle, in whole milliseconds")
     delay_s: float = Field(default=0.0, ge=0.0, le=0.05, description="how late a sample of the sensor is heard")
     watch_contact: bool = Field(default=False, description="look at the true contact force in every step; slower")
+    # what the links weigh; engines/arm_bodies.py has what is taken when these are left out
+    link_masses_kg: tuple[Positive, ...] | None = Field(default=None, description="of each link, from the base")
+    joint_inertias_kg_m2: tuple[Positive, ...] | None = Field(
+        default=None, description="of motor and gear of each joint, about its own axis, seen through the gear"
+    )
     force_torque: ForceTorqueConfig = ForceTorqueConfig()
     camera: CameraConfig = CameraConfig()
     truth: TruthConfig = TruthConfig()

@@ -13,7 +13,7 @@ from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_NS, STEP_S, Physics
+from services.hardware.drivers.simulated.engines.protocol import STEP_NS, STEP_S, Physics
 from services.hardware.drivers.simulated.sensor import SensorModel
 from services.hardware.protocols import JointReading, WrenchSamples
 

@@ -71,7 +71,7 @@ def table_of(rows: list[Cap], cap_n: float) -> Table:
         where = f"{press.oblique_rad:g} rad oblique" if press.oblique_rad else "straight on"
         cells = []
         for column in columns:
-            row = found[press, *column]
+            row = found[(press, *column)]
             text = f"{row.pressed.peak_contact_n:.1f}" + (" slowed" if row.pressed.notes else "")
             text = "refused" if row.pressed.refused else text
             cells.append(text if row.holds(cap_n) else f"[red]{text}[/red]")

@@ -108,7 +108,8 @@ def press_once(session: Session, lease: ArmLease, press: Press) -> Pressed:
     direction = hole.rotation @ np.array([np.sin(press.oblique_rad), 0.0, np.cos(press.oblique_rad)])
     way_m = (BEFORE_M + BEYOND_M) / np.cos(press.oblique_rad)
     goal = Pose(peg.rotation, peg.translation_m + direction * way_m)
-    stop, sensed, refused, notes = "", 0.0, "", ()
+    stop, sensed, refused = "", 0.0, ""
+    notes: tuple[str, ...] = ()
     try:
         outcome = _send(lease, press, workcell, peg, goal, direction, way_m)
         stop, sensed, notes = outcome.stop_reason.value, outcome.peak_force_n, outcome.notes
