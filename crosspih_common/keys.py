@@ -100,7 +100,11 @@ class Qos(str, Enum):
 
 @dataclass(frozen=True, slots=True)
 class Topic(Generic[PayloadT]):
-    """A key with samples. `path` stands below `crosspih/<cell>/`; `{service}` is filled in by the sender's name."""
+    """A key with samples. `path` stands below `crosspih/<cell>/`; `{service}` is filled in by the sender's name.
+
+    `readers` are the services that subscribe to it; a test holds them to the code. Whoever reads it from a recording is
+    no reader.
+    """
 
     path: str
     type: type[PayloadT]
@@ -122,7 +126,10 @@ class Topic(Generic[PayloadT]):
 
 @dataclass(frozen=True, slots=True)
 class Command(Generic[RequestT, ReplyT]):
-    """A key with a server that answers each query once, or refuses with a reason."""
+    """A key with a server that answers each query once, or refuses with a reason.
+
+    `callers` are the services that ask; a test holds them to the code.
+    """
 
     path: str
     request: type[RequestT]
@@ -146,38 +153,41 @@ class Command(Generic[RequestT, ReplyT]):
         return Topic(f"{self.path}/reply", self.reply, Kind.EVENT, self.server, RECORDED, f"answered: {self.doc}")
 
 
-RECORDED = ("recorder", "operator")
+RECORDED = ("recorder",)
 ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
-SCORING = ("recorder", "operator")
+LISTENING = tuple(name for name in ALL if name != "hardware")  # every bus but the clock's own
 
 # hardware -------------------------------------------------------------------------------------------------------------
-CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", ALL, "the cell's clock", 50.0)
-JOINT_STATE = Topic("arm/joint_state", JointState, Kind.STREAM, "hardware", ALL, "the encoders", 250.0)
+CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", LISTENING, "the cell's clock", 50.0)
+JOINT_STATE = Topic(
+    "arm/joint_state", JointState, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the encoders", 250.0
+)
 WRENCH_RAW = Topic(
     "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the sensor, in batches", 100.0
 )
 CAMERA_CALIBRATION = Topic(
-    "camera/calibration", CameraCalibration, Kind.STATE, "hardware", ("vision", *RECORDED), "what the cameras are"
+    "camera/calibration", CameraCalibration, Kind.STATE, "hardware", RECORDED, "what the cameras are"
 )
 IMAGE_LEFT = Topic("camera/left/image", Image, Kind.EVENT, "hardware", ("vision", *RECORDED), "left picture")
 IMAGE_RIGHT = Topic("camera/right/image", Image, Kind.EVENT, "hardware", ("vision", *RECORDED), "right picture")
 TRUTH = Topic(
-    "simulation/truth", SimulationTruth, Kind.STATE, "hardware", SCORING, "what only the simulator knows: for scoring"
+    "simulation/truth",
+    SimulationTruth,
+    Kind.STATE,
+    "hardware",
+    ("operator", *RECORDED),
+    "what only the simulator knows: for scoring",
 )
-FOLLOW = Command(
-    "arm/follow", FollowTrajectory, MotionOutcome, "hardware", ("planning", "operator"), "follow a joint trajectory"
-)
-MOVE_LINEAR = Command(
-    "arm/move_linear", MoveLinear, MotionOutcome, "hardware", ("planning", "operator"), "move the peg on a line"
-)
+FOLLOW = Command("arm/follow", FollowTrajectory, MotionOutcome, "hardware", ("planning",), "follow a joint trajectory")
+MOVE_LINEAR = Command("arm/move_linear", MoveLinear, MotionOutcome, "hardware", ("planning",), "move the peg on a line")
 GUARDED_MOVE = Command(
     "arm/guarded_move", GuardedMove, GuardedMoveOutcome, "hardware", ("planning", "operator"), "move until it touches"
 )
 ADMITTANCE_MOVE = Command(
-    "arm/admittance_move", AdmittanceMove, MotionOutcome, "hardware", ("planning", "operator"), "push in, yielding"
+    "arm/admittance_move", AdmittanceMove, MotionOutcome, "hardware", ("planning",), "push in, yielding"
 )
-DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning", "operator"), "hold still and average")
-STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning", "operator"), "end whatever moves")
+DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning",), "hold still and average")
+STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning",), "end whatever moves")
 SET_PAYLOAD = Command(
     "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
 )
@@ -189,7 +199,7 @@ LEASE_BEAT = Topic(
     "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
 )
 LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ALL, "who holds the arm")
-CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
+CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision",), "take a pair")
 RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
 
 # vision ---------------------------------------------------------------------------------------------------------------
@@ -203,48 +213,52 @@ ANNOTATED_RIGHT = Topic(
 
 # force_torque ---------------------------------------------------------------------------------------------------------
 CONTACT_WRENCH = Topic(
-    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", ("planning", *RECORDED), "contact alone", 100.0
+    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", RECORDED, "contact alone", 100.0
 )
-CONTACT_STATE = Topic(
-    "force_torque/state", ContactState, Kind.STREAM, "force_torque", ("planning", *RECORDED), "one of the 26", 10.0
-)
+CONTACT_STATE = Topic("force_torque/state", ContactState, Kind.STREAM, "force_torque", RECORDED, "one of the 26", 10.0)
 FT_CALIBRATION = Topic(
-    "force_torque/calibration", FtCalibration, Kind.STATE, "force_torque", ("planning", *RECORDED), "bias and payload"
+    "force_torque/calibration",
+    FtCalibration,
+    Kind.STATE,
+    "force_torque",
+    ("planning", "operator", *RECORDED),
+    "bias and payload",
 )
 IDENTIFY_PAYLOAD = Command(
-    "force_torque/identify", IdentifyPayload, FtCalibration, "force_torque", ("planning", "operator"), "Eqs. 14-16"
+    "force_torque/identify", IdentifyPayload, FtCalibration, "force_torque", ("planning",), "Eqs. 14-16"
 )
 COMPENSATE = Command(
-    "force_torque/compensate", CompensateWrench, ContactReading, "force_torque", ("planning",), "raw to contact wrench"
+    "force_torque/compensate",
+    CompensateWrench,
+    ContactReading,
+    "force_torque",
+    ("planning", "operator"),
+    "raw to contact wrench",
 )
 CLASSIFY = Command(
     "force_torque/classify", ClassifyContacts, ContactStates, "force_torque", ("operator",), "wrenches to states"
 )
 
 # inference ------------------------------------------------------------------------------------------------------------
-ESTIMATE = Command(
-    "inference/estimate", EstimatePose, PoseErrorEstimate, "inference", ("planning", "operator"), "touches to pose"
-)
-NEXT_TOUCH = Command(
-    "inference/next_touch", NextTouch, TouchPlan, "inference", ("planning", "operator"), "where to push next"
-)
+ESTIMATE = Command("inference/estimate", EstimatePose, PoseErrorEstimate, "inference", ("planning",), "touches to pose")
+NEXT_TOUCH = Command("inference/next_touch", NextTouch, TouchPlan, "inference", ("planning",), "where to push next")
 SEATED = Command(
-    "inference/seated", EstimateSeated, PoseErrorEstimate, "inference", ("planning", "operator"), "seated peg to pose"
+    "inference/seated", EstimateSeated, PoseErrorEstimate, "inference", ("planning",), "seated peg to pose"
 )
 NETWORK = Command(
-    "inference/network", EstimateByNetwork, PoseErrorEstimate, "inference", ("planning", "operator"), "the paper's way"
+    "inference/network", EstimateByNetwork, PoseErrorEstimate, "inference", ("planning",), "the paper's way"
 )
 SEQUENCE_NETWORK = Command(
     "inference/sequence_network",
     EstimateBySequence,
     PoseErrorEstimate,
     "inference",
-    ("planning", "operator"),
+    ("planning",),
     "touches to pose, learned",
 )
 
 ADVISE_INSERTION = Command(
-    "inference/advise_insertion", AdviseInsertion, InsertionAdvice, "inference", ("planning", "operator"), "a stall"
+    "inference/advise_insertion", AdviseInsertion, InsertionAdvice, "inference", ("planning",), "a stall"
 )
 
 # planning -------------------------------------------------------------------------------------------------------------
@@ -256,20 +270,20 @@ CALIBRATE_FT = Command(
 WITHDRAW = Command(
     "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator",), "a seated peg straight out"
 )
-PHASE = Topic("planning/phase", AssemblyPhase, Kind.EVENT, "planning", RECORDED, "each step as it happens")
-TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", RECORDED, "each touch")
+PHASE = Topic(
+    "planning/phase", AssemblyPhase, Kind.EVENT, "planning", ("operator", *RECORDED), "each step as it happens"
+)
+TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", ("operator", *RECORDED), "each touch")
 
 # recorder -------------------------------------------------------------------------------------------------------------
-RECORD_START = Command(
-    "recorder/start", StartRecording, RecordingStatus, "recorder", ("operator", "planning"), "begin a file"
-)
-RECORD_STOP = Command(
-    "recorder/stop", StopRecording, RecordingStatus, "recorder", ("operator", "planning"), "finish the file"
-)
+RECORD_START = Command("recorder/start", StartRecording, RecordingStatus, "recorder", ("operator",), "begin a file")
+RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder", ("operator",), "finish the file")
 
 # every service --------------------------------------------------------------------------------------------------------
 STATUS = Topic("service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", RECORDED, "how it is", 1.0)
-EVENTS = Topic("service/{service}/event", Event, Kind.EVENT, "{service}", RECORDED, "what people should know")
+EVENTS = Topic(
+    "service/{service}/event", Event, Kind.EVENT, "{service}", ("operator", *RECORDED), "what people should know"
+)
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples
 
 

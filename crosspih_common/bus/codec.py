@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from crosspih_common.keys import Payload
 
 PayloadT = TypeVar("PayloadT", bound="Payload")
-ERROR_LABEL = "crosspih.Refusal/1"
 
 
 def label_of(kind: type[Any]) -> str:

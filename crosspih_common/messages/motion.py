@@ -45,13 +45,13 @@ class JointKnot(Part):
     accelerations_rad_s2: Vector6 = (0.0,) * 6
 
 
-class FollowTrajectory(Message, Held):
+class FollowTrajectory(Held, Message):
     """Follow quintic segments through the knots; the first knot is where the arm must now be (0.01 rad)."""
 
     knots: tuple[JointKnot, ...] = Field(min_length=2)
 
 
-class GuardedMove(Message, Held):
+class GuardedMove(Held, Message):
     """Move in a straight line, orientation kept, until the force rises.
 
     At the threshold the arm goes on at `creep_speed_m_s` for `observe_s`; the wrench and the pose are averaged over
@@ -80,7 +80,7 @@ class PathKnot(Part):
     turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector, about the centre")
 
 
-class AdmittanceMove(Message, Held):
+class AdmittanceMove(Held, Message):
     """Push along a direction while yielding to lateral force and to moment, under a force cap.
 
     The peg yields with `lateral_damping_n_s_m` across the direction and `rotational_damping_nm_s_rad` about
@@ -106,7 +106,7 @@ class AdmittanceMove(Message, Held):
     path: tuple[PathKnot, ...] = ()
 
 
-class MoveLinear(Message, Held):
+class MoveLinear(Held, Message):
     """Move the peg frame in a straight line, orientation turned along, to a pose in the base frame."""
 
     pose_base_peg: PoseData
@@ -114,7 +114,7 @@ class MoveLinear(Message, Held):
     rotational_speed_rad_s: float = Field(default=0.5, gt=0.0, le=3.0)
 
 
-class Dwell(Message, Held):
+class Dwell(Held, Message):
     """Hold still and average the sensor."""
 
     duration_s: float = Field(gt=0.0, le=10.0)
@@ -124,7 +124,7 @@ class StopMotion(Message):
     """End whatever moves, now."""
 
 
-class SetPayload(Message, Held):
+class SetPayload(Held, Message):
     """What hangs behind the sensor and the sensor's bias, so that caps, thresholds and admittance see contact only."""
 
     bias: Vector6

@@ -1,0 +1,71 @@
+"""Every code with which a command is refused, and what it means; a test holds the table to the source.
+
+A refusal travels as the error reply of a query: the code, a newline, a text for people that says what was wrong and
+what would mend it. Programs go by the code alone.
+"""
+
+from __future__ import annotations
+
+# code: what it means to whoever asked
+REFUSALS: dict[str, str] = {
+    # by the bus, from any service
+    "contract": "the request is not what its key promises: no label, another type or version, or fields that do not "
+    "validate; the text names the field",
+    "busy": "another motion or assembly is being carried out; nothing was queued, ask again when it has ended",
+    "stopping": "the service was stopped while it carried the command out; it may be half done",
+    "internal": "a defect in the service; the text holds the exception",
+    "NoService": "a service that was asked in turn is not there",
+    "CommandTimeout": "a service that was asked in turn did not answer in time",
+    "BusUnreachable": "the router was lost while another service was asked",
+    "ConfigError": "the cell's file says something that cannot be",
+    # arm
+    "not_finite": "a number is not finite, or a quaternion is zero",
+    "direction": "a direction has no length",
+    "unreachable": "a pose or a point of the way has no joint angles, or the way would jump between two of them",
+    "joint_limit": "a joint would leave its range; the text names the joint and where on the way",
+    "speed_limit": "a joint would be faster than its limit; go slower or stay away from the singularity",
+    "acceleration_limit": "a joint would accelerate more than its limit; give the segment more time",
+    "wrong_start": "the first knot is not where the arm is; plan from the present joint state",
+    "knots": "times do not rise by 1 ms or more from knot to knot, or the first or last knot is not at rest",
+    "path": "an admittance move's search path has times that do not rise by 1 ms or more",
+    # simulation
+    "peg_in_contact": "place_peg puts the peg into the fixture; place it free",
+    # vision
+    "switched_off": "vision is switched off in the cell's file",
+    "no_image": "a picture of the pair did not arrive in time; ask again",
+    "vision": "no pose, for a reason that has no code of its own",
+    "wrong_image": "a picture is not of the size that the calibration says",
+    "too_dark": "the plate is not bright enough to measure on",
+    "too_bright": "the plate is so bright that the sensor is saturated",
+    "no_cross": "nothing in the picture has the shape and size of the hole",
+    "two_crosses": "more than one thing in the picture has the shape and size of the hole",
+    "cut_off": "the hole is at the edge of a picture",
+    "not_a_stereo_pair": "the two pictures do not belong together: swapped, or a camera was moved",
+    "not_the_drawing": "a hole, but not of the drawing's size",
+    "not_enough_rim": "too much of the rim cannot be seen",
+    "poor_fit": "the rim does not look like a rim",
+    "doubtful": "each check passes by itself; together they say that the fit has gone wrong",
+    "outside_prior": "a hole, but not where the hole can be",
+    # force_torque
+    "calibration": "bias, weight and centroid cannot be found from these readings; the text says which pose is missing "
+    "or does not fit",
+    "not_calibrated": "the sensor was never calibrated, or its calibration failed",
+    "lengths": "two lists that belong together are not of one length",
+    # inference
+    "not_seated": "the peg's pose says that it does not sit in the hole",
+    "no_weights": "the network has no weights for this peg; train it first",
+    # recorder
+    "unwritable": "no recording can be made in the recorder's directory",
+    # planning/abort
+    "stop": "the arm could not be told to stop; it may still move",
+    # planning, by the names that an assembly's failure has
+    "not_seen": "vision refused",
+    "not_converged": "the attempts are used up",
+    "overload": "the cell's force or moment cap stopped the arm once too often",
+    "refused": "a service said no to a command",
+    "service_lost": "a service did not answer in time, also when asked again",
+    "aborted": "somebody stopped it",
+    "arm_stopped": "the arm broke a motion off by itself: its holder, its cycles or its sensor were lost",
+    "defect": "an error in the planner itself",
+    "stuck": "the peg is held fast where it sits",
+}

@@ -1,0 +1,141 @@
+"""The key table says who sends, reads, serves and asks; here it is held to what the services' source really does."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crosspih_common import keys
+from crosspih_common.errors import CrosspihError
+from crosspih_common.keys import ALL, CLOCK, Command, Topic
+from crosspih_common.messages import Failure
+from crosspih_common.refusals import REFUSALS
+
+ROOT = Path(__file__).resolve().parents[2]
+READS, ASKS = ("latest", "subscribe", "tap"), ("call", "ask")
+BUS_METHODS = (*READS, *ASKS, "publisher", "serve")
+# where a key comes as an argument: the recorder's tap on every topic, and planning's port, whose callers are counted
+NOT_SPELLED = {"services/recorder/shell.py": "topic", "services/planning/shell.py": "command"}
+TABLE: dict[str, Topic[Any] | Command[Any, Any]] = {
+    name: value for name, value in vars(keys).items() if isinstance(value, (Topic, Command))
+}
+# declared, and no service sends, reads, serves or asks yet: to be taken out of here by whoever builds the first
+AWAITED = {"LEASE_TAKE", "LEASE_GIVE", "LEASE_BEAT", "LEASE", "WITHDRAW"}
+BUILT = [name for name in TABLE if name not in AWAITED]
+Uses = dict[str, dict[str, set[str]]]  # bus method: constant: services
+
+
+def key_names(tree: ast.Module) -> dict[str, str]:
+    """What a file calls the constants of the table, and their own names."""
+    return {
+        alias.asname or alias.name: alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module == "crosspih_common.keys"
+        for alias in node.names
+        if alias.name in TABLE
+    }
+
+
+def bus_calls(tree: ast.Module) -> Iterator[tuple[str, ast.expr, int]]:
+    """(method, first argument, line) of every call that looks like one on the bus or on planning's ports."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in BUS_METHODS:
+            on = node.func.value
+            holder = on.attr if isinstance(on, ast.Attribute) else on.id if isinstance(on, ast.Name) else ""
+            if holder.strip("_") in ("bus", "ports") and node.args:
+                yield node.func.attr, node.args[0], node.lineno
+
+
+@pytest.fixture(scope="module")
+def uses() -> Uses:
+    """Who uses which constant how. Fails where a call on the bus spells no constant: the table could not be held."""
+    found: Uses = defaultdict(lambda: defaultdict(set))
+    for path in sorted((ROOT / "services").rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names, where = key_names(tree), path.relative_to(ROOT).as_posix()
+        for method, argument, line in bus_calls(tree):
+            if isinstance(argument, ast.Name) and argument.id in names:
+                found[method][names[argument.id]].add(where.split("/")[1])
+            else:
+                assert ast.unparse(argument) == NOT_SPELLED.get(where), (where, line, ast.unparse(argument))
+    return found
+
+
+def users(uses: Uses, methods: tuple[str, ...], name: str) -> set[str]:
+    return set().union(*(uses[method].get(name, set()) for method in methods))
+
+
+def test_what_is_awaited_is_not_built(uses: Uses) -> None:
+    for name in AWAITED:
+        assert not users(uses, BUS_METHODS, name), f"{name} is built: take it out of AWAITED"
+
+
+@pytest.mark.parametrize("name", [name for name in BUILT if isinstance(TABLE[name], Topic)])
+def test_a_topic_has_the_readers_and_the_sender_that_the_source_has(uses: Uses, name: str) -> None:
+    topic = TABLE[name]
+    assert isinstance(topic, Topic)
+    reading = users(uses, READS, name) | {"recorder"}
+    if topic is CLOCK:
+        reading |= set(ALL) - {topic.publisher}  # Bus listens to it for every service but the clock's own
+    assert set(topic.readers) == reading, name
+    if topic.publisher != "{service}":
+        assert users(uses, ("publisher",), name) == {topic.publisher}, name
+
+
+@pytest.mark.parametrize("name", [name for name in BUILT if isinstance(TABLE[name], Command)])
+def test_a_command_has_the_callers_and_the_server_that_the_source_has(uses: Uses, name: str) -> None:
+    command = TABLE[name]
+    assert isinstance(command, Command)
+    assert set(command.callers) == users(uses, ASKS, name), name
+    assert users(uses, ("serve",), name) == {command.server}, name
+
+
+# ------------------------------------------------------------------------------------------------------------- refusals
+
+
+def spelled_codes() -> dict[str, set[str]]:
+    """Every code with which the source refuses, and the files that do; what is not a literal as its source text."""
+    codes: dict[str, set[str]] = defaultdict(set)
+    for top in ("services", "crosspih_common"):
+        for path in sorted((ROOT / top).rglob("*.py")):
+            where = path.relative_to(ROOT).as_posix()
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "CommandRefused":
+                    code = node.args[0]
+                    codes[str(code.value) if isinstance(code, ast.Constant) else ast.unparse(code)].add(where)
+                if where == "services/vision/refusals.py" and isinstance(node, ast.Assign):
+                    codes[ast.literal_eval(node.value)].add(where)
+    return codes
+
+
+def named(error: type[CrosspihError]) -> set[str]:
+    return {error.__name__}.union(*(named(kind) for kind in error.__subclasses__()))
+
+
+# codes that are worked out: what they can be. The bus answers a ContractError, a BusClosed and a refusal as itself.
+WORKED_OUT = {
+    "f'{name}_limit'": {"speed_limit", "acceleration_limit"},
+    "refusals[0].code": set(),  # services/vision/refusals.py spells them
+    "code or 'unknown'": set(),  # a reader's, for an error reply that is none of ours
+    "error.failure.value": {failure.value for failure in Failure},
+    "type(error).__name__": {"NoService", "CommandTimeout", "BusUnreachable", "ConfigError"},
+}
+
+
+def test_every_refusal_is_in_the_table_and_none_else() -> None:
+    spelled = spelled_codes()
+    unknown = [code for code in spelled if not code.isidentifier() and code not in WORKED_OUT]
+    assert not unknown, f"worked out, and the test does not know to what: {unknown}"
+    codes = {code for code in spelled if code not in WORKED_OUT}
+    codes |= set().union(*(WORKED_OUT[code] for code in spelled if code in WORKED_OUT))
+    assert codes - REFUSALS.keys() == set(), "say in crosspih_common/refusals.py what they mean"
+    assert REFUSALS.keys() - codes == set(), "nobody refuses so; take it out of crosspih_common/refusals.py"
+
+
+def test_what_the_bus_names_by_its_class_exists() -> None:
+    assert WORKED_OUT["type(error).__name__"] <= named(CrosspihError)
