@@ -285,6 +285,7 @@ EVENTS = Topic(
     "service/{service}/event", Event, Kind.EVENT, "{service}", ("operator", *RECORDED), "what people should know"
 )
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples
+CAMERA_ALIVE = "camera"  # stands for the service in the token of whatever process serves the camera's keys
 
 
 def commands() -> Iterator[Command[Any, Any]]:

@@ -297,9 +297,9 @@ class Bus:
 
     # ---------------------------------------------------------------------------------------------------- be alive
 
-    def declare_alive(self) -> None:
-        """Show that this service lives."""
-        self._declared.append(self._transport.declare_alive(alive_key(self.cell, self.service)))
+    def declare_alive(self, name: str | None = None) -> None:
+        """Show that this service lives, or under another name that a part of it does, such as the camera."""
+        self._declared.append(self._transport.declare_alive(alive_key(self.cell, name or self.service)))
 
     def watch_alive(self, handler: Callable[[str, bool], None]) -> None:
         """Call with (service, True) for each that lives or comes, (service, False) for each that goes."""
