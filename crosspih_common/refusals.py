@@ -28,6 +28,10 @@ REFUSALS: dict[str, str] = {
     "wrong_start": "the first knot is not where the arm is; plan from the present joint state",
     "knots": "times do not rise by 1 ms or more from knot to knot, or the first or last knot is not at rest",
     "path": "an admittance move's search path has times that do not rise by 1 ms or more",
+    "cap": "no speed would keep the motion under the force cap; the text names the field and the most that is allowed",
+    "size": "the motion would take longer than the cell allows",
+    "held": "somebody else holds the arm; the text names the holder",
+    "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     # simulation
     "peg_in_contact": "place_peg puts the peg into the fixture; place it free",
     # vision
