@@ -36,6 +36,9 @@ HARDWARE = HERE.parent / "services" / "hardware"
 TEMPLATE = "wire.md.j2"
 PAGE = HERE / "wire.md"
 ENUM_VALUE = re.compile(r'^\s+\w+ = "(?P<value>[^"]*)"(?:\s+# (?P<meaning>.*))?$', re.MULTILINE)
+SERVES = ("serve", "_serve")  # the latter is the arm shell's, for motions
+# lanes that depend on what a process hosts
+LANES = {"camera/capture": "arm; in a process without the arm one of its own"}
 BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<", "maxLength": "length ≤"}
 # what the page calls a number: where it may stand (file below services/hardware, name or Class.field), and the factor
 # to the page's unit; the first that is there counts
@@ -101,25 +104,30 @@ def numbers() -> dict[str, str]:
 def lanes() -> list[tuple[str, ...]]:
     """(command's path, lane, what happens when the lane is busy) of every served command, read from the source."""
     served = {name: value.path for name, value in vars(keys).items() if isinstance(value, keys.Command)}
+    trees = [
+        ast.parse(text) for path in sorted(HARDWARE.parent.rglob("*.py")) if "serve(" in (text := path.read_text())
+    ]
+    spelled = {"NOW_LANE": NOW_LANE}
+    for line in (line for tree in trees for line in tree.body):
+        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
+            spelled[ast.unparse(line.targets[0])] = str(line.value.value)
     found = []
-    for source in sorted(HARDWARE.parent.rglob("*.py")):
-        text = source.read_text(encoding="utf-8")
-        if ".serve(" not in text:
-            continue
-        tree = ast.parse(text)
-        spelled = {"NOW_LANE": NOW_LANE}
-        for line in tree.body:
-            if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
-                spelled[ast.unparse(line.targets[0])] = str(line.value.value)
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "serve":
-                words = {word.arg: word.value for word in node.keywords}
-                command = ast.unparse(node.args[0])
-                if command in served:
-                    lane = ast.unparse(words["lane"]) if "lane" in words else "'work'"
-                    refused = "refuse_when_busy" in words and ast.literal_eval(words["refuse_when_busy"])
-                    what = "refused as `busy`" if refused else "waits its turn"
-                    found.append((f"`{served[command]}`", spelled.get(lane, lane.strip("'")), what))
+    for tree in trees:
+        calls = [
+            (node.func.attr, ast.unparse(node.args[0]), {word.arg: word.value for word in node.keywords})
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in SERVES
+        ]
+        # a shell's own `_serve` serves whatever it is given in the way of its one inner call
+        inner = next((words for method, command, words in calls if method == "serve" and command not in served), {})
+        for method, command, words in calls:
+            if command in served:
+                words = inner if method == "_serve" else words
+                lane = ast.unparse(words["lane"]) if "lane" in words else "work"
+                refused = "refuse_when_busy" in words and ast.literal_eval(words["refuse_when_busy"])
+                path = served[command]
+                what = "refused as `busy`" if refused else "waits its turn"
+                found.append((f"`{path}`", LANES.get(path) or spelled.get(lane, lane), what))
     order = [f"`{command.path}`" for command in keys.commands()]
     return sorted(found, key=lambda row: order.index(row[0]))
 
@@ -213,7 +221,7 @@ def page() -> str:
         table=table,
         root=keys.ROOT,
         endpoint=DEFAULT_ENDPOINT,
-        lease_s=f"{LEASE_MS / 1000:g}",
+        lease_ms=LEASE_MS,
         heartbeat_ms=f"{HEARTBEAT_S * 1000:g}",
         ahead_s=f"{AHEAD_NS / 1e9:g}",
         cache=HISTORY[keys.Kind.STATE],

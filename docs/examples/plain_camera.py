@@ -117,6 +117,7 @@ def main() -> None:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([given.endpoint]))
+    config.insert_json5("transport/link/tx/lease", "800")  # ms without a sign of life: then it counts as gone
     with zenoh.open(config) as session:
         camera = Camera(session, given.cell)
         print(f"camera: serves crosspih/{given.cell}/camera/capture", flush=True)

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +23,16 @@ from crosspih_common.keys import (
     CLOCK,
     IMAGE_LEFT,
     IMAGE_RIGHT,
+    LOCATE,
     Command,
 )
-from crosspih_common.messages import CaptureStereo, CellClock, Dwell, StereoPair
+from crosspih_common.messages import CaptureStereo, CellClock, Dwell, LocateHole, StereoPair
+from services.vision.refusals import VisionRefusal
 from services.vision.shell import stereo_model
+from tests.conftest import ServiceProcess
 
 CAMERA = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plain_camera.py"
+CELL = "cell1"
 DEADLINE_S = 20.0
 SECOND = 1_000_000_000
 
@@ -36,7 +40,7 @@ SECOND = 1_000_000_000
 @pytest.fixture
 def camera(endpoint: str) -> Iterator[subprocess.Popen[str]]:
     # -I: neither this folder nor PYTHONPATH is looked in
-    arguments = [sys.executable, "-I", str(CAMERA), "--cell", "c", "--endpoint", endpoint]
+    arguments = [sys.executable, "-I", str(CAMERA), "--cell", CELL, "--endpoint", endpoint]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     with process.stdout:
@@ -67,7 +71,7 @@ def test_the_plain_camera_imports_nothing_of_ours() -> None:
 
 def test_our_services_take_the_plain_camera_for_their_own(endpoint: str, camera: subprocess.Popen[str]) -> None:
     gone, here = threading.Event(), threading.Event()
-    with Bus(open_zenoh(endpoint), "c", "hardware") as cell, Bus(open_zenoh(endpoint), "c", "vision") as vision:
+    with Bus(open_zenoh(endpoint), CELL, "hardware") as cell, Bus(open_zenoh(endpoint), CELL, "vision") as vision:
         vision.watch_alive(lambda name, alive: (here if alive else gone).set() if name == CAMERA_ALIVE else None)
         assert here.wait(DEADLINE_S)
         # late: the calibration was published before we came
@@ -106,3 +110,29 @@ def test_our_services_take_the_plain_camera_for_their_own(endpoint: str, camera:
         camera.send_signal(signal.SIGTERM)
         assert camera.wait(DEADLINE_S) == 0
         assert gone.wait(DEADLINE_S)
+
+
+def test_vision_looks_through_the_plain_camera_beside_a_simulated_arm(
+    endpoint: str, camera: subprocess.Popen[str], spawn: Callable[..., ServiceProcess], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mixture: another's camera, our arm, our vision. It sees that a square is no hole of the drawing."""
+    monkeypatch.setenv("CROSSPIH_SPEED", "max")
+    spawn("hardware", "--devices", "arm,force_torque", "--endpoint", endpoint)
+    spawn("vision", "--endpoint", endpoint)
+    wanted = {"hardware", "vision", CAMERA_ALIVE}
+    there, alive = threading.Event(), set[str]()
+
+    def seen(name: str, here: bool) -> None:
+        (alive.add if here else alive.discard)(name)
+        if wanted <= alive:
+            there.set()
+
+    with Bus(open_zenoh(endpoint), CELL, "operator") as operator:
+        operator.watch_alive(seen)
+        assert there.wait(2 * DEADLINE_S), alive
+        pairs = operator.latest(CAPTURE.reply_echo, 8)
+        with pytest.raises(CommandRefused) as refused:
+            operator.call(LOCATE, LocateHole(), 2 * DEADLINE_S)
+        assert refused.value.code in {kind.code for kind in VisionRefusal.__subclasses__()}
+        last = pairs.wait_for(lambda pair: pair.capture_id >= 1, DEADLINE_S)
+        assert last is not None and last.calibration.cx_px == 319.5  # the plain camera's, not the simulator's

@@ -35,9 +35,12 @@ def test_the_page_has_every_message_key_and_refusal() -> None:
 
 
 def test_every_served_command_has_its_lane() -> None:
-    assert {row[0] for row in make_wire.lanes()} >= {"`arm/dwell`", "`arm/stop`", "`planning/assemble`"}
-    assert ("`arm/stop`", "now", "waits its turn") in make_wire.lanes()
-    assert ("`arm/dwell`", "arm", "refused as `busy`") in make_wire.lanes()
+    lanes = make_wire.lanes()
+    assert len({row[0] for row in lanes}) == len(lanes) >= 25
+    assert ("`arm/stop`", "now", "waits its turn") in lanes
+    assert ("`arm/dwell`", "arm", "refused as `busy`") in lanes
+    assert ("`planning/assemble`", "work", "refused as `busy`") in lanes
+    assert {row[1].split(";")[0] for row in lanes} == {"arm", "now", "work"}
 
 
 def test_a_number_that_is_gone_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

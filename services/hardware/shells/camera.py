@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from crosspih_common.bus import Bus
-from crosspih_common.keys import CAMERA_CALIBRATION, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
+from crosspih_common.keys import CAMERA_ALIVE, CAMERA_CALIBRATION, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
 from crosspih_common.messages import CaptureStereo, Frame, Image, StereoPair
 from services.hardware.hosting import HostedCamera
 
@@ -17,6 +17,8 @@ class CameraShell:
         self._images = bus.publisher(IMAGE_LEFT), bus.publisher(IMAGE_RIGHT)
         bus.publisher(CAMERA_CALIBRATION).publish(camera.calibration())
         bus.serve(CAPTURE, self._capture, lane=lane)
+        if bus.service != CAMERA_ALIVE:  # a process that has only the camera is called so itself
+            bus.declare_alive(CAMERA_ALIVE)
 
     def _capture(self, command: CaptureStereo) -> StereoPair:
         taken = self._camera.capture(command)
