@@ -178,23 +178,27 @@ TRUTH = Topic(
     ("operator", *RECORDED),
     "what only the simulator knows: for scoring",
 )
-FOLLOW = Command("arm/follow", FollowTrajectory, MotionOutcome, "hardware", ("planning",), "follow a joint trajectory")
-MOVE_LINEAR = Command("arm/move_linear", MoveLinear, MotionOutcome, "hardware", ("planning",), "move the peg on a line")
+FOLLOW = Command(
+    "arm/follow", FollowTrajectory, MotionOutcome, "hardware", ("planning", "operator"), "follow a joint trajectory"
+)
+MOVE_LINEAR = Command(
+    "arm/move_linear", MoveLinear, MotionOutcome, "hardware", ("planning", "operator"), "move the peg on a line"
+)
 GUARDED_MOVE = Command(
     "arm/guarded_move", GuardedMove, GuardedMoveOutcome, "hardware", ("planning", "operator"), "move until it touches"
 )
 ADMITTANCE_MOVE = Command(
-    "arm/admittance_move", AdmittanceMove, MotionOutcome, "hardware", ("planning",), "push in, yielding"
+    "arm/admittance_move", AdmittanceMove, MotionOutcome, "hardware", ("planning", "operator"), "push in, yielding"
 )
-DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning",), "hold still and average")
+DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning", "operator"), "hold still and average")
 STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning",), "end whatever moves")
 SET_PAYLOAD = Command(
     "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
 )
 LEASE_TAKE = Command(
-    "arm/lease/take", TakeLease, LeaseGranted, "hardware", ("planning", "operator"), "hold the arm: motion needs it"
+    "arm/lease/take", TakeLease, LeaseGranted, "hardware", ("operator",), "hold the arm: motion needs it"
 )
-LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("planning", "operator"), "let go of the arm")
+LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("operator",), "let go of the arm")
 LEASE_BEAT = Topic(
     "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
 )
