@@ -6,8 +6,9 @@ What is set, and why (measured on single contacts against the contact mechanics,
   carry a face's normal: directions off by 2 degrees and more instead of 0.03. Off, faces that lie flat on each other
   touch at one point per pair of convex pieces; that is steady up to some 15 Nm.
 - `ccd_tolerance` is 1e-12 m, not 1e-6, because what presses overlaps by less than a micrometre.
-- `solref` is twice the step, the stiffest that MuJoCo takes; with `solimp` some 24 N/um. Half a step with the same
-  stiffness per step chatters where there is friction.
+- `solref` is three times the step. Twice the step is the stiffest that MuJoCo takes (with `solimp` some 24 N/um), but
+  there a contact that slides lets go for one step and comes back with twice the force in the next; half a step with the
+  same stiffness per step does likewise.
 - `impratio` is 1000: friction that holds does not creep (at 1 it lets go by 1 % a second).
 - The peg's pieces and the hole's are exact, with no margin and no inset, and only they can collide.
 """
@@ -24,7 +25,7 @@ from services.hardware.drivers.simulated.engines.arm_bodies import PIECES_KG, PI
 from services.hardware.drivers.simulated.engines.protocol import STEP_S
 
 PEG, HOLE, SENSOR = "peg", "hole", "sensor"
-_CONTACT = f'condim="3" solref="{2.0 * STEP_S} 1" solimp="0.95 0.99 0.0001"'
+_CONTACT = f'condim="3" solref="{3.0 * STEP_S} 1" solimp="0.95 0.99 0.0001"'
 
 
 def world_xml(
