@@ -19,7 +19,6 @@ TRIES = 3  # a peg that was left askew slides once the arm has given way to it
 STUCK_NM = 3.0
 LET_GO_M = 0.0005
 OBSERVE_S = 0.02
-OBSERVE_SAMPLES = 5
 CREEP_M_S = 0.001
 THERE_M = 2e-4
 
@@ -84,7 +83,6 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
                 moment_threshold_nm=STUCK_NM,
                 travel_limit_m=travel_m,
                 observe_s=OBSERVE_S,
-                observe_samples=OBSERVE_SAMPLES,
                 retreat_m=LET_GO_M,
             ),
         )
