@@ -163,7 +163,7 @@ JOINT_STATE = Topic(
     "arm/joint_state", JointState, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the encoders", 250.0
 )
 WRENCH_RAW = Topic(
-    "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the sensor, in batches", 100.0
+    "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", "planning", *RECORDED), "the sensor", 100.0
 )
 CAMERA_CALIBRATION = Topic(
     "camera/calibration", CameraCalibration, Kind.STATE, "hardware", RECORDED, "what the cameras are"

@@ -6,7 +6,7 @@ import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
 from crosspih_common.bus.clock import BusClock
@@ -143,6 +143,18 @@ class Bus:
         self._listen(topic, latest._push)
         return latest
 
+    @contextlib.contextmanager
+    def hearing(self, topic: Topic[PayloadT], depth: int = 1) -> Iterator[Latest[PayloadT]]:
+        """As `latest`, for the length of a block: asked for anew, so that every publisher's last state comes again."""
+        latest: Latest[PayloadT] = Latest(depth)
+        entry = self._listen(topic, latest._push)
+        try:
+            yield latest
+        finally:
+            with contextlib.suppress(ValueError):  # the bus was closed meanwhile, and this with it
+                self._declared.remove(entry)
+            entry.close()
+
     def subscribe(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None], capacity: int = 4096) -> None:
         """Call the handler with every sample, in order, on a thread of its own; what overflows is counted."""
         pump: Pump[PayloadT] = Pump(
@@ -176,7 +188,7 @@ class Bus:
             self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
         )
 
-    def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> None:
+    def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> Closeable:
         def receive(key: str, payload: bytes, label: str) -> None:
             try:
                 value = decode(topic.type, payload, label, key)
@@ -188,9 +200,9 @@ class Bus:
                 self.clock.observe(value.stamp_ns, value.boot_id if isinstance(value, CellClock) else None)
             push(value)
 
-        self._declared.append(
-            self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
-        )
+        entry = self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
+        self._declared.append(entry)
+        return entry
 
     def _reject(self, key: str, why: str) -> None:
         self.traffic.reject(key, why)

@@ -24,7 +24,7 @@ from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, No
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
 # Without a sign of life for so long a link counts as cut: a stopped process is then as gone as a killed one, its token
-# taken back and what it was asked ended. The signs (four a lease) come from Zenoh's own threads, however busy Python is.
+# taken back and what it was asked ended. The signs come from Zenoh's own threads, however busy Python is.
 LEASE_MS = 800
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.

@@ -1,7 +1,7 @@
 """The process that beats for its parent: `python -m crosspih_common.holding.beating ENDPOINT CELL SERVICE PARENT`.
 
-One JSON object a line on standard input, {"take": purpose} or {"give": true}, each answered by one on standard output. It
-ends when its input does: with the parent.
+One JSON object a line on standard input, {"take": purpose} or {"give": true}, each answered by one on standard output.
+It ends when its input does: with the parent.
 """
 
 from __future__ import annotations
@@ -65,4 +65,4 @@ def main(endpoint: str, cell: str, service: str, parent: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:4], int(sys.argv[4])))
+    sys.exit(main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4])))

@@ -30,14 +30,17 @@ class ArmLease:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        # whoever cannot give it back any more has lost it already
-        with suppress(CrosspihError):
-            self._pulse.give()
-        self._lease = ""
+        self.give()
 
     def take(self) -> None:
         """Take it; also anew, after the arm has let go of a holder whose beats it missed."""
         self._lease = self._pulse.take(self._purpose).lease
+
+    def give(self) -> None:
+        """Give it back; whoever cannot do so any more has lost it already."""
+        with suppress(CrosspihError):
+            self._pulse.give()
+        self._lease = ""
 
     def named(self, request: RequestT) -> RequestT:
         """The request with the lease in it, where it is one that needs it."""

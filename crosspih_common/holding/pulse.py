@@ -7,6 +7,7 @@ lease, beats, and gives it back; it falls silent when its parent is gone or stop
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -117,10 +118,8 @@ class PulseProcess:
 
     def _end(self) -> None:
         assert self._process.stdin is not None and self._process.stdout is not None
-        try:
+        with contextlib.suppress(OSError):  # it was gone, with words for it still unsent
             self._process.stdin.close()
-        except OSError:
-            pass  # it was gone, with words for it still unsent
         try:
             self._process.wait(END_DEADLINE_S)
         except subprocess.TimeoutExpired:

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
+from crosspih_common.holding.soundness import UNFIT
 from crosspih_common.keys import ESTIMATE, SEATED
 from crosspih_common.messages import (
     Assemble,
-    ContactReading,
     EstimatePose,
     EstimateSeated,
     Failure,
-    MotionOutcome,
     Phase,
     PoseErrorEstimate,
     PosePrior,
-    Touch,
 )
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
@@ -28,12 +24,11 @@ from services.planning.leaving import back_off, home
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.run import Run
 from services.planning.strategies import STRATEGIES
-from services.planning.touching import feel, press
+from services.planning.touching import press, relax
 
-RELAXATIONS = 3
-AT_REST_N = 3.0
-AT_REST_NM = 0.15
 PRESS_ROUNDS = 3
+# the peg is in: when a press or its return is stopped or refused, a better pose is not worth taking it out again
+STAYS_IN = (Failure.OVERLOAD, Failure.UNREACHABLE)
 WELL_EXPLAINED_SIGMA = 1.6
 
 
@@ -50,11 +45,14 @@ class Finished:
 
 
 def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: Assemble) -> Finished:
-    """Do one assembly. Never raises for what can happen to an assembly: it ends with a named failure instead."""
+    """Do one assembly. Never raises for what can happen to an assembly: it ends with a named failure instead.
+
+    A cell that is not fit to be moved is not moved: CommandRefused `cell_unfit`.
+    """
     run = Run(workcell, config, ports, request.assembly_id)
     run.known = request.known
     try:
-        run.dwell(0.05)
+        ports.look(lambda: run.dwell(0.05))
         home(run)
         use_calibration(run)
         belief = STRATEGIES[request.strategy](run)
@@ -65,7 +63,13 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     except AssemblyFailed as error:
         failure, detail = error.failure, error.detail
     except CommandRefused as refusal:
+        if refusal.code == UNFIT:
+            raise
         failure, detail = Failure.REFUSED, str(refusal)
+    except Exception as error:
+        # a defect in a strategy must not leave the peg in the hole
+        ports.tell_defect(error)
+        failure, detail = Failure.DEFECT, f"{type(error).__name__}: {error}"
     ports.ignore_abort()
     backed_off = back_off(run)
     run.tell(Phase.DONE, f"failed: {failure.value}: {detail}")
@@ -74,7 +78,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
 
 def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
     """T2: the seated peg's own pose, then better than the clearance by pressing against four walls of the bore."""
-    outcome, reading = _at_rest(run)
+    outcome, reading = relax(run)
     seated = run.ports.ask(
         SEATED,
         EstimateSeated(
@@ -84,58 +88,50 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
     found = seated
     if run.known is not None:
         return seated  # it was known better than the clearance before: nothing is to be felt
+    ended = False
     for press_round in range(PRESS_ROUNDS):
+        known = len(run.presses)
         try:
             if press_round > 0:
                 run.tell(Phase.SEATED, "the walls felt do not fit well: aligned with what they said, and once more")
                 _align(run, found.pose_base_hole.pose())
-            presses = _press_walls(run)
+            _press_walls(run)
         except AssemblyFailed as stopped:
-            if stopped.failure is not Failure.OVERLOAD:
+            if stopped.failure not in STAYS_IN:
                 raise
-            # the peg is in: a better pose is not worth taking it out again
+            ended = True
             run.tell(Phase.SEATED, f"no more pressing: {stopped.detail}")
-            break
+        except CommandRefused as refusal:
+            ended = True
+            run.tell(Phase.SEATED, f"no more pressing: {refusal}")
+        presses = tuple(run.presses[known:])
         if not presses:
+            if ended:
+                break
             continue
         prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)
         felt = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=presses))
         if any(use.used for use in felt.rests_on):
             found = felt
-        if all(use.used and use.residual_sigma < WELL_EXPLAINED_SIGMA for use in felt.rests_on):
+        if ended or all(use.used and use.residual_sigma < WELL_EXPLAINED_SIGMA for use in felt.rests_on):
             break
     if found is seated:
         run.tell(Phase.ESTIMATING, "the walls felt do not fit one pose: the seat alone counts")
     return found
 
 
-def _press_walls(run: Run) -> tuple[Touch, ...]:
+def _press_walls(run: Run) -> None:
     """Press against four walls of the bore and come back each time."""
     rest = run.pose_base_peg
-    known = len(run.presses)
     run.tell(Phase.SEATED, "pressing against four walls of the bore for the exact pose")
     for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1]):
         press(run, rest, direction)
-    return tuple(run.presses[known:])
 
 
 def _align(run: Run, pose_base_hole: Pose) -> None:
     """The peg onto the hole's axis, at the depth where it is."""
     depth_m = float((pose_base_hole.inverse() @ run.pose_base_peg).translation_m[2])
     run.slide_to(pose_base_hole @ Pose.from_translation([0.0, 0.0, depth_m]), run.config.press_speed_m_s)
-
-
-def _at_rest(run: Run) -> tuple[MotionOutcome, ContactReading]:
-    """Hold still and feel. A push in askew leaves the arm bent against the bore: it goes to where the peg already is
-    until little is felt, for the friction of a wedged peg says nothing about its walls."""
-    for left in range(RELAXATIONS, -1, -1):
-        outcome, reading = feel(run)
-        wrench = np.asarray(reading.wrench)
-        if left == 0 or (np.linalg.norm(wrench[:3]) < AT_REST_N and np.linalg.norm(wrench[3:]) < AT_REST_NM):
-            break
-        twist = run.workcell.compliance_peg(outcome.joints_rad) @ wrench
-        run.slide_to(run.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), run.config.press_speed_m_s)
-    return outcome, reading
 
 
 def _depth_m(run: Run, pose_base_hole: Pose) -> float:

@@ -45,14 +45,18 @@ def home(run: Run) -> None:
 def back_off(run: Run) -> bool:
     """Out of the hole along the peg's own axis and clear of the face; whether that was done."""
     run.tell(Phase.BACKING_OFF, "taking the peg out")
-    try:
-        run.dwell(0.02)
-        # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
-        aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.believed is None else [run.believed])]
-        for _ in range(BACK_OFF_TRIES):
+    # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
+    aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.believed is None else [run.believed])]
+    for _ in range(BACK_OFF_TRIES):
+        try:
+            run.dwell(0.02)
             if all([withdraw(run, aim, run.config.approach_m) >= run.config.approach_m - 0.005 for aim in aims]):
                 return True
-        return False
-    except (AssemblyFailed, CommandRefused) as error:
-        run.tell(Phase.BACKING_OFF, f"could not back off: {error}")
-        return False
+        except (AssemblyFailed, CommandRefused) as error:
+            run.tell(Phase.BACKING_OFF, f"could not back off: {error}")
+            if isinstance(error, CommandRefused) or error.failure is not Failure.ARM_STOPPED:
+                return False
+        except Exception as error:
+            run.ports.tell_defect(error)
+            return False
+    return False

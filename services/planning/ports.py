@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from crosspih_common.keys import Command
-from crosspih_common.messages import AssemblyPhase, Failure, FtCalibration, Message, Touch
+from crosspih_common.messages import AssemblyPhase, Failure, FtCalibration, Message, MotionOutcome, Touch
 
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
@@ -22,11 +23,18 @@ class AssemblyFailed(Exception):
 class Ports(Protocol):
     """Ask a service, tell people."""
 
+    def look(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
+        """Have the arm hold still, and see that the cell's streams tell of it: before anything moves.
+
+        Raises CommandRefused `cell_unfit` when they do not, and as `ask`.
+        """
+
     def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """Ask and wait.
 
-        Raises CommandRefused when the service says no, AssemblyFailed(SERVICE_LOST) when nobody answers in time, also
-        when asked again, and AssemblyFailed(ABORTED) when somebody ended the assembly.
+        Raises CommandRefused when the service says no, AssemblyFailed(SERVICE_LOST) when it vanished and did not come
+        back in time, AssemblyFailed(ARM_STOPPED) when the arm let go of this holder, and AssemblyFailed(ABORTED) when
+        somebody ended the assembly.
         """
 
     def ft_calibration(self) -> FtCalibration | None:
@@ -37,6 +45,9 @@ class Ports(Protocol):
 
     def tell_touch(self, touch: Touch) -> None:
         """Publish a touch."""
+
+    def tell_defect(self, error: Exception) -> None:
+        """Log an error of the program itself with its trace, and tell people."""
 
     def ignore_abort(self) -> None:
         """From here on finish what was begun: the peg is being backed off."""

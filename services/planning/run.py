@@ -16,6 +16,7 @@ from crosspih_common.keys import (
     MOVE_LINEAR,
 )
 from crosspih_common.messages import (
+    BROKEN_OFF,
     AssemblyPhase,
     Dwell,
     Failure,
@@ -94,13 +95,16 @@ class Run:
     # -------------------------------------------------------------------------------------------------------- moving
 
     def account(self, outcome: MotionOutcome) -> None:
-        """Count a motion; AssemblyFailed OVERLOAD when the caps stopped one once too often."""
+        """Count a motion; AssemblyFailed OVERLOAD when the caps stopped one once too often, ARM_STOPPED when the arm
+        broke it off."""
         self.effort.add(outcome)
         self.motion_s += outcome.duration_s
         self.peak_force_n = max(self.peak_force_n, outcome.peak_force_n)
         self.peak_moment_nm = max(self.peak_moment_nm, outcome.peak_moment_nm)
         self.joints_rad = np.asarray(outcome.joints_rad)
         self.pose_base_peg = outcome.pose_base_peg.pose()
+        if outcome.stop_reason in BROKEN_OFF:
+            raise AssemblyFailed(Failure.ARM_STOPPED, f"{outcome.stop_reason.value}: {outcome.detail}")
         if outcome.stop_reason in CAPPED:
             self.overloads += 1
             if self.overloads >= self.config.max_overloads:

@@ -11,6 +11,7 @@ from crosspih_common.messages import (
     AdmittanceMove,
     CompensateWrench,
     ContactReading,
+    Failure,
     GuardedMove,
     GuardedMoveOutcome,
     MotionOutcome,
@@ -21,8 +22,12 @@ from crosspih_common.messages import (
     floats,
 )
 from crosspih_common.messages.base import Vector6
+from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 
+RELAXATIONS = 3
+AT_REST_N = 3.0
+AT_REST_NM = 0.15
 FreeAir = tuple[Vector6, PoseData] | None
 
 
@@ -171,3 +176,21 @@ def _felt(run: Run, outcome: GuardedMoveOutcome, free: FreeAir, seated: bool = F
     )
     run.ports.tell_touch(touch)
     return touch
+
+
+def relax(run: Run) -> tuple[MotionOutcome, ContactReading]:
+    """Hold still and feel. A push in askew leaves the arm bent against the bore: it goes to where the peg already is
+    until little is felt, for the friction of a wedged peg says nothing about its walls."""
+    for left in range(RELAXATIONS, -1, -1):
+        outcome, reading = feel(run)
+        wrench = np.asarray(reading.wrench)
+        if left == 0 or (np.linalg.norm(wrench[:3]) < AT_REST_N and np.linalg.norm(wrench[3:]) < AT_REST_NM):
+            break
+        twist = run.workcell.compliance_peg(outcome.joints_rad) @ wrench
+        try:
+            run.slide_to(run.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), run.config.press_speed_m_s)
+        except AssemblyFailed as refused:
+            if refused.failure is not Failure.UNREACHABLE:
+                raise
+            break  # it cannot give way any further; what was felt counts
+    return outcome, reading

@@ -11,11 +11,11 @@ import pytest
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import BoreContact, Failure, PoseData, PosePrior, Strategy, floats
 from services.operator.scoring import insertion_depth_m, pose_error
+from services.planning.asking import BusPorts
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
 from services.planning.leaving import withdraw
 from services.planning.run import Run
-from services.planning.shell import BusPorts
 from services.planning.strategies.pushing import push_in
 from tests.planning.cell_in_memory import CellInMemory
 
@@ -73,14 +73,15 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     config = PlanningConfig(service_patience_s=0.5, push_timeout_s=5.0)
     workcell = cell.cell.workcell
     truth = cell.reset(3)
-    run = Run(workcell, config, BusPorts(cell.planning, config), "stall")
-    run.dwell(0.05)
-    use_calibration(run)
-    askew = truth.pose_base_hole.pose() @ Pose.from_rotvec([0.08, 0.0, 0.0], [3e-4, -2e-4, 0.0])
-    run.approach(askew)
-    cell.phases.clear()
-    sd = np.array([3e-4, 3e-4, 3e-4, 0.05, 0.05, 0.02])
-    belief = push_in(run, PosePrior(pose_base_hole=PoseData.of(askew), covariance=floats(np.diag(sd**2))))
+    with cell.planning.holding("a test") as lease:
+        run = Run(workcell, config, BusPorts(cell.planning, config, lease), "stall")
+        run.dwell(0.05)
+        use_calibration(run)
+        askew = truth.pose_base_hole.pose() @ Pose.from_rotvec([0.08, 0.0, 0.0], [3e-4, -2e-4, 0.0])
+        run.approach(askew)
+        cell.phases.clear()
+        sd = np.array([3e-4, 3e-4, 3e-4, 0.05, 0.05, 0.02])
+        belief = push_in(run, PosePrior(pose_base_hole=PoseData.of(askew), covariance=floats(np.diag(sd**2))))
     told = [phase.text for phase in cell.phases]
     assert any("did not enter" in text for text in told)
     inside = tuple(contact.value for contact in BoreContact if contact is not BoreContact.OUTSIDE)

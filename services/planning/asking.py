@@ -1,0 +1,139 @@
+"""The assembly's ports over the bus: asks services, holds the arm, notices who is lost."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+from crosspih_common.errors import BusError, CommandRefused, CommandTimeout
+from crosspih_common.holding import ArmLease
+from crosspih_common.holding.soundness import StreamsHeard
+from crosspih_common.keys import Command
+from crosspih_common.messages import (
+    AssemblyPhase,
+    Failure,
+    FtCalibration,
+    HoleEstimate,
+    Message,
+    MotionOutcome,
+    Severity,
+    Touch,
+)
+from services.planning.config import PlanningConfig
+from services.planning.ports import AssemblyFailed
+
+if TYPE_CHECKING:
+    from services.planning.shell import PlanningShell
+
+RequestT = TypeVar("RequestT", bound=Message)
+ReplyT = TypeVar("ReplyT", bound=Message)
+RETRY_S = 0.2
+NO_LEASE = "no_lease"
+
+
+class BusPorts:
+    """The ports over the bus. Counts the wall time in which the hardware was at work, so that thinking is the rest."""
+
+    def __init__(self, shell: PlanningShell, config: PlanningConfig, lease: ArmLease) -> None:
+        self._shell, self._config, self._bus, self._lease = shell, config, shell.bus, lease
+        self._heed_abort = True
+        self._boot_id: str | None = None
+        self.hardware_wall_s = 0.0
+
+    def look(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
+        """See Ports."""
+        with StreamsHeard(self._bus) as streams:
+            return streams.require_fresh(dwell)
+
+    def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
+        """Ask; again while the service is away, up to the patience.
+
+        A motion that may have begun is never asked for twice, and none at all of a cell that was started again since
+        the first: its arm stands elsewhere and knows no payload. Only backing off deals with such a cell, and with an
+        arm that has let go of its holder: it takes it anew.
+        """
+        moves = command.server == "hardware"
+        deadline_s = self._config.motion_deadline_s if moves else self._config.answer_deadline_s
+        give_up_at: float | None = None
+        retaken = False
+        while True:
+            if self._heed_abort and self._shell.abort.is_set():
+                raise AssemblyFailed(Failure.ABORTED, "somebody ended the assembly")
+            if moves:
+                self._require_same_cell()
+            started = time.monotonic()
+            try:
+                reply = self._lease.ask(command, request, deadline_s)
+            except BusError as error:
+                now = time.monotonic()
+                if give_up_at is None:
+                    give_up_at = now + self._config.service_patience_s
+                    self._tell_lost(command, error)
+                begun = self._boot_id is not None and self._heed_abort
+                sent_for_good = moves and (begun or now - started > RETRY_S)
+                if sent_for_good or isinstance(error, CommandTimeout) or now > give_up_at:
+                    raise AssemblyFailed(Failure.SERVICE_LOST, f"{command.server}: {error}") from None
+                self._shell.closing.wait(RETRY_S)
+                continue
+            except CommandRefused as refusal:
+                if refusal.code != NO_LEASE:
+                    raise
+                if self._heed_abort or retaken:
+                    raise AssemblyFailed(Failure.ARM_STOPPED, str(refusal)) from None
+                self._take_anew()
+                retaken = True
+                continue
+            elapsed = time.monotonic() - started
+            if moves:
+                self._remember_cell()
+                self.hardware_wall_s += elapsed
+            elif isinstance(reply, HoleEstimate):
+                self.hardware_wall_s += reply.capture_wall_s
+            return reply
+
+    def _take_anew(self) -> None:
+        try:
+            self._lease.take()
+        except (BusError, CommandRefused) as error:
+            raise AssemblyFailed(Failure.ARM_STOPPED, f"the arm cannot be held again: {error}") from None
+
+    def _tell_lost(self, command: Command[RequestT, ReplyT], error: BusError) -> None:
+        self._shell.context.event(
+            Severity.WARNING,
+            "service_lost",
+            f"{command.server} is gone while it was asked ({command.path}): {error}",
+        )
+
+    def _remember_cell(self) -> None:
+        tick = self._shell.clock.value()
+        if self._boot_id is None and tick is not None:
+            self._boot_id = tick.boot_id
+        self._require_same_cell()
+
+    def _require_same_cell(self) -> None:
+        tick = self._shell.clock.value()
+        if self._heed_abort and self._boot_id is not None and tick is not None and tick.boot_id != self._boot_id:
+            raise AssemblyFailed(Failure.SERVICE_LOST, "hardware: it was started again during the assembly")
+
+    def ft_calibration(self) -> FtCalibration | None:
+        """As last published; waits a little for a service that has just started."""
+        return self._shell.calibration.wait_for(lambda _: True, self._config.service_patience_s)
+
+    def tell_phase(self, phase: AssemblyPhase) -> None:
+        """Publish a step."""
+        self._shell.phases.publish(phase)
+
+    def tell_touch(self, touch: Touch) -> None:
+        """Publish a touch."""
+        self._shell.touches.publish(touch)
+
+    def tell_defect(self, error: Exception) -> None:
+        """See Ports."""
+        traceback.print_exception(error)
+        self._shell.context.event(Severity.ERROR, "defect", f"{type(error).__name__}: {error}")
+
+    def ignore_abort(self) -> None:
+        """From here on finish what was begun."""
+        self._heed_abort = False
