@@ -9,10 +9,10 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from crosspih_common.config.correction import MountingCorrection
+from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages.base import Vector3
 from crosspih_common.wrench.mounting import SensorMounting
 
 _POUND_N = 4.4482216152605
@@ -36,21 +36,10 @@ class Reports(str, Enum):
     REACTION = "reaction"  # the same push reads +Fz: what the peg does to the world
 
 
-class SensorPose(Section):
-    """A frame on the flange: where its origin is and how it is turned."""
-
-    position_m: Vector3 = (0.0, 0.0, 0.0)
-    turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector")
-
-    def pose(self) -> Pose:
-        """The frame in the flange frame."""
-        return Pose.from_rotvec(self.turn_rad, self.position_m)
-
-
 class SensorSection(Section):
     """The sensor's mounting, the meaning of its numbers, and its range."""
 
-    pose_flange_sensor: SensorPose | None = Field(
+    pose_flange_sensor: Placement | None = Field(
         default=None, description="the sensor's frame on the flange; left out, it is the peg's frame"
     )
     correction: MountingCorrection = Field(
@@ -95,15 +84,15 @@ class SensorSection(Section):
             nm_per_unit=MOMENT_UNITS[self.moment_unit],
         )
 
-    def turned(self, pose_flange_peg: Pose, turn_rad: Array) -> SensorPose:
+    def turned(self, pose_flange_peg: Pose, turn_rad: Array) -> Placement:
         """`pose_flange_sensor` for a sensor that proved to be turned by a rotation vector (3,) of its own frame."""
         current = pose_flange_peg if self.pose_flange_sensor is None else self.pose_flange_sensor.pose()
         mounting = self.mounting(pose_flange_peg).pose_peg_sensor
         real = mounting @ Pose.from_rotvec(turn_rad, np.zeros(3))
         turn = (pose_flange_peg @ self.correction.pose().inverse() @ real).rotvec_rad()
-        return SensorPose(
+        return Placement(
             position_m=tuple(float(value) for value in current.translation_m),
-            turn_rad=tuple(float(value) for value in turn),
+            rotvec_rad=tuple(float(value) for value in turn),
         )
 
 

@@ -169,9 +169,10 @@ def calibrate(
     force_residuals = forces - (force_design @ solution_force).reshape(count, 3)
     _check_mounting(rotations, forces, force_residuals, weight_base, limits)
 
-    # M = r x F + k is -skew(F) r + k. Forces in units of the weight keep the condition number free of units.
+    # M = r x (F - F0) + M0 is -skew(F - F0) r + M0. In units of the weight, and without the force bias (k of Eq. 15
+    # would hold it), the condition number is that of the poses alone.
     scale = max(float(np.linalg.norm(weight_base)), 1e-9)
-    cross_force = np.array([-skew(force / scale) for force in forces])
+    cross_force = np.array([-skew(force / scale) for force in forces - force_bias])
     moment_design = np.concatenate([cross_force, np.tile(np.eye(3), (count, 1, 1))], axis=2).reshape(3 * count, 6)
     condition_moment = float(np.linalg.cond(moment_design))
     if condition_moment > limits.condition:
@@ -181,7 +182,7 @@ def calibrate(
         )
     solution_moment = np.linalg.lstsq(moment_design, moments.ravel(), rcond=None)[0]
     centroid = solution_moment[:3] / scale
-    moment_bias = solution_moment[3:] + np.cross(centroid, force_bias)
+    moment_bias = solution_moment[3:]
 
     payload = Payload(np.concatenate([force_bias, moment_bias]), weight_base, centroid)
     moment_residuals = moments - (moment_design @ solution_moment).reshape(count, 3)
@@ -193,12 +194,8 @@ def calibrate(
 
     force_covariance = _covariance(force_design, residuals[:, :3])
     moment_covariance = _covariance(moment_design, residuals[:, 3:])
-    # M0 = k + r x F0 in (r scale, k): the derivative to the scaled centroid is -skew(F0) / scale.
-    lever = np.hstack([-skew(force_bias) / scale, np.eye(3)])
     through_force = skew(centroid) @ force_covariance[-3:, -3:] @ skew(centroid).T
-    bias_variance = np.concatenate(
-        [np.diag(force_covariance)[-3:], np.diag(lever @ moment_covariance @ lever.T + through_force)]
-    )
+    bias_variance = np.concatenate([np.diag(force_covariance)[-3:], np.diag(moment_covariance[3:, 3:] + through_force)])
     along = weight_base / scale if gravity_free else np.ones(1)
     weight_block = force_covariance[:-3, :-3]
     return Calibration(

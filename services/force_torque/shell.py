@@ -175,8 +175,8 @@ class ForceTorqueShell:
     def _mend(self, error: MountingTurned) -> str:
         """What the cell's file has to say for the turn that was found."""
         pose = self._workcell.force_torque.turned(self._workcell.pose_flange_peg(), error.fit.turn_rad)
-        turn, position = (", ".join(f"{value:.4f}" for value in part) for part in (pose.turn_rad, pose.position_m))
-        return f"{{position_m: [{position}], turn_rad: [{turn}]}}"
+        turn, position = (", ".join(f"{value:.4f}" for value in part) for part in (pose.rotvec_rad, pose.position_m))
+        return f"{{position_m: [{position}], rotvec_rad: [{turn}]}}"
 
     def _check_plausible(self, payload: Payload) -> None:
         """Beside what the sensor reads now, where the arm is known to be at rest."""

@@ -112,7 +112,7 @@ def test_what_is_not_finite_is_refused() -> None:
         ({"force_unit": "lbf", "moment_unit": "lbf_in"}, [1, 0, 0, 0, 1, 0], [4.4482216, 0, 0, 0, 0.11298483, 0]),
         # the sensor 40 mm behind the peg's frame, its x where the peg's y is
         (
-            {"pose_flange_sensor": {"position_m": [0, 0, 0.0263], "turn_rad": [0, 0, pi / 2]}},
+            {"pose_flange_sensor": {"position_m": [0, 0, 0.0263], "rotvec_rad": [0, 0, pi / 2]}},
             [1, 0, 0, 0, 0, 0],
             [0, 1, 0, 0.04, 0, 0],
         ),
