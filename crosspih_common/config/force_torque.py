@@ -84,6 +84,10 @@ class SensorSection(Section):
             nm_per_unit=MOMENT_UNITS[self.moment_unit],
         )
 
+    def as_drawn(self) -> SensorSection:
+        """The same without the correction: the mounting that the drawing says."""
+        return self.model_copy(update={"correction": MountingCorrection()})
+
     def turned(self, pose_flange_peg: Pose, turn_rad: Array) -> Placement:
         """`pose_flange_sensor` for a sensor that proved to be turned by a rotation vector (3,) of its own frame."""
         current = pose_flange_peg if self.pose_flange_sensor is None else self.pose_flange_sensor.pose()

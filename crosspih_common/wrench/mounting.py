@@ -23,7 +23,8 @@ class SensorMounting:
     where it tells the reaction. axes (3, 3): the proper rotation that takes the three reported numbers to x, y, z of
     the sensor's frame. n_per_unit, nm_per_unit: what one reported unit of force is in N, one of moment in Nm.
 
-    sensor_of_raw, peg_of_sensor, peg_of_raw (6, 6) follow. Raises ValueError naming the field that cannot be.
+    sensor_of_raw, peg_of_sensor, peg_of_raw (6, 6) follow, and the ways back raw_of_sensor, sensor_of_peg.
+    Raises ValueError naming the field that cannot be.
     """
 
     pose_peg_sensor: Pose = field(default_factory=Pose.identity)
@@ -34,6 +35,8 @@ class SensorMounting:
     sensor_of_raw: Array = field(init=False)
     peg_of_sensor: Array = field(init=False)
     peg_of_raw: Array = field(init=False)
+    raw_of_sensor: Array = field(init=False)
+    sensor_of_peg: Array = field(init=False)
 
     def __post_init__(self) -> None:
         axes = np.asarray(self.axes, dtype=float)
@@ -51,6 +54,8 @@ class SensorMounting:
         object.__setattr__(self, "sensor_of_raw", sensor_of_raw)
         object.__setattr__(self, "peg_of_sensor", peg_of_sensor)
         object.__setattr__(self, "peg_of_raw", peg_of_sensor @ sensor_of_raw)
+        object.__setattr__(self, "raw_of_sensor", np.linalg.inv(sensor_of_raw))
+        object.__setattr__(self, "sensor_of_peg", adjoint_wrench(self.pose_peg_sensor.inverse()))
 
     def sensor(self, raw: ArrayLike) -> Array:
         """The wrenches (..., 6), N and Nm, sensor frame, of raw readings (..., 6); bias and weight still in them."""
@@ -66,8 +71,8 @@ class SensorMounting:
 
     def raw(self, wrench_peg: ArrayLike) -> Array:
         """What the sensor would say (..., 6) of wrenches (..., 6) on the peg, peg frame: the way back."""
-        back = np.linalg.inv(self.peg_of_raw)
-        return np.asarray(np.asarray(wrench_peg, dtype=float) @ back.T, dtype=float)
+        sensor = np.asarray(wrench_peg, dtype=float) @ self.sensor_of_peg.T
+        return np.asarray(sensor @ self.raw_of_sensor.T, dtype=float)
 
     def rotation_base_sensor(self, rotation_base_peg: ArrayLike) -> Array:
         """The sensor's orientation (..., 3, 3) for orientations of the peg frame (..., 3, 3)."""

@@ -11,13 +11,12 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import CellFile, SensorSection, Workcell, with_correction_moved
-from crosspih_common.config.correction import MountingCorrection
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
 from crosspih_common.keys import ASSEMBLE, CAPTURE, ESTIMATE, IDENTIFY_PAYLOAD, LOCATE, TOUCH
-from crosspih_common.messages import LocateMethod, Touch
+from crosspih_common.messages import IdentifyPayload, LocateMethod, Touch
 from crosspih_common.recording.reader import Recording, read_recording
 from services.inference.estimator import TouchObservation
 
@@ -103,7 +102,7 @@ def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, i
         recording = read_recording(path, TOPICS)
         content = _content(recording)
         _check_same(path, cell, content)
-        found = [_weighing(request, cell.workcell) for request in recording.messages(IDENTIFY_PAYLOAD.request_echo)]
+        found = [weighing_of(request, cell.workcell) for request in recording.messages(IDENTIFY_PAYLOAD.request_echo)]
         weighings += found
         data = _assembly(recording, cell.workcell, content)
         if isinstance(data, AssemblyData):
@@ -145,11 +144,10 @@ def _uncorrected(sensor: SensorSection) -> tuple[object, ...]:
     return sensor.pose_flange_sensor, sensor.reports, sensor.axes, sensor.force_unit, sensor.moment_unit
 
 
-def _weighing(request: Any, workcell: Workcell) -> Weighing:
-    """Forces as they would be in the peg frame if the sensor needed no correction."""
+def weighing_of(request: IdentifyPayload, workcell: Workcell) -> Weighing:
+    """The dwells of a calibration; the forces as they would be in the peg frame if the sensor needed no correction."""
     readings = request.readings
-    drawn = workcell.force_torque.model_copy(update={"correction": MountingCorrection()})
-    mounting = drawn.mounting(workcell.pose_flange_peg())
+    mounting = workcell.force_torque.as_drawn().mounting(workcell.pose_flange_peg())
     wrenches = np.array([reading.wrench_raw for reading in readings])
     sds = np.array([reading.wrench_sd for reading in readings])
     return Weighing(
