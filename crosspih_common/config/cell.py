@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import ValidationError
 
+from crosspih_common.config.force_torque import with_correction_moved
 from crosspih_common.config.section import Section
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
@@ -77,6 +78,10 @@ def load_cell(path: str | Path) -> CellFile:
             raise ConfigError(f"{path}: {name}: no such section; want one of {', '.join(known)}")
         if section is not None and not isinstance(section, dict):
             raise ConfigError(f"{path}: {name}: wants a mapping, got {type(section).__name__}")
+    try:
+        content = with_correction_moved(content)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from None
     try:
         workcell = Workcell.model_validate(_outline_beside(path, content.get("cell") or {}))
     except ValidationError as error:

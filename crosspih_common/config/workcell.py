@@ -4,14 +4,16 @@ simulator are here: on a real cell these are the data sheet, the CAD drawing and
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from crosspih_common.arm import ArmModel, xb4
 from crosspih_common.config.drawing import HoleDrawing, PegDrawing
+from crosspih_common.config.force_torque import SensorSection
 from crosspih_common.config.section import Section
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
+from crosspih_common.wrench import PayloadLimits, SensorMounting
 
 
 class HolePrior(Section):
@@ -50,6 +52,7 @@ class Workcell(Section):
     # elasticity between the encoders and the links; about 100 N/mm at the tool in front of the hole
     joint_stiffness_nm_rad: Vector6 = (20000.0, 20000.0, 15000.0, 5000.0, 5000.0, 2500.0)
     gravity_base_m_s2: Vector3 = (0.0, 0.0, -9.81)
+    force_torque: SensorSection = SensorSection()
     # dry friction to expect between peg and hole; the estimator measures it from the touches
     friction_expected: float = Field(default=0.1, ge=0.0, le=1.0)
     # how deep the body must be in its bore to count as inserted
@@ -59,6 +62,13 @@ class Workcell(Section):
     def _hole_can_be_made(self) -> Workcell:
         self.hole.shape(self.peg.shape())
         return self
+
+    @field_validator("gravity_base_m_s2")
+    @classmethod
+    def _pulls_somewhere(cls, gravity: tuple[float, ...]) -> tuple[float, ...]:
+        if not 1.0 <= float(np.linalg.norm(gravity)) <= 30.0:
+            raise ValueError("wants an acceleration of 1 to 30 m/s2, the way things fall; on Earth its length is 9.81")
+        return gravity
 
     def arm(self) -> ArmModel:
         """The arm's kinematics and limits."""
@@ -84,3 +94,12 @@ class Workcell(Section):
         to_peg[3:, 3:] = rotation.T
         local = to_peg @ jacobian
         return np.asarray(local @ np.diag(1.0 / np.asarray(self.joint_stiffness_nm_rad)) @ local.T)
+
+    def sensor_mounting(self) -> SensorMounting:
+        """How raw readings of the force/torque sensor become wrenches on the peg."""
+        return self.force_torque.mounting(self.pose_flange_peg())
+
+    def payload_limits(self) -> PayloadLimits:
+        """What a payload of this cell's sensor must keep to."""
+        sensor = self.force_torque
+        return PayloadLimits(sensor.range_n, sensor.range_nm, self.gravity_base_m_s2, sensor.tilt_limit_rad)

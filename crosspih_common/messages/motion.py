@@ -125,7 +125,11 @@ class StopMotion(Message):
 
 
 class SetPayload(Held, Message):
-    """What hangs behind the sensor and the sensor's bias, so that caps, thresholds and admittance see contact only."""
+    """What hangs behind the sensor and the sensor's bias, so that caps, thresholds and admittance see contact only.
+
+    As a calibration tells them: `bias` in N and Nm and the centroid in the sensor's frame, the raw numbers read as
+    `cell.force_torque` says.
+    """
 
     bias: Vector6
     weight_n: float = Field(ge=0.0)

@@ -9,7 +9,11 @@ from crosspih_common.messages.contact import ContactState
 
 
 class RawWrenchBatch(Message):
-    """Ten milliseconds of the sensor at 1 kHz; `stamp_ns` is the first sample's time."""
+    """Some milliseconds of the sensor, one sample every `period_ns`; `stamp_ns` is the first sample's time.
+
+    The numbers are the sensor's own, in its units, axes and sign: `cell.force_torque` in the cell's file says how they
+    are to be read, and whoever reads them does that.
+    """
 
     frame: Frame = Frame.FT
     period_ns: int = Field(gt=0)
@@ -27,7 +31,7 @@ class ContactWrench(Message):
 
 
 class CompensateWrench(Message):
-    """Ask for the contact wrench of one averaged raw reading at a known orientation.
+    """Ask for the contact wrench of one averaged raw reading (`wrench_raw`, `wrench_sd` as the sensor gives them).
 
     `wrench_free_raw`, a reading in free air shortly before at about the same orientation, takes a slow drift out.
     """
@@ -66,7 +70,11 @@ class IdentifyPayload(Message):
 
 
 class FtCalibration(Message):
-    """Bias, weight and centroid of what hangs behind the sensor, and how well they fit."""
+    """Bias, weight and centroid of what hangs behind the sensor, and how well they fit.
+
+    `bias` is in N and Nm in the sensor's frame, after the raw numbers are read as `cell.force_torque` says;
+    `centroid_m` is in the sensor's frame.
+    """
 
     calibrated: bool = True
     date: str = ""

@@ -9,6 +9,10 @@ stands out of level.
 Errors: `CalibrationError` (ValueError)
     `PosesDoNotSpan`      the poses leave a parameter undetermined; says which pose to add
     `ResidualsTooLarge`   the readings do not fit a rigid tool at rest; names the worst pose
+    `NothingHangs`        the readings do not follow gravity: no weight hangs on the sensor
+    `WeightPointsUp`      every sign is reversed, or the base hangs otherwise than the cell's file says
+    `MountingTurned`      the readings fit a sensor that is turned on its mount; says by how much
+    `WeightDiffers`       the weight found is not the one on the scales; names the unit that would explain it
     `CalibrationFileError`  (calibration_file.py) a file is missing, malformed or of another kind
 """
 
@@ -16,14 +20,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import degrees, radians
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crosspih_common.config.force_torque import FORCE_UNITS
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import skew
+from crosspih_common.wrench import Payload
+from services.force_torque.mounting_fit import MountingFit, fit_mounting, hanging_weight_n
 
-DOWN_BASE = np.array([0.0, 0.0, -1.0])
+_SIGMAS = 4.0  # a turn or a weight within so many standard deviations of none is none
 
 
 class CalibrationError(ValueError):
@@ -36,6 +44,52 @@ class PosesDoNotSpan(CalibrationError):
 
 class ResidualsTooLarge(CalibrationError):
     """The readings do not fit a rigid tool at rest."""
+
+
+class NothingHangs(CalibrationError):
+    """The readings do not follow gravity."""
+
+
+class WeightPointsUp(CalibrationError):
+    """The weight found is not where gravity is said to pull."""
+
+
+class WeightDiffers(CalibrationError):
+    """The weight found is not the one on the scales."""
+
+
+class MountingTurned(CalibrationError):
+    """The readings fit a sensor that is turned on its mount; `fit` says how."""
+
+    def __init__(self, text: str, fit: MountingFit) -> None:
+        super().__init__(text)
+        self.fit = fit
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationLimits:
+    """What a calibration must keep to.
+
+    `down_base` (3,) is the way things fall in the base frame, of any length, and `tilt_rad` how far from it the weight
+    may point. Less than `least_weight_n` is no weight; a sensor turned by more than `turn_rad` is turned.
+    `weighed_n`: the weight by scales, where it is known, to be met within `weighed_share`.
+    """
+
+    minimum_poses: int = 6
+    condition: float = 30.0
+    force_rms_n: float = 0.5
+    moment_rms_nm: float = 0.05
+    down_base: tuple[float, ...] = (0.0, 0.0, -1.0)
+    tilt_rad: float = 0.2
+    least_weight_n: float = 0.2
+    turn_rad: float = radians(5.0)
+    weighed_n: float | None = None
+    weighed_share: float = 0.1
+
+    def down(self) -> Array:
+        """Unit length."""
+        down = np.asarray(self.down_base, dtype=float)
+        return np.asarray(down / np.linalg.norm(down), dtype=float)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,33 +111,6 @@ class StaticReading:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolParameters:
-    """What the sensor reads without contact: bias (6,), weight vector in the base (3,), N, centroid (3,), m."""
-
-    bias: Array
-    weight_base_n: Array
-    centroid_sensor_m: Array
-
-    @property
-    def weight_n(self) -> float:
-        """The tool's weight."""
-        return float(np.linalg.norm(self.weight_base_n))
-
-    @property
-    def base_tilt_rad(self) -> float:
-        """The angle between the weight vector found and the base frame's -z."""
-        down = float(self.weight_base_n @ DOWN_BASE)
-        return float(np.arctan2(np.linalg.norm(np.cross(self.weight_base_n, DOWN_BASE)), down))
-
-    def free_air_wrench(self, rotation_base_sensor: ArrayLike) -> Array:
-        """The reading (..., 6) expected without contact at orientations (..., 3, 3), sensor frame."""
-        rotation = np.asarray(rotation_base_sensor, dtype=float)
-        force = np.einsum("...ji,j->...i", rotation, self.weight_base_n)
-        moment = np.cross(self.centroid_sensor_m, force)
-        return np.asarray(self.bias + np.concatenate([force, moment], axis=-1), dtype=float)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """The parameters with what they rest on.
 
@@ -93,7 +120,7 @@ class Calibration:
     degrees of freedom left).
     """
 
-    tool: ToolParameters
+    payload: Payload
     residuals: Array
     force_rms_n: float
     moment_rms_nm: float
@@ -105,83 +132,74 @@ class Calibration:
     @property
     def parameters_eq15(self) -> Array:
         """The paper's p (6,) = (r, k): centroid, m, and k = M0 - r x F0, Nm."""
-        centroid = self.tool.centroid_sensor_m
-        return np.concatenate([centroid, self.tool.bias[3:] - np.cross(centroid, self.tool.bias[:3])])
+        centroid = self.payload.centroid_sensor_m
+        return np.concatenate([centroid, self.payload.bias[3:] - np.cross(centroid, self.payload.bias[:3])])
 
 
 def calibrate(
-    readings: Sequence[StaticReading],
-    *,
-    gravity_free: bool = True,
-    minimum_poses: int = 6,
-    condition_limit: float = 30.0,
-    force_rms_limit_n: float = 0.5,
-    moment_rms_limit_nm: float = 0.05,
+    readings: Sequence[StaticReading], *, gravity_free: bool = True, limits: CalibrationLimits | None = None
 ) -> Calibration:
     """Bias, weight vector and centroid from readings in free air, by least squares.
 
-    With `gravity_free` the direction of gravity in the base is found too (three numbers instead of one); otherwise the
-    base is taken as level. Raises `PosesDoNotSpan` for fewer than `minimum_poses` or a design whose condition number
-    is above `condition_limit`, naming the gravity direction to add; `ResidualsTooLarge` naming the worst pose.
+    With `gravity_free` the direction of gravity in the base is found too (three numbers instead of one); otherwise it
+    is that of `limits.down_base`. Raises `PosesDoNotSpan` for too few poses or a design whose condition number is above
+    the limit, naming the gravity direction to add; `NothingHangs`, `WeightPointsUp`, `MountingTurned` and
+    `WeightDiffers`, each with the setting to mend; `ResidualsTooLarge` naming the worst pose.
     """
-    if len(readings) < minimum_poses:
-        raise PosesDoNotSpan(f"{len(readings)} poses, want at least {minimum_poses}: {_advice(readings)}")
+    limits = CalibrationLimits() if limits is None else limits
+    down = limits.down()
+    if len(readings) < limits.minimum_poses:
+        raise PosesDoNotSpan(f"{len(readings)} poses, want at least {limits.minimum_poses}: {_advice(readings, down)}")
     rotations = np.array([reading.rotation_base_sensor for reading in readings])
     wrenches = np.array([reading.wrench for reading in readings])
     forces, moments = wrenches[:, :3], wrenches[:, 3:]
     count = len(readings)
 
-    gravity = rotations.transpose(0, 2, 1) if gravity_free else (rotations.transpose(0, 2, 1) @ DOWN_BASE)[:, :, None]
+    gravity = rotations.transpose(0, 2, 1) if gravity_free else (down @ rotations)[:, :, None]
     force_design = np.concatenate([gravity, np.tile(np.eye(3), (count, 1, 1))], axis=2).reshape(3 * count, -1)
     condition_force = float(np.linalg.cond(force_design))
-    if condition_force > condition_limit:
+    if condition_force > limits.condition:
         raise PosesDoNotSpan(
             f"weight and force bias cannot be told apart (condition number {condition_force:.3g}, "
-            f"limit {condition_limit:g}): {_advice(readings)}"
+            f"limit {limits.condition:g}): {_advice(readings, down)}"
         )
     solution_force = np.linalg.lstsq(force_design, forces.ravel(), rcond=None)[0]
-    weight_base = solution_force[:3] if gravity_free else solution_force[0] * DOWN_BASE
+    weight_base = solution_force[:3] if gravity_free else solution_force[0] * down
     force_bias = solution_force[-3:]
-    if not gravity_free and solution_force[0] < 0.0:
-        raise ResidualsTooLarge("the weight found points up: the readings' sign is that of the sensor on the tool")
+    force_residuals = forces - (force_design @ solution_force).reshape(count, 3)
+    _check_mounting(rotations, forces, force_residuals, weight_base, limits)
 
-    # M = r x F + k is -skew(F) r + k. Forces in units of the weight keep the condition number free of units.
+    # M = r x (F - F0) + M0 is -skew(F - F0) r + M0. In units of the weight, and without the force bias (k of Eq. 15
+    # would hold it), the condition number is that of the poses alone.
     scale = max(float(np.linalg.norm(weight_base)), 1e-9)
-    cross_force = np.array([-skew(force / scale) for force in forces])
+    cross_force = np.array([-skew(force / scale) for force in forces - force_bias])
     moment_design = np.concatenate([cross_force, np.tile(np.eye(3), (count, 1, 1))], axis=2).reshape(3 * count, 6)
     condition_moment = float(np.linalg.cond(moment_design))
-    if condition_moment > condition_limit:
+    if condition_moment > limits.condition:
         raise PosesDoNotSpan(
             f"centroid and moment bias cannot be told apart (condition number {condition_moment:.3g}, "
-            f"limit {condition_limit:g}): {_advice(readings)}"
+            f"limit {limits.condition:g}): {_advice(readings, down)}"
         )
     solution_moment = np.linalg.lstsq(moment_design, moments.ravel(), rcond=None)[0]
     centroid = solution_moment[:3] / scale
-    moment_bias = solution_moment[3:] + np.cross(centroid, force_bias)
+    moment_bias = solution_moment[3:]
 
-    tool = ToolParameters(np.concatenate([force_bias, moment_bias]), weight_base, centroid)
-    residuals = np.column_stack(
-        [
-            forces - (force_design @ solution_force).reshape(count, 3),
-            moments - (moment_design @ solution_moment).reshape(count, 3),
-        ]
-    )
+    payload = Payload(np.concatenate([force_bias, moment_bias]), weight_base, centroid)
+    moment_residuals = moments - (moment_design @ solution_moment).reshape(count, 3)
+    residuals = np.column_stack([force_residuals, moment_residuals])
     force_rms = float(np.sqrt(np.mean(residuals[:, :3] ** 2)))
     moment_rms = float(np.sqrt(np.mean(residuals[:, 3:] ** 2)))
-    _check_residuals(residuals, force_rms, moment_rms, force_rms_limit_n, moment_rms_limit_nm)
+    _check_residuals(residuals, force_rms, moment_rms, limits.force_rms_n, limits.moment_rms_nm)
+    _check_weight(weight_base, limits)
 
     force_covariance = _covariance(force_design, residuals[:, :3])
     moment_covariance = _covariance(moment_design, residuals[:, 3:])
-    # M0 = k + r x F0 in (r scale, k): the derivative to the scaled centroid is -skew(F0) / scale.
-    lever = np.hstack([-skew(force_bias) / scale, np.eye(3)])
     through_force = skew(centroid) @ force_covariance[-3:, -3:] @ skew(centroid).T
-    bias_variance = np.concatenate(
-        [np.diag(force_covariance)[-3:], np.diag(lever @ moment_covariance @ lever.T + through_force)]
-    )
+    bias_variance = np.concatenate([np.diag(force_covariance)[-3:], np.diag(moment_covariance[3:, 3:] + through_force)])
     along = weight_base / scale if gravity_free else np.ones(1)
     weight_block = force_covariance[:-3, :-3]
     return Calibration(
-        tool=tool,
+        payload=payload,
         residuals=residuals,
         force_rms_n=force_rms,
         moment_rms_nm=moment_rms,
@@ -196,6 +214,76 @@ def _covariance(design: Array, residuals: Array) -> Array:
     freedom = design.shape[0] - design.shape[1]
     variance = float(np.sum(residuals**2)) / freedom if freedom > 0 else 0.0
     return np.asarray(variance * np.linalg.inv(design.T @ design), dtype=float)
+
+
+def _check_mounting(
+    rotations: Array, forces: Array, residuals: Array, weight_base: Array, limits: CalibrationLimits
+) -> None:
+    """Refuse what is no matter of noise: nothing hangs, every sign reversed, or the sensor turned on its mount."""
+    down = limits.down()
+    hanging, weight = hanging_weight_n(rotations, forces, down), float(np.linalg.norm(weight_base))
+    rms = float(np.sqrt(np.mean(residuals**2)))
+    weight_sd = rms / np.sqrt(len(forces))
+    fits = rms <= limits.force_rms_n
+    if hanging < limits.least_weight_n or (fits and weight < _SIGMAS * weight_sd):
+        raise NothingHangs(
+            f"no weight hangs on the sensor: as it is turned about, its forces follow gravity by {hanging:.3f} N only "
+            f"(at least {limits.least_weight_n:g} N are wanted). Mount the peg; if it is mounted, see whether the "
+            "sensor's numbers change at all when you push it, and cell.force_torque.force_unit"
+        )
+    fit = fit_mounting(rotations, forces, down)
+    if fit is not None and _turned(fit, rms, limits):
+        sign = " and that reports the reaction (cell.force_torque.reports: reaction)" if fit.reversed_sign else ""
+        raise MountingTurned(
+            f"the readings fit a sensor {fit.in_words()}{sign}, with a residual of {fit.force_rms_n:.3f} N instead of "
+            f"{rms:.3f} N: set how it is mounted in cell.force_torque.pose_flange_sensor",
+            fit,
+        )
+    if fits:
+        _check_down(weight_base, limits)
+
+
+def _turned(fit: MountingFit, rms: float, limits: CalibrationLimits) -> bool:
+    return (
+        fit.force_rms_n <= limits.force_rms_n
+        and fit.angle_rad > max(limits.turn_rad, _SIGMAS * fit.turn_sd_rad)
+        and fit.force_rms_n < 0.5 * rms
+    )
+
+
+def _check_down(weight_base: Array, limits: CalibrationLimits) -> None:
+    """The weight must pull along the gravity that the cell's file says."""
+    down = limits.down()
+    angle = float(np.arctan2(np.linalg.norm(np.cross(weight_base, down)), weight_base @ down))
+    if angle <= limits.tilt_rad:
+        return
+    found = ", ".join(f"{round(value, 2) + 0.0:.2f}" for value in 9.81 * weight_base / np.linalg.norm(weight_base))
+    if angle > 2.0 * np.pi / 3.0:
+        raise WeightPointsUp(
+            f"the weight found points up, {degrees(angle):.0f} degrees from cell.gravity_base_m_s2: the sensor reports "
+            "the reaction, every sign reversed (set cell.force_torque.reports: reaction), or the base hangs the other "
+            f"way round (set cell.gravity_base_m_s2: [{found}])"
+        )
+    raise WeightPointsUp(
+        f"the weight found points {degrees(angle):.1f} degrees away from cell.gravity_base_m_s2, more than "
+        f"{degrees(limits.tilt_rad):.1f}: if the base stands so, set cell.gravity_base_m_s2: [{found}]; if not, see "
+        "how the sensor is mounted (cell.force_torque.pose_flange_sensor)"
+    )
+
+
+def _check_weight(weight_base: Array, limits: CalibrationLimits) -> None:
+    weight = float(np.linalg.norm(weight_base))
+    if limits.weighed_n is None or abs(weight - limits.weighed_n) <= limits.weighed_share * limits.weighed_n:
+        return
+    units = [
+        name
+        for name, factor in FORCE_UNITS.items()
+        if abs(weight * factor / limits.weighed_n - 1.0) <= limits.weighed_share
+    ]
+    mend = f"it fits a sensor that reports {units[0]}: set cell.force_torque.force_unit" if units else "weigh it again"
+    raise WeightDiffers(
+        f"the weight found is {weight:.4g} N, by scales (cell.force_torque.weighed_n) {limits.weighed_n:.4g} N; {mend}"
+    )
 
 
 def _check_residuals(
@@ -213,17 +301,17 @@ def _check_residuals(
     )
 
 
-def missing_gravity_direction(readings: Sequence[StaticReading]) -> Array:
+def missing_gravity_direction(readings: Sequence[StaticReading], down_base: ArrayLike = (0.0, 0.0, -1.0)) -> Array:
     """The sensor axis (3,), one of +-x, +-y, +-z, that lies farthest from gravity in all poses so far."""
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     if not readings:
         return np.array([0.0, 0.0, -1.0])
-    directions = np.array([reading.rotation_base_sensor.T @ DOWN_BASE for reading in readings])
+    directions = np.array([np.asarray(down_base, float) @ reading.rotation_base_sensor for reading in readings])
     return np.asarray(axes[int(np.argmin(np.max(axes @ directions.T, axis=1)))], dtype=float)
 
 
-def _advice(readings: Sequence[StaticReading]) -> str:
-    axis = missing_gravity_direction(readings)
+def _advice(readings: Sequence[StaticReading], down_base: Array) -> str:
+    axis = missing_gravity_direction(readings, down_base)
     index = int(np.argmax(np.abs(axis)))
     name = ("+" if axis[index] > 0.0 else "-") + "xyz"[index]
     return f"add a pose in which the sensor's {name} axis points down, turned about the vertical from the others"

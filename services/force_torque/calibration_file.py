@@ -7,12 +7,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 import yaml
+from numpy.typing import ArrayLike
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from services.force_torque.calibration import Calibration, CalibrationError, StaticReading, ToolParameters
+from crosspih_common.wrench import Payload, SensorMounting
+from services.force_torque.calibration import Calibration, CalibrationError, StaticReading
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+Vector36 = Annotated[tuple[float, ...], Field(min_length=36, max_length=36)]
 Vector9 = Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
 
 
@@ -52,10 +55,20 @@ class CalibrationFile(BaseModel):
     condition_force: float
     condition_moment: float
     poses: tuple[CalibrationPose, ...]
+    peg_of_raw: Vector36 | None = Field(
+        default=None, description="(6, 6) by rows: from raw readings to the peg, as mounted then; none: the identity"
+    )
 
-    def tool(self) -> ToolParameters:
-        """The parameters that compensation needs."""
-        return ToolParameters(np.array(self.bias), np.array(self.weight_base_n), np.array(self.centroid_sensor_m))
+    def payload(self, mounting: SensorMounting | None = None) -> Payload:
+        """What compensation needs. Raises `CalibrationFileError` for a mounting other than that of the calibration."""
+        mounting = SensorMounting() if mounting is None else mounting
+        made_with = np.eye(6) if self.peg_of_raw is None else np.reshape(self.peg_of_raw, (6, 6))
+        if not np.allclose(made_with, mounting.peg_of_raw, rtol=1e-9, atol=1e-9):
+            raise CalibrationFileError(
+                "the sensor's mounting in the cell's file (cell.force_torque) has changed since this calibration; "
+                "calibrate the sensor again (`crosspih calibrate ft`)"
+            )
+        return Payload(np.array(self.bias), np.array(self.weight_base_n), np.array(self.centroid_sensor_m), mounting)
 
 
 def calibration_file(
@@ -65,25 +78,29 @@ def calibration_file(
     calibrated_at: str,
     cell: str,
     joints_rad: list[list[float]] | None = None,
+    mounting: SensorMounting | None = None,
+    down_base: ArrayLike = (0.0, 0.0, -1.0),
 ) -> CalibrationFile:
     """The file's content; `calibrated_at` is ISO 8601 with a time zone, passed in because the core reads no clock.
 
+    `mounting` is how the readings came from raw numbers, `down_base` (3,) what the tilt is told against.
+
     Raises `CalibrationFileError` naming the field that does not fit.
     """
-    tool = calibration.tool
+    payload = calibration.payload
     joints: list[list[float]] | list[None] = [None] * len(readings) if joints_rad is None else joints_rad
     if len(joints) != len(readings):
         raise CalibrationFileError(f"joints_rad has {len(joints)} poses, readings have {len(readings)}")
     content = {
         "calibrated_at": calibrated_at,
         "cell": cell,
-        "bias": tool.bias.tolist(),
+        "bias": payload.bias.tolist(),
         "bias_sd": calibration.bias_sd.tolist(),
-        "weight_base_n": tool.weight_base_n.tolist(),
-        "weight_n": tool.weight_n,
+        "weight_base_n": payload.weight_base_n.tolist(),
+        "weight_n": payload.weight_n,
         "weight_sd_n": calibration.weight_sd_n,
-        "base_tilt_rad": tool.base_tilt_rad,
-        "centroid_sensor_m": tool.centroid_sensor_m.tolist(),
+        "base_tilt_rad": payload.tilt_rad(down_base),
+        "centroid_sensor_m": payload.centroid_sensor_m.tolist(),
         "force_rms_n": calibration.force_rms_n,
         "moment_rms_nm": calibration.moment_rms_nm,
         "condition_force": calibration.condition_force,
@@ -97,6 +114,7 @@ def calibration_file(
             }
             for reading, residual, joint in zip(readings, calibration.residuals, joints, strict=True)
         ],
+        "peg_of_raw": None if mounting is None else mounting.peg_of_raw.ravel().tolist(),
     }
     return _validated(content, "the calibration")
 

@@ -1,4 +1,4 @@
-"""Online use of the sensor: bias and gravity removed, moved to the peg frame, filtered; onset and drift watched.
+"""What the contact wrench tells online: contacts that begin and end, and drift in free air.
 
 All pure: each step takes its state and returns the next, so that a replay of a recording gives the same answers.
 Wrenches are (Fx, Fy, Fz, Mx, My, Mz), N and Nm, the load on the peg.
@@ -8,61 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import exp, pi
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
-
-from crosspih_common.geometry.pose import Array, Pose
-from crosspih_common.geometry.wrench import transform_wrench
-from services.force_torque.calibration import ToolParameters
-
-
-def compensated(
-    raw_sensor: ArrayLike,
-    rotation_base_sensor: ArrayLike,
-    tool: ToolParameters,
-    pose_peg_sensor: Pose | None = None,
-) -> Array:
-    """The contact wrench (..., 6) on the peg, in the peg frame about its origin, from raw readings (..., 6).
-
-    `rotation_base_sensor` is (3, 3) for all readings or (..., 3, 3) one each. `pose_peg_sensor` is the sensor's
-    measuring frame in the peg frame (default: the same frame). Raises ValueError for a reading that is not finite.
-    """
-    raw = np.asarray(raw_sensor, dtype=float)
-    if raw.shape[-1:] != (6,) or not np.all(np.isfinite(raw)):
-        raise ValueError(f"raw_sensor wants shape (..., 6) and finite numbers, got shape {raw.shape}")
-    contact = raw - tool.free_air_wrench(rotation_base_sensor)
-    return contact if pose_peg_sensor is None else transform_wrench(pose_peg_sensor, contact)
-
-
-@dataclass(frozen=True, slots=True)
-class LowPass:
-    """A first-order low-pass filter and its state: y += (1 - exp(-2 pi f T)) (x - y), exact for held inputs.
-
-    `last` is the latest output (6,), None before the first sample, which passes unchanged.
-    """
-
-    cutoff_hz: float
-    period_s: float
-    last: tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        if not self.cutoff_hz > 0.0 or not self.period_s > 0.0:
-            raise ValueError(
-                f"LowPass wants cutoff_hz > 0 and period_s > 0, got {self.cutoff_hz} Hz and {self.period_s} s"
-            )
-
-    def filtered(self, wrenches: ArrayLike) -> tuple[LowPass, Array]:
-        """The next state and the filtered samples (n, 6) of samples (n, 6) in order of time."""
-        samples = np.atleast_2d(np.asarray(wrenches, dtype=float))
-        if samples.shape[0] == 0:
-            return self, samples
-        gain = 1.0 - exp(-2.0 * pi * self.cutoff_hz * self.period_s)
-        start = samples[0] if self.last is None else np.asarray(self.last)
-        output, _ = lfilter([gain], [1.0, gain - 1.0], samples, axis=0, zi=(1.0 - gain) * start[None, :])
-        return replace(self, last=tuple(output[-1].tolist())), np.asarray(output, dtype=float)
 
 
 class ContactChange(str, Enum):
@@ -83,20 +31,25 @@ class ContactEvent:
 
 @dataclass(frozen=True, slots=True)
 class OnsetSettings:
-    """Contact when |F| or |M| is above its threshold for `hold_samples` samples in a row, over when both are below
-    `release_ratio` times their thresholds as long: the gap between the two keeps noise from toggling it.
+    """Contact when |F| or |M| is above its threshold for `hold_s` without a break, over when both are below
+    `release_ratio` times their thresholds as long: the gap between the two keeps noise from toggling it. A slow
+    sensor's single sample is never enough: it takes two.
     """
 
     force_threshold_n: float = 1.0
     moment_threshold_nm: float = 0.06
     release_ratio: float = 0.6
-    hold_samples: int = 5
+    hold_s: float = 0.005
 
     def __post_init__(self) -> None:
         if self.force_threshold_n <= 0.0 or self.moment_threshold_nm <= 0.0:
             raise ValueError("OnsetSettings wants force_threshold_n and moment_threshold_nm above 0")
-        if not 0.0 < self.release_ratio <= 1.0 or self.hold_samples < 1:
-            raise ValueError("OnsetSettings wants 0 < release_ratio <= 1 and hold_samples >= 1")
+        if not 0.0 < self.release_ratio <= 1.0 or not 0.0 < self.hold_s < 10.0:
+            raise ValueError("OnsetSettings wants 0 < release_ratio <= 1 and hold_s above 0 and below 10")
+
+    def hold_samples(self, period_s: float) -> int:
+        """How many samples in a row, for a sensor of that period."""
+        return max(2, round(self.hold_s / period_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +63,9 @@ class OnsetState:
 
 
 def watch_onset(
-    state: OnsetState, settings: OnsetSettings, stamps_ns: ArrayLike, wrenches: ArrayLike
+    state: OnsetState, settings: OnsetSettings, stamps_ns: ArrayLike, wrenches: ArrayLike, period_s: float
 ) -> tuple[OnsetState, list[ContactEvent]]:
-    """The next state and the events in compensated samples (n, 6) with their stamps (n,), ns, in order of time."""
+    """The next state and the events in contact wrenches (n, 6), one every `period_s`, with their stamps (n,), ns."""
     samples = np.atleast_2d(np.asarray(wrenches, dtype=float))
     stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64)).tolist()
     if len(stamps) != len(samples):
@@ -121,6 +74,7 @@ def watch_onset(
         np.linalg.norm(samples[:, :3], axis=1) / settings.force_threshold_n,
         np.linalg.norm(samples[:, 3:], axis=1) / settings.moment_threshold_nm,
     ).tolist()
+    hold_samples = settings.hold_samples(period_s)
     events: list[ContactEvent] = []
     for stamp, wrench, value in zip(stamps, samples, level, strict=True):
         against = value < settings.release_ratio if state.in_contact else value > 1.0
@@ -130,7 +84,7 @@ def watch_onset(
         if state.run_samples == 0:
             state = replace(state, run_stamp_ns=stamp, run_wrench=tuple(wrench.tolist()))
         state = replace(state, run_samples=state.run_samples + 1)
-        if state.run_samples >= settings.hold_samples:
+        if state.run_samples >= hold_samples:
             change = ContactChange.ENDED if state.in_contact else ContactChange.BEGAN
             events.append(ContactEvent(change, state.run_stamp_ns, state.run_wrench))
             state = replace(state, in_contact=not state.in_contact, run_samples=0)
@@ -139,28 +93,28 @@ def watch_onset(
 
 @dataclass(frozen=True, slots=True)
 class FreeAirSettings:
-    """The running mean forgets over `samples` samples; drift is a mean force or moment above its limit.
+    """The running mean forgets over `mean_s`; drift is a mean force or moment above its limit.
 
-    The mean must rest on `samples` samples before it counts; `settle_samples` after a contact are left out. Samples
+    The mean must rest on `mean_s` before it counts; `settle_s` after a contact are left out. Samples
     far above the limit are not drift but contact or motion not yet noticed: above `gate_ratio` limits they are skipped.
     """
 
-    samples: int = 500
+    mean_s: float = 0.5
     force_limit_n: float = 0.3
     moment_limit_nm: float = 0.015
-    settle_samples: int = 200
+    settle_s: float = 0.2
     gate_ratio: float = 10.0
 
     def __post_init__(self) -> None:
-        if self.samples < 1 or self.settle_samples < 0:
-            raise ValueError("FreeAirSettings wants samples >= 1 and settle_samples >= 0")
+        if not self.mean_s > 0.0 or not self.settle_s >= 0.0:
+            raise ValueError("FreeAirSettings wants mean_s above 0 and settle_s of 0 or more")
         if self.force_limit_n <= 0.0 or self.moment_limit_nm <= 0.0 or self.gate_ratio <= 1.0:
             raise ValueError("FreeAirSettings wants force_limit_n, moment_limit_nm > 0 and gate_ratio > 1")
 
 
 @dataclass(frozen=True, slots=True)
 class FreeAirState:
-    """The running mean (6,) of the compensated wrench in free air, and how many samples it rests on."""
+    """The running mean (6,) of the contact wrench in free air, and how many samples it rests on."""
 
     mean: tuple[float, ...] = (0.0,) * 6
     samples: int = 0
@@ -180,12 +134,13 @@ class FreeAirReport:
 
 
 def watch_free_air(
-    state: FreeAirState, settings: FreeAirSettings, wrenches: ArrayLike, in_contact: bool
+    state: FreeAirState, settings: FreeAirSettings, wrenches: ArrayLike, in_contact: bool, period_s: float
 ) -> tuple[FreeAirState, FreeAirReport]:
-    """The next state and a report after compensated samples (n, 6); samples in contact are not counted."""
+    """The next state and a report after contact wrenches (n, 6), one every `period_s`; none counts `in_contact`."""
     samples = np.atleast_2d(np.asarray(wrenches, dtype=float))
+    enough = max(1, round(settings.mean_s / period_s))
     if in_contact:
-        state = replace(state, settle_left=settings.settle_samples)
+        state = replace(state, settle_left=round(settings.settle_s / period_s))
     else:
         skipped = min(state.settle_left, len(samples))
         state = replace(state, settle_left=state.settle_left - skipped)
@@ -197,15 +152,15 @@ def watch_free_air(
         mean, count = np.asarray(state.mean), state.samples
         for wrench in kept[level <= settings.gate_ratio]:
             count += 1
-            mean = mean + (wrench - mean) / min(count, settings.samples)
+            mean = mean + (wrench - mean) / min(count, enough)
         state = replace(state, mean=tuple(mean.tolist()), samples=count)
-    return state, _report(state, settings)
+    return state, _report(state, settings, enough)
 
 
-def _report(state: FreeAirState, settings: FreeAirSettings) -> FreeAirReport:
+def _report(state: FreeAirState, settings: FreeAirSettings, enough: int) -> FreeAirReport:
     force = float(np.linalg.norm(state.mean[:3]))
     moment = float(np.linalg.norm(state.mean[3:]))
-    settled = state.samples >= settings.samples
+    settled = state.samples >= enough
     faults = []
     if settled and force > settings.force_limit_n:
         faults.append(f"mean force in free air {force:.3f} N, limit {settings.force_limit_n:g} N")

@@ -6,17 +6,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from crosspih_common.geometry.pose import Array, Pose
-from services.force_torque.calibration import ToolParameters
+from crosspih_common.geometry.pose import Array
+from crosspih_common.wrench import LowPass, Payload
 from services.force_torque.compensation import (
     ContactEvent,
     FreeAirReport,
     FreeAirSettings,
     FreeAirState,
-    LowPass,
     OnsetSettings,
     OnsetState,
-    compensated,
     watch_free_air,
     watch_onset,
 )
@@ -26,17 +24,16 @@ from services.force_torque.compensation import (
 class Pipeline:
     """Everything that the pipeline remembers between batches."""
 
-    tool: ToolParameters
+    payload: Payload
     low_pass: LowPass
     onset_settings: OnsetSettings
     free_settings: FreeAirSettings
     onset: OnsetState = field(default_factory=OnsetState)
     free: FreeAirState = field(default_factory=FreeAirState)
-    pose_peg_sensor: Pose = field(default_factory=Pose.identity)
 
-    def with_tool(self, tool: ToolParameters) -> Pipeline:
-        """After a calibration: new parameters, and what was remembered of free air forgotten."""
-        return replace(self, tool=tool, free=FreeAirState(), low_pass=replace(self.low_pass, last=None))
+    def with_payload(self, payload: Payload) -> Pipeline:
+        """After a calibration: the new payload, and what was remembered of free air forgotten."""
+        return replace(self, payload=payload, free=FreeAirState(), low_pass=replace(self.low_pass, last=None))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,20 +50,20 @@ class Step:
 def step(
     pipeline: Pipeline, samples: Array, stamp_ns: int, period_ns: int, rotation_base_peg: Array, *, accelerating: bool
 ) -> Step:
-    """Process a batch (n, 6), sensor frame, first sample at `stamp_ns`, at orientation (3, 3).
+    """Process a batch (n, 6), as the sensor gives it, first sample at `stamp_ns`, at orientation (3, 3).
 
     While the arm is `accelerating` the payload's inertia is felt like a contact: then neither contact nor free air is
     judged, and both stay as they were.
     """
-    mounting = pipeline.pose_peg_sensor
-    contact = compensated(samples, rotation_base_peg @ mounting.rotation, pipeline.tool, mounting)
+    contact, period_s = pipeline.payload.contact(samples, rotation_base_peg), period_ns * 1e-9
     stamps = stamp_ns + period_ns * np.arange(len(contact))
-    low_pass, filtered = pipeline.low_pass.filtered(contact)
+    low_pass, filtered = pipeline.low_pass.at_period(period_s).filtered(contact)
     if accelerating:
         onset, events = pipeline.onset, list[ContactEvent]()
     else:
-        onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered)
+        onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered, period_s)
     # an accelerating arm counts like a contact here: the samples just after it are left out too
-    free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, onset.in_contact or accelerating)
+    disturbed = onset.in_contact or accelerating
+    free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, disturbed, period_s)
     after = replace(pipeline, low_pass=low_pass, onset=onset, free=free)
     return Step(after, filtered[-1], onset.in_contact, events, report)

@@ -74,3 +74,17 @@ def test_compliance_is_symmetric_and_gives_way_to_force() -> None:
     assert np.all(np.linalg.eigvalsh(compliance) > 0.0)
     stiffness_n_mm = 1e-3 / np.diag(compliance)[:3]
     assert np.all((stiffness_n_mm > 20.0) & (stiffness_n_mm < 500.0))
+
+
+def test_a_correction_in_its_old_place_is_read_and_two_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    old = "force_torque: {filter_hz: 40, sensor_correction: {shift_m: [0.001, 0, 0], turn_rad: [0, 0.05, 0]}}\n"
+    path.write_text(old, encoding="utf-8")
+    cell = load_cell(path)
+    correction = cell.workcell.force_torque.correction
+    assert (correction.shift_m, correction.turn_rad) == ((0.001, 0.0, 0.0), (0.0, 0.05, 0.0))
+    assert cell.sections["force_torque"] == {"filter_hz": 40}
+    assert cell.workcell.sensor_mounting().pose_peg_sensor.rotvec_rad() == pytest.approx([0.0, 0.05, 0.0])
+    path.write_text(old + "cell: {force_torque: {correction: {}}}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"is now cell\.force_torque\.correction"):
+        load_cell(path)

@@ -10,13 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.wrench import Payload, SensorMounting
 from services.force_torque.calibration import (
     CalibrationError,
     PosesDoNotSpan,
     ResidualsTooLarge,
     StaticReading,
-    ToolParameters,
+    WeightPointsUp,
     calibrate,
     missing_gravity_direction,
 )
@@ -49,7 +51,8 @@ PRINTED_P = [0.0006, 0.0011, 0.0327, -0.0034, 0.0081, -0.0065]  # Eq. 15
 PRINTED_F0 = [0.1714, -0.0426, -0.0153, -0.0020, 0.0138, -0.0067]  # Eq. 16
 PRINTED_G = 9.558
 
-TOOL = ToolParameters(
+DOWN = (0.0, 0.0, -1.0)
+TOOL = Payload(
     bias=np.array([0.8, -0.5, 1.2, 0.03, -0.02, 0.01]),
     weight_base_n=np.array([0.0, 0.0, -9.55]),
     centroid_sensor_m=np.array([0.001, -0.0005, 0.033]),
@@ -60,8 +63,8 @@ def table_1() -> list[StaticReading]:
     return [StaticReading(np.array(rotation), np.array(wrench)) for rotation, wrench in TABLE_1]
 
 
-def readings_at(rotations: Array, tool: ToolParameters = TOOL) -> list[StaticReading]:
-    return [StaticReading(rotation, tool.free_air_wrench(rotation)) for rotation in rotations]
+def readings_at(rotations: Array, tool: Payload = TOOL) -> list[StaticReading]:
+    return [StaticReading(rotation, tool.free_air(rotation)) for rotation in rotations]
 
 
 def spread_rotations() -> Array:
@@ -79,21 +82,21 @@ def spread_rotations() -> Array:
 def test_table_1_gives_the_printed_parameters() -> None:
     found = calibrate(table_1())
     assert found.parameters_eq15 == pytest.approx(PRINTED_P, abs=1.3e-4)
-    assert found.tool.bias[:3] == pytest.approx(PRINTED_F0[:3], abs=5e-4)
-    assert found.tool.bias[3:] == pytest.approx(PRINTED_F0[3:], abs=2.5e-4)
-    assert found.tool.weight_n == pytest.approx(PRINTED_G, abs=1.5e-3)
+    assert found.payload.bias[:3] == pytest.approx(PRINTED_F0[:3], abs=5e-4)
+    assert found.payload.bias[3:] == pytest.approx(PRINTED_F0[3:], abs=2.5e-4)
+    assert found.payload.weight_n == pytest.approx(PRINTED_G, abs=1.5e-3)
 
 
 def test_table_1_figures_that_the_paper_does_not_print() -> None:
     found = calibrate(table_1())
-    assert found.tool.weight_base_n == pytest.approx([-0.325, -0.036, -9.553], abs=1e-3)
-    assert np.degrees(found.tool.base_tilt_rad) == pytest.approx(1.96, abs=0.01)
+    assert found.payload.weight_base_n == pytest.approx([-0.325, -0.036, -9.553], abs=1e-3)
+    assert np.degrees(found.payload.tilt_rad(DOWN)) == pytest.approx(1.96, abs=0.01)
     assert found.force_rms_n == pytest.approx(0.11, abs=0.005)
     assert found.moment_rms_nm == pytest.approx(0.0084, abs=0.0001)
     assert np.abs(found.residuals[:, :3]).max() == pytest.approx(0.24, abs=0.005)
     assert np.abs(found.residuals[:, 3]).max() == pytest.approx(0.027, abs=0.001)
     # The offsets are not significant beside their own scatter: most are within two standard deviations of zero.
-    assert np.sum(np.abs(found.tool.bias) < 2.0 * found.bias_sd) == 6
+    assert np.sum(np.abs(found.payload.bias) < 2.0 * found.bias_sd) == 6
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
@@ -107,24 +110,24 @@ def test_table_1_figures_that_the_paper_does_not_print() -> None:
 def test_exact_readings_give_the_parameters_back(
     seed: int, weight: float, bias: list[float], centroid: list[float], gravity_free: bool
 ) -> None:
-    tool = ToolParameters(np.array(bias), np.array([0.0, 0.0, -weight]), np.array(centroid))
+    tool = Payload(np.array(bias), np.array([0.0, 0.0, -weight]), np.array(centroid))
     rotations = Rotation.random(8, rng=np.random.default_rng(seed)).as_matrix()
     try:
         found = calibrate(readings_at(rotations, tool), gravity_free=gravity_free)
     except PosesDoNotSpan:
         return
-    assert found.tool.bias == pytest.approx(tool.bias, abs=1e-8)
-    assert found.tool.weight_base_n == pytest.approx(tool.weight_base_n, abs=1e-8)
-    assert found.tool.centroid_sensor_m == pytest.approx(tool.centroid_sensor_m, abs=1e-8)
+    assert found.payload.bias == pytest.approx(tool.bias, abs=1e-8)
+    assert found.payload.weight_base_n == pytest.approx(tool.weight_base_n, abs=1e-8)
+    assert found.payload.centroid_sensor_m == pytest.approx(tool.centroid_sensor_m, abs=1e-8)
     assert found.force_rms_n < 1e-9
 
 
 def test_a_tilted_base_is_found_and_its_neglect_shows() -> None:
-    tilted = ToolParameters(
+    tilted = Payload(
         TOOL.bias, Rotation.from_rotvec([0.03, 0.0, 0.0]).apply(TOOL.weight_base_n), TOOL.centroid_sensor_m
     )
     readings = readings_at(spread_rotations(), tilted)
-    assert calibrate(readings).tool.base_tilt_rad == pytest.approx(0.03, abs=1e-9)
+    assert calibrate(readings).payload.tilt_rad(DOWN) == pytest.approx(0.03, abs=1e-9)
     assert calibrate(readings, gravity_free=False).force_rms_n > 0.05
 
 
@@ -138,9 +141,9 @@ def test_noise_of_averaged_readings_stays_within_the_standard_deviations_told() 
             for r in readings_at(spread_rotations())
         ]
         found = calibrate(readings)
-        scaled.append((found.tool.bias - TOOL.bias) / found.bias_sd)
-        assert found.tool.weight_n == pytest.approx(TOOL.weight_n, abs=0.02)
-        assert found.tool.centroid_sensor_m == pytest.approx(TOOL.centroid_sensor_m, abs=2e-4)
+        scaled.append((found.payload.bias - TOOL.bias) / found.bias_sd)
+        assert found.payload.weight_n == pytest.approx(TOOL.weight_n, abs=0.02)
+        assert found.payload.centroid_sensor_m == pytest.approx(TOOL.centroid_sensor_m, abs=2e-4)
     # About one, and rather too cautious for the moments, whose residuals also hold the force noise times the centroid.
     assert np.all(np.abs(np.std(scaled, axis=0) - 1.0) < 0.35)
 
@@ -180,8 +183,8 @@ def test_malformed_readings_are_refused() -> None:
         StaticReading(np.ones((3, 3)), np.zeros(6))
     with pytest.raises(CalibrationError, match="six finite numbers"):
         StaticReading(np.eye(3), np.array([0.0, np.nan, 0.0, 0.0, 0.0, 0.0]))
-    upside_down = ToolParameters(TOOL.bias, -TOOL.weight_base_n, TOOL.centroid_sensor_m)
-    with pytest.raises(ResidualsTooLarge, match="points up"):
+    upside_down = Payload(TOOL.bias, -TOOL.weight_base_n, TOOL.centroid_sensor_m)
+    with pytest.raises(WeightPointsUp, match="points up"):
         calibrate(readings_at(spread_rotations(), upside_down), gravity_free=False)
 
 
@@ -194,7 +197,7 @@ def test_the_file_comes_back_as_saved(tmp_path: Path) -> None:
     save_calibration(content, path)
     loaded = load_calibration(path)
     assert loaded == content
-    assert loaded.tool().bias.tolist() == calibrate(readings).tool.bias.tolist()
+    assert loaded.payload().bias.tolist() == calibrate(readings).payload.bias.tolist()
     assert [p.name for p in path.parent.iterdir()] == ["ft.yaml"]
 
 
@@ -208,6 +211,9 @@ def test_bad_files_name_the_field(tmp_path: Path) -> None:
     readings = table_1()
     content = calibration_file(calibrate(readings), readings, calibrated_at="2026-03-01T12:00:00Z", cell="xb4")
     save_calibration(content, path)
+    turned = SensorMounting(Pose.from_rotvec([0.0, 0.0, 0.05], np.zeros(3)))
+    with pytest.raises(CalibrationFileError, match="has changed since this calibration"):
+        load_calibration(path).payload(turned)
     path.write_text(path.read_text(encoding="utf-8").replace("weight_n:", "weigth_n:"), encoding="utf-8")
     with pytest.raises(CalibrationFileError, match=r"weight_n: Field required.*weigth_n: Extra"):
         load_calibration(path)

@@ -18,8 +18,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import GuardedMove, ResetCell, SetPayload, StopReason
 from crosspih_common.messages.base import PoseData, floats
-from services.force_torque.calibration import ToolParameters
-from services.force_torque.compensation import compensated
+from crosspih_common.wrench import Payload
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
 from services.hardware.hosting import open_cell
@@ -50,13 +49,13 @@ def agreements(friction_coefficient: float, count: int) -> list[Agreement]:
     sensor = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
     config = SimulatedConfig(friction_coefficient=friction_coefficient, force_torque=sensor)
     cell = open_cell(WORKCELL, HardwareConfig(simulated=config), realtime=False)
-    tool = ToolParameters(
+    payload = Payload(
         np.array(sensor.bias), np.array([0.0, 0.0, -9.81 * sensor.payload_kg]), np.array(sensor.payload_centroid_m)
     )
     cell.arm.set_payload(
         SetPayload(
             bias=sensor.bias,
-            weight_n=tool.weight_n,
+            weight_n=payload.weight_n,
             centroid_ft_m=sensor.payload_centroid_m,
             gravity_base=(0.0, 0.0, -1.0),
         )
@@ -89,7 +88,7 @@ def agreements(friction_coefficient: float, count: int) -> list[Agreement]:
             assert outcome.pose_base_peg_observed is not None and outcome.wrench_observed_raw is not None
             assert outcome.joints_observed_rad is not None and outcome.travel_first_contact_m is not None
             commanded = outcome.pose_base_peg_observed.pose()
-            wrench = compensated(outcome.wrench_observed_raw, commanded.rotation, tool)
+            wrench = payload.contact(outcome.wrench_observed_raw, commanded.rotation)
             compliance = WORKCELL.compliance_peg(outcome.joints_observed_rad)
             twist = compliance @ wrench
             pose = pose_base_hole.inverse() @ commanded @ Pose.from_rotvec(twist[3:], twist[:3])

@@ -13,10 +13,20 @@ from crosspih_common.config import Workcell, load_cell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
+from crosspih_common.messages import IdentifyPayload, PoseData, RawReading, floats
 from crosspih_common.recording.reader import RecordingError
+from crosspih_common.wrench import Payload
 from services.inference.estimator import BoreWalls, EstimatorSettings, TouchObservation
 from services.inference.mechanics import PairTables
-from services.inference.refine.assemblies import AssemblyData, NothingToRefine, Past, Seen, Weighing, read_past
+from services.inference.refine.assemblies import (
+    AssemblyData,
+    NothingToRefine,
+    Past,
+    Seen,
+    Weighing,
+    read_past,
+    weighing_of,
+)
 from services.inference.refine.parameters import CLEARANCE, NAMES, PRIOR_SD, TAPER, judged, refined_peg, shapes
 from services.inference.refine.pressed import displacement
 from services.inference.refine.result import refine
@@ -142,6 +152,34 @@ def test_the_turn_of_the_sensor_is_weighed() -> None:
     assert found[0] == pytest.approx(turn, abs=1.5e-3)
     assert np.all(np.sqrt(np.diag(found[1])) < 1.5e-3)
     assert sensor_turn([Weighing(rotations[:3], force[:3], sd[:3])], PRIOR_SD[5:8]) is None
+
+
+def test_the_turn_is_weighed_for_a_sensor_with_axes_sign_and_units_of_its_own() -> None:
+    drawn = {
+        "reports": "reaction",
+        "axes": ["-y", "x", "z"],
+        "force_unit": "mN",
+        "pose_flange_sensor": {"position_m": [0.0, 0.001, 0.0363], "rotvec_rad": [0.0, 0.0, 0.5]},
+    }
+    turn = np.array([0.004, -0.006, 0.008])
+    workcell = Workcell.model_validate({"force_torque": drawn})
+    real = Workcell.model_validate({"force_torque": {**drawn, "correction": {"turn_rad": turn.tolist()}}})
+    payload = Payload(
+        np.array([1.0, -2.0, 0.5, 0.1, 0.0, 0.0]), np.array([0.0, 0.0, -9.5]), np.zeros(3), real.sensor_mounting()
+    )
+    readings = tuple(
+        RawReading(
+            pose_base_peg=PoseData.of(Pose(rotation, np.zeros(3))),
+            wrench_raw=floats(payload.mounting.raw(payload.load(rotation))),
+            wrench_sd=(5.0,) * 6,
+        )
+        for rotation in Rotation.random(8, rng=np.random.default_rng(2)).as_matrix()
+    )
+    weighing = weighing_of(IdentifyPayload(readings=readings), workcell)
+    assert weighing.sd_n == pytest.approx(np.full((8, 3), 0.005))
+    found = sensor_turn([weighing], PRIOR_SD[5:8])
+    assert found is not None
+    assert found[0] == pytest.approx(turn, abs=3e-4)  # the tolerance pulls it a little towards none
 
 
 def test_a_wrench_that_is_moved_by_the_sensor_is_moved_back() -> None:

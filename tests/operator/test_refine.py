@@ -36,6 +36,20 @@ def test_a_real_cell_gets_no_truth() -> None:
     assert content == {"hardware": {"driver": "mine"}, "cell": {"hole": {"clearance_m": 0.00012}}}
 
 
+def test_the_sensors_correction_goes_where_arm_and_service_read_it() -> None:
+    base = {
+        "hardware": {"driver": "mine"},
+        "force_torque": {"filter_hz": 40.0, "sensor_correction": {"shift_m": [0.001, 0.0, 0.0]}},
+    }
+    found = {"shift_m": [0.0005, 0.0, 0.0], "turn_rad": [0.0, 0.01, 0.0]}
+    content = refined_content(base, {"cell": {"force_torque": {"correction": found}}})
+    assert content == {
+        "hardware": {"driver": "mine"},
+        "force_torque": {"filter_hz": 40.0},
+        "cell": {"force_torque": {"correction": found}},
+    }
+
+
 def test_the_table_says_what_was_kept() -> None:
     one = {"name": "taper", "before": 0.0, "found": 0.004, "sd": 0.009, "prior_sd": 0.01, "taken": False, "value": 0.0}
     counts = dict.fromkeys(("assemblies", "touches", "presses", "seen", "calibrations"), 1)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from crosspih_common.config import CellFile, Workcell
+from crosspih_common.config import CellFile, SensorSection, Workcell, with_correction_moved
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
 from crosspih_common.keys import ASSEMBLE, CAPTURE, ESTIMATE, IDENTIFY_PAYLOAD, LOCATE, TOUCH
-from crosspih_common.messages import LocateMethod, Touch
+from crosspih_common.messages import IdentifyPayload, LocateMethod, Touch
 from crosspih_common.recording.reader import Recording, read_recording
 from services.inference.estimator import TouchObservation
 
@@ -44,7 +44,8 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssemblyData:
-    """One assembly that went in. Wrenches of touches and presses are as the sensor has them: no correction is in them.
+    """One assembly that went in. Wrenches of touches and presses are on the peg, as a sensor without a correction would
+    tell them.
 
     pose_base_hole: T2, a start for the fit. touches: those before, presses: those against the bore's walls.
     """
@@ -58,7 +59,8 @@ class AssemblyData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighing:
-    """The dwells of one calibration of the sensor: rotation_base_peg (n, 3, 3), force (n, 3) as read and its sd, N."""
+    """The dwells of one calibration of the sensor: rotation_base_peg (n, 3, 3); force (n, 3) with bias and weight in
+    it, peg frame, and its sd, N."""
 
     rotation_base_peg: Array
     force_n: Array
@@ -80,8 +82,8 @@ def camera_correction(cell: dict[str, Any]) -> Pose:
 
 
 def sensor_correction(cell: dict[str, Any]) -> Pose:
-    """The sensor's frame in the peg frame that a cell's file has."""
-    return _pose((cell.get("force_torque") or {}).get("sensor_correction"))
+    """The correction of the sensor's frame, in the peg frame, that a cell's file has."""
+    return _pose(((cell.get("cell") or {}).get("force_torque") or {}).get("correction"))
 
 
 def _pose(section: dict[str, Any] | None) -> Pose:
@@ -100,7 +102,7 @@ def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, i
         recording = read_recording(path, TOPICS)
         content = _content(recording)
         _check_same(path, cell, content)
-        found = [_weighing(request) for request in recording.messages(IDENTIFY_PAYLOAD.request_echo)]
+        found = [weighing_of(request, cell.workcell) for request in recording.messages(IDENTIFY_PAYLOAD.request_echo)]
         weighings += found
         data = _assembly(recording, cell.workcell, content)
         if isinstance(data, AssemblyData):
@@ -119,7 +121,7 @@ def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, i
 
 def _content(recording: Recording) -> dict[str, Any]:
     content = yaml.safe_load(recording.metadata.get("cell", {}).get("yaml", "")) or {}
-    return content if isinstance(content, dict) else {}
+    return with_correction_moved(content) if isinstance(content, dict) else {}
 
 
 def _check_same(path: Path, cell: CellFile, content: dict[str, Any]) -> None:
@@ -130,14 +132,28 @@ def _check_same(path: Path, cell: CellFile, content: dict[str, Any]) -> None:
                 f"{path}: another cell's recording (its cell.{name} differs from that of {cell.path}); leave it out, "
                 f"or name its cell's file with --cell"
             )
+    if _uncorrected(theirs.force_torque) != _uncorrected(cell.workcell.force_torque):
+        raise NothingToRefine(
+            f"{path}: its sensor was mounted or read otherwise (its cell.force_torque differs from that of "
+            f"{cell.path}); leave it out, or name its cell's file with --cell"
+        )
 
 
-def _weighing(request: Any) -> Weighing:
+def _uncorrected(sensor: SensorSection) -> tuple[object, ...]:
+    """What the sensor's numbers mean but for the correction, which is what is refined."""
+    return sensor.pose_flange_sensor, sensor.reports, sensor.axes, sensor.force_unit, sensor.moment_unit
+
+
+def weighing_of(request: IdentifyPayload, workcell: Workcell) -> Weighing:
+    """The dwells of a calibration; the forces as they would be in the peg frame if the sensor needed no correction."""
     readings = request.readings
+    mounting = workcell.force_torque.as_drawn().mounting(workcell.pose_flange_peg())
+    wrenches = np.array([reading.wrench_raw for reading in readings])
+    sds = np.array([reading.wrench_sd for reading in readings])
     return Weighing(
         np.array([reading.pose_base_peg.pose().rotation for reading in readings]),
-        np.array([reading.wrench_raw[:3] for reading in readings]),
-        np.array([reading.wrench_sd[:3] for reading in readings]),
+        (wrenches @ mounting.peg_of_raw.T)[:, :3],
+        mounting.peg_sd(sds)[:, :3],
     )
 
 

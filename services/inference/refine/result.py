@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from crosspih_common.config import CellFile
-from services.inference.refine.assemblies import Past, camera_correction, sensor_correction
+from services.inference.refine.assemblies import Past, camera_correction
 from services.inference.refine.joint import JointFit, joint_fit
 from services.inference.refine.parameters import (
     CAMERA,
@@ -78,9 +78,8 @@ class Refinement:
             value = cell.workcell.hole.clearance_m + by_name["clearance"].value
             settings.setdefault("cell", {})["hole"] = {"clearance_m": value}
         if any_taken(GEOMETRY[2:]):
-            settings["force_torque"] = {
-                "sensor_correction": {"shift_m": values(GEOMETRY[2:5]), "turn_rad": values(GEOMETRY[5:])}
-            }
+            correction = {"shift_m": values(GEOMETRY[2:5]), "turn_rad": values(GEOMETRY[5:])}
+            settings.setdefault("cell", {})["force_torque"] = {"correction": correction}
         if any_taken(CAMERA):
             settings["vision"] = {"camera_correction": {"shift_m": values(CAMERA[:3]), "turn_rad": values(CAMERA[3:])}}
         return dict(settings)
@@ -88,7 +87,8 @@ class Refinement:
 
 def refine(cell: CellFile, past: Past, tell: Teller = lambda doing, done, total: None) -> Refinement:
     """Fit all that the past tells of the cell."""
-    sensor, camera = sensor_correction(cell.sections), camera_correction(cell.sections)
+    sensor = cell.workcell.force_torque.correction.pose()
+    camera = camera_correction(cell.sections)
     before = np.concatenate(
         [[0.0, 0.0], sensor.translation_m, sensor.rotvec_rad(), camera.translation_m, camera.rotvec_rad()]
     )

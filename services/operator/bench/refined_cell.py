@@ -12,7 +12,7 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from crosspih_common.config import PegDrawing, Workcell, load_cell
+from crosspih_common.config import PegDrawing, Workcell, load_cell, with_correction_moved
 from services.operator.bench.conditions import merged
 from services.operator.dataset.inference_process import run_tool
 
@@ -30,10 +30,10 @@ def shown_in(name: str) -> tuple[float, str]:
 def refined_content(base: dict[str, Any], settings: dict[str, Any]) -> dict[str, Any]:
     """The cell's file with the refined settings. A simulated cell stays the machine that it was: what
     `hardware.simulated.truth` says against the drawing is said against the new drawing."""
-    base = {name: {} if section is None else section for name, section in base.items()}
+    base = with_correction_moved({name: {} if section is None else section for name, section in base.items()})
     content = merged(base, settings)
     truth = ((base.get("hardware") or {}).get("simulated") or {}).get("truth")
-    changed = settings.get("cell") or {}
+    changed = {name for name in settings.get("cell") or {} if name in ("peg", "hole")}
     if (base.get("hardware") or {}).get("driver", "simulated") != "simulated" or not changed:
         return content
     before, after = (Workcell.model_validate(one.get("cell") or {}) for one in (base, content))

@@ -1,0 +1,16 @@
+"""How a force/torque sensor's numbers become the contact wrench on the peg: one way for all services."""
+
+from crosspih_common.wrench.low_pass import LowPass
+from crosspih_common.wrench.mounting import SensorMounting
+from crosspih_common.wrench.payload import Payload
+from crosspih_common.wrench.plausibility import IMPLAUSIBLE, PayloadLimits, judge_bounds, judge_payload
+
+__all__ = [
+    "IMPLAUSIBLE",
+    "LowPass",
+    "Payload",
+    "PayloadLimits",
+    "SensorMounting",
+    "judge_bounds",
+    "judge_payload",
+]

@@ -1,0 +1,72 @@
+"""When the arm is at rest, and what the sensor reads then. Times are the cell's clock; any rate will do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import JointState, RawWrenchBatch
+
+_STILL_RAD_S = 1e-3
+_ACCELERATION_WINDOW_S = 0.03
+_ACCELERATION_STEP_S = 0.0035  # speeds of encoders closer in time differ by their noise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RestingReading:
+    """The mean raw reading (6,) at rest and the standard deviation (6,) of that mean."""
+
+    mean: Array
+    sd: Array
+
+
+class RestingWindow:
+    """The last raw batches. `window_s` of them are averaged; less than `least_s` of rest is none."""
+
+    def __init__(self, window_s: float = 0.2, least_s: float = 0.05) -> None:
+        self._window_ns, self._least_ns = int(window_s * 1e9), int(least_s * 1e9)
+        self._batches: tuple[RawWrenchBatch, ...] = ()
+
+    def add(self, batch: RawWrenchBatch) -> None:
+        """The next batch; one that is older than the last begins anew (the cell's clock was set back)."""
+        kept = self._batches
+        if kept and batch.stamp_ns < kept[-1].stamp_ns:
+            kept = ()
+        since = batch.stamp_ns - self._window_ns
+        self._batches = (*(one for one in kept if one.stamp_ns >= since), batch)
+
+    def reading(self, joints: Sequence[JointState], now_ns: int) -> RestingReading | None:
+        """What the sensor reads at rest now; None while the arm moves or where the streams have run dry.
+
+        joints: the last states, oldest first.
+        """
+        batches = self._batches
+        if not batches or not joints or now_ns - batches[-1].stamp_ns > 2 * self._window_ns:
+            return None
+        moving = [state.stamp_ns for state in joints if np.max(np.abs(state.speeds_rad_s)) > _STILL_RAD_S]
+        since = max([joints[0].stamp_ns, *moving])
+        resting = [batch for batch in batches if batch.stamp_ns > since]
+        if not resting or batches[-1].stamp_ns - since < self._least_ns:
+            return None
+        samples = np.concatenate([np.asarray(batch.samples, dtype=float) for batch in resting])
+        if len(samples) < 2:
+            return None
+        return RestingReading(samples.mean(axis=0), samples.std(axis=0, ddof=1) / np.sqrt(len(samples)))
+
+
+def joint_acceleration_rad_s2(states: Sequence[JointState]) -> float:
+    """The largest joint acceleration over the last 30 ms of joint states, by differences of their speeds."""
+    kept: list[JointState] = []
+    for state in reversed(states):
+        if states[-1].stamp_ns - state.stamp_ns > _ACCELERATION_WINDOW_S * 1e9 and len(kept) > 1:
+            break
+        if not kept or kept[-1].stamp_ns - state.stamp_ns >= _ACCELERATION_STEP_S * 1e9:
+            kept.append(state)
+    if len(kept) < 2:
+        return 0.0
+    speeds = np.array([state.speeds_rad_s for state in kept])
+    steps = -np.diff(np.array([state.stamp_ns for state in kept]) * 1e-9)
+    return float(np.max(np.abs(np.diff(speeds, axis=0)) / steps[:, None]))
