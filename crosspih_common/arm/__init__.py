@@ -1,5 +1,6 @@
-"""The 6-axis arm: its kinematics and limits, shared by whoever moves it or reasons about where it is."""
+"""The arm: its kinematics and limits, shared by whoever moves it or reasons about where it is."""
 
-from crosspih_common.arm.kinematics import ArmModel, JointLimits, xb4
+from crosspih_common.arm.kinematics import ArmModel, JointLimits
+from crosspih_common.arm.named import NAMED_ARMS, NamedArm, named_arm, panda, ur5e, xb4
 
-__all__ = ["ArmModel", "JointLimits", "xb4"]
+__all__ = ["NAMED_ARMS", "ArmModel", "JointLimits", "NamedArm", "named_arm", "panda", "ur5e", "xb4"]

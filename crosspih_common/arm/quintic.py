@@ -22,7 +22,7 @@ REST_PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointSample:
-    """One instant of a motion: position (6,) rad, velocity (6,) rad/s, acceleration (6,) rad/s^2."""
+    """One instant of a motion: position (n,) rad, velocity (n,) rad/s, acceleration (n,) rad/s^2."""
 
     position_rad: Array
     velocity_rad_s: Array
@@ -31,14 +31,15 @@ class JointSample:
     def __post_init__(self) -> None:
         for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
             value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != (6,) or not np.all(np.isfinite(value)):
-                raise ValueError(f"{name} wants six finite numbers, got {value!r}")
+            if value.ndim != 1 or value.shape != np.shape(self.position_rad) or not np.all(np.isfinite(value)):
+                raise ValueError(f"{name} wants one finite number a joint, got {value!r}")
             object.__setattr__(self, name, value)
 
     @classmethod
     def at_rest(cls, joints_rad: ArrayLike) -> JointSample:
-        """Standing still at joint angles (6,), rad."""
-        return cls(np.array(joints_rad, dtype=float), np.zeros(6), np.zeros(6))
+        """Standing still at joint angles (n,), rad."""
+        joints = np.array(joints_rad, dtype=float)
+        return cls(joints, np.zeros(joints.shape), np.zeros(joints.shape))
 
 
 def _coefficients(start: tuple[Array, Array, Array], goal: tuple[Array, Array, Array], duration_s: Array) -> Array:
@@ -98,7 +99,7 @@ def _extremes(coefficients: Array, durations_s: Array, order: int) -> tuple[Arra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quintic:
-    """Six joints' polynomials q(t) = sum of coefficients[k] t^k, 0 <= t <= duration_s; coefficients (6 powers, 6)."""
+    """The joints' polynomials q(t) = sum of coefficients[k] t^k, 0 <= t <= duration_s; coefficients (6 powers, n)."""
 
     coefficients: Array
     duration_s: float
@@ -119,7 +120,7 @@ class Quintic:
         )
 
     def derivative(self, order: int) -> Array:
-        """The coefficients (6 - order, 6) of a time derivative."""
+        """The coefficients (6 - order, n) of a time derivative."""
         return _derivative(self.coefficients, order)
 
     def sample(self, time_s: float) -> JointSample:
@@ -128,18 +129,18 @@ class Quintic:
         return JointSample(*(t ** np.arange(6 - order) @ self.derivative(order) for order in range(3)))
 
     def extremes(self, order: int) -> tuple[Array, Array]:
-        """The exact least and greatest value, each (6,), of position (0), velocity (1) or acceleration (2)."""
-        return _extremes(self.coefficients, np.full(6, self.duration_s), order)
+        """The exact least and greatest value, each (n,), of position (0), velocity (1) or acceleration (2)."""
+        return _extremes(self.coefficients, np.full(self.coefficients.shape[1], self.duration_s), order)
 
     def peak(self, order: int) -> Array:
-        """The exact greatest magnitude (6,) of velocity (order 1) or acceleration (order 2)."""
+        """The exact greatest magnitude (n,) of velocity (order 1) or acceleration (order 2)."""
         low, high = self.extremes(order)
         return np.maximum(np.abs(low), np.abs(high))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTrajectory:
-    """Knots joined by quintics: times (n,) s from 0, rising; positions, velocities, accelerations (n, 6)."""
+    """Knots joined by quintics: times (k,) s from 0, rising; positions, velocities, accelerations (k, n)."""
 
     times_s: Array
     positions_rad: Array
@@ -153,8 +154,10 @@ class JointTrajectory:
         object.__setattr__(self, "times_s", times)
         for name in ("positions_rad", "velocities_rad_s", "accelerations_rad_s2"):
             value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != (len(times), 6) or not np.all(np.isfinite(value)):
-                raise ValueError(f"{name} wants shape ({len(times)}, 6) and finite numbers, got {value.shape}")
+            if value.shape != (len(times), self.joints) or not np.all(np.isfinite(value)):
+                raise ValueError(
+                    f"{name} wants shape ({len(times)}, {self.joints}) and finite numbers, got {value.shape}"
+                )
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -166,6 +169,11 @@ class JointTrajectory:
             np.array([sample.velocity_rad_s for sample in samples]),
             np.array([sample.acceleration_rad_s2 for sample in samples]),
         )
+
+    @property
+    def joints(self) -> int:
+        """How many joints move."""
+        return int(np.shape(self.positions_rad)[-1])
 
     @property
     def duration_s(self) -> float:
@@ -208,7 +216,7 @@ class JointTrajectory:
         )
 
     def peaks(self) -> tuple[Array, Array]:
-        """The exact greatest speed (6,), rad/s, and acceleration (6,), rad/s^2, of each joint."""
+        """The exact greatest speed (n,), rad/s, and acceleration (n,), rad/s^2, of each joint."""
         speed_low, speed_high = self._range(1)
         acceleration_low, acceleration_high = self._range(2)
         return (
@@ -217,20 +225,20 @@ class JointTrajectory:
         )
 
     def _range(self, order: int) -> tuple[Array, Array]:
-        """The exact least and greatest value (6,) of position (0), velocity (1) or acceleration (2)."""
+        """The exact least and greatest value (n,) of position (0), velocity (1) or acceleration (2)."""
         states = (self.positions_rad, self.velocities_rad_s, self.accelerations_rad_s2)
-        spans = np.diff(self.times_s)[:, None] * np.ones(6)
+        spans = np.diff(self.times_s)[:, None] * np.ones(self.joints)
         start, goal = (tuple(state[part] for state in states) for part in (slice(None, -1), slice(1, None)))
         coefficients = _coefficients((start[0], start[1], start[2]), (goal[0], goal[1], goal[2]), spans)
         low, high = _extremes(coefficients.reshape(6, -1), spans.ravel(), order)
-        return low.reshape(-1, 6).min(axis=0), high.reshape(-1, 6).max(axis=0)
+        return low.reshape(-1, self.joints).min(axis=0), high.reshape(-1, self.joints).max(axis=0)
 
     def violations(self, limits: JointLimits) -> list[str]:
         """One clear line a limit that the motion crosses anywhere, also between knots; empty when all hold."""
         low, high = self._range(0)
         lines = [*limits.violations(low), *limits.violations(high)]
         speed, acceleration = self.peaks()
-        for joint in range(6):
+        for joint in range(self.joints):
             if speed[joint] > limits.speed_rad_s[joint] * (1.0 + 1e-9):
                 lines.append(
                     f"joint {joint + 1} reaches {speed[joint]:.4f} rad/s, its limit is {limits.speed_rad_s[joint]:.4f}"

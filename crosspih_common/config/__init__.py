@@ -1,16 +1,22 @@
 """One YAML file a cell: the facts every service shares, and a section for each service."""
 
+from crosspih_common.config.arm import ArmSection
+from crosspih_common.config.camera import CameraSection
 from crosspih_common.config.cell import CellFile, load_cell
 from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.force_torque import Reports, SensorSection, with_correction_moved
+from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
 from crosspih_common.config.workcell import HolePrior, Workcell
 
 __all__ = [
+    "ArmSection",
+    "CameraSection",
     "CellFile",
     "HoleDrawing",
     "HolePrior",
     "PegDrawing",
+    "Placement",
     "Reports",
     "Section",
     "SensorSection",

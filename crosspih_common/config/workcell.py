@@ -3,16 +3,21 @@ simulator are here: on a real cell these are the data sheet, the CAD drawing and
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from crosspih_common.arm import ArmModel, xb4
+from crosspih_common.arm import NAMED_ARMS, ArmModel
+from crosspih_common.config.arm import ArmSection, default_joints
+from crosspih_common.config.camera import CameraSection
 from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.force_torque import SensorSection
+from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages.base import Vector3, Vector6
+from crosspih_common.messages.base import Joints, Vector3
 from crosspih_common.wrench import PayloadLimits, SensorMounting
 
 
@@ -46,17 +51,52 @@ class Workcell(Section):
     peg: PegDrawing = PegDrawing()
     hole: HoleDrawing = HoleDrawing()
     hole_prior: HolePrior = HolePrior()
+    arm_section: ArmSection = Field(default=ArmSection(name="xb4"), alias="arm")
+    camera: CameraSection = CameraSection()
     # from the flange to {K}, where the sensor measures; the tip is then 0.146 m past the flange
-    flange_to_ft_m: float = Field(default=0.0663, gt=0.0)
-    home_joints_rad: Vector6 = (-1.44, 0.98, 0.09, -1.35, -1.62, -0.07)
+    flange_to_ft: Placement = Placement(position_m=(0.0, 0.0, 0.0663))
+    flange_to_ft_m: float | None = Field(default=None, gt=0.0, description="flange_to_ft, where it is only along z")
+    # both with one number a joint; where not given, those of the arm that `arm` names
+    home_joints_rad: Joints = NAMED_ARMS["xb4"].home_rad
     # elasticity between the encoders and the links; about 100 N/mm at the tool in front of the hole
-    joint_stiffness_nm_rad: Vector6 = (20000.0, 20000.0, 15000.0, 5000.0, 5000.0, 2500.0)
+    joint_stiffness_nm_rad: Joints = NAMED_ARMS["xb4"].stiffness_nm_rad
     gravity_base_m_s2: Vector3 = (0.0, 0.0, -9.81)
     force_torque: SensorSection = SensorSection()
     # dry friction to expect between peg and hole; the estimator measures it from the touches
     friction_expected: float = Field(default=0.1, ge=0.0, le=1.0)
     # how deep the body must be in its bore to count as inserted
     insertion_depth_m: float = Field(default=0.015, gt=0.0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_the_arm(cls, data: Any) -> Any:
+        """Home and stiffness of the arm that is named, where the file has none of its own."""
+        if not isinstance(data, dict) or "arm" not in data:
+            return data
+        data = dict(data)
+        for field, of in (("home_joints_rad", "home_rad"), ("joint_stiffness_nm_rad", "stiffness_nm_rad")):
+            default = default_joints(data["arm"], of)
+            if data.get(field) is None and default is not None:
+                data[field] = default
+        return data
+
+    @model_validator(mode="after")
+    def _arm_can_stand(self) -> Workcell:
+        arm = self.arm()
+        for field in ("home_joints_rad", "joint_stiffness_nm_rad"):
+            given = len(getattr(self, field))
+            if field not in self.model_fields_set and "arm_section" in self.model_fields_set:
+                raise ValueError(f"{field}: the arm {arm.name!r} has none of its own; give {arm.joints} numbers")
+            if given != arm.joints:
+                raise ValueError(f"{field}: has {given} numbers, give {arm.joints}: the arm has {arm.joints} joints")
+        lines = arm.limits.violations(self.home_joints_rad)
+        if lines:
+            raise ValueError(f"home_joints_rad: {'; '.join(lines)}; move it inside")
+        if min(self.joint_stiffness_nm_rad) <= 0.0:
+            raise ValueError("joint_stiffness_nm_rad: wants numbers above 0")
+        if self.flange_to_ft_m is not None and "flange_to_ft" in self.model_fields_set:
+            raise ValueError("flange_to_ft_m: says the same as flange_to_ft; leave it out")
+        return self
 
     @model_validator(mode="after")
     def _hole_can_be_made(self) -> Workcell:
@@ -71,12 +111,14 @@ class Workcell(Section):
         return gravity
 
     def arm(self) -> ArmModel:
-        """The arm's kinematics and limits."""
-        return xb4()
+        """The arm's kinematics and limits; always the same object."""
+        return self.arm_section.model()
 
     def pose_flange_peg(self) -> Pose:
         """The peg frame {J} = {K} in the flange frame."""
-        return Pose.from_translation([0.0, 0.0, self.flange_to_ft_m])
+        if self.flange_to_ft_m is not None:
+            return Pose.from_translation([0.0, 0.0, self.flange_to_ft_m])
+        return self.flange_to_ft.pose()
 
     def pose_base_peg(self, joints_rad: Array | tuple[float, ...]) -> Pose:
         """Forward kinematics up to the peg frame."""

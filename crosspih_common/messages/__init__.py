@@ -16,6 +16,7 @@ from crosspih_common.messages.assembly import (
 from crosspih_common.messages.base import (
     Covariance6,
     Frame,
+    Joints,
     Message,
     Part,
     PoseData,
@@ -118,6 +119,7 @@ __all__ = [
     "InsertionAdvice",
     "JointKnot",
     "JointState",
+    "Joints",
     "KeyTraffic",
     "LeaseBeat",
     "LeaseGiven",

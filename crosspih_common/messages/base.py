@@ -19,6 +19,8 @@ from crosspih_common.geometry.pose import Array
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[tuple[float, ...], Field(min_length=4, max_length=4)]
 Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+# One number a joint: as many as the cell's arm has.
+Joints = Annotated[tuple[float, ...], Field(min_length=6, max_length=7)]
 # Row-major (6, 6) of a pose: order x, y, z, rx, ry, rz in the pose's own (child) frame, m and rad.
 Covariance6 = Annotated[tuple[float, ...], Field(min_length=36, max_length=36)]
 
@@ -69,6 +71,14 @@ class PoseData(Part):
     def pose(self) -> Pose:
         """To the geometry's Pose; the quaternion is normalised."""
         return Pose.from_quaternion(self.quaternion_xyzw, self.position_m)
+
+
+def same_length(part: Part, first: str, *others: str) -> None:
+    """ValueError where fields do not hold as many numbers as the first of them."""
+    count = len(getattr(part, first))
+    for name in others:
+        if len(getattr(part, name)) != count:
+            raise ValueError(f"{name} has {len(getattr(part, name))} numbers, {first} has {count}; give as many")
 
 
 def floats(values: Iterable[float] | Array) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Covariance6, Frame, Message, Part, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Covariance6, Frame, Joints, Message, Part, PoseData, Vector3, Vector6
 from crosspih_common.messages.touch import Touch
 
 
@@ -88,5 +88,5 @@ class EstimateSeated(Message):
 
     prior: PosePrior
     pose_base_peg: PoseData
-    joints_rad: Vector6
+    joints_rad: Joints
     wrench: Vector6

@@ -6,7 +6,7 @@ from enum import Enum
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Covariance6, Frame, Message, PoseData, Vector6
+from crosspih_common.messages.base import Covariance6, Frame, Joints, Message, PoseData, Vector6
 from crosspih_common.messages.estimate import PosePrior
 
 
@@ -34,7 +34,7 @@ class AdviseInsertion(Message):
 
     belief: PosePrior
     pose_base_peg: PoseData
-    joints_rad: Vector6
+    joints_rad: Joints
     wrench: Vector6 = Field(description="contact wrench on the peg, in the peg frame")
     push_force_n: float = Field(gt=0.0, description="the axial force that the push went up to")
     force_limit_n: float = Field(default=20.0, gt=0.0, description="no push may go beyond")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Frame, Joints, Message, Part, PoseData, Vector3, Vector6, same_length
 
 
 class StopReason(str, Enum):
@@ -36,13 +37,25 @@ class Held(Part):
     lease: str = Field(default="", description="of the present holder; see LeaseGranted")
 
 
+def _at_rest(knot: dict[str, Any]) -> tuple[float, ...]:
+    return (0.0,) * len(knot.get("joints_rad", ()))
+
+
 class JointKnot(Part):
-    """One knot of a joint trajectory; between knots the arm interpolates with a quintic."""
+    """One knot of a joint trajectory; between knots the arm interpolates with a quintic.
+
+    Speeds and accelerations are zero where not given.
+    """
 
     time_s: float = Field(ge=0.0)
-    joints_rad: Vector6
-    speeds_rad_s: Vector6 = (0.0,) * 6
-    accelerations_rad_s2: Vector6 = (0.0,) * 6
+    joints_rad: Joints
+    speeds_rad_s: Joints = Field(default_factory=_at_rest)
+    accelerations_rad_s2: Joints = Field(default_factory=_at_rest)
+
+    @model_validator(mode="after")
+    def _of_one_arm(self) -> JointKnot:
+        same_length(self, "joints_rad", "speeds_rad_s", "accelerations_rad_s2")
+        return self
 
 
 class FollowTrajectory(Held, Message):
@@ -150,7 +163,7 @@ class MotionOutcome(Message):
     start_stamp_ns: int
     duration_s: float
     travel_m: float
-    joints_rad: Vector6
+    joints_rad: Joints
     pose_base_peg: PoseData
     frame: Frame = Frame.FT
     wrench_raw: Vector6
@@ -177,7 +190,7 @@ class GuardedMoveOutcome(MotionOutcome):
     travel_first_contact_m: float | None = None
     pose_base_peg_first_contact: PoseData | None = None
     pose_base_peg_observed: PoseData | None = None
-    joints_observed_rad: Vector6 | None = None
+    joints_observed_rad: Joints | None = None
     wrench_observed_raw: Vector6 | None = None
     wrench_observed_sd: Vector6 | None = None
     wrench_free_raw: Vector6 | None = Field(

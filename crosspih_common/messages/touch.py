@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Frame, Message, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Frame, Joints, Message, PoseData, Vector3, Vector6
 from crosspih_common.messages.contact import ContactState
 
 
@@ -18,7 +18,7 @@ class Touch(Message):
     pose_base_peg_first_contact: PoseData | None = None
     travel_first_contact_m: float | None = None
     direction_base: Vector3
-    joints_rad: Vector6
+    joints_rad: Joints
     wrench: Vector6
     wrench_sd: Vector6
     state: ContactState

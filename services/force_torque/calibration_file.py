@@ -16,6 +16,7 @@ from services.force_torque.calibration import Calibration, CalibrationError, Sta
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
 Vector36 = Annotated[tuple[float, ...], Field(min_length=36, max_length=36)]
+Joints = Annotated[tuple[float, ...], Field(min_length=6, max_length=7)]
 Vector9 = Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
 
 
@@ -31,7 +32,7 @@ class CalibrationPose(BaseModel):
     rotation_base_sensor: Vector9
     wrench: Vector6
     residual: Vector6
-    joints_rad: Vector6 | None = None
+    joints_rad: Joints | None = None
 
 
 class CalibrationFile(BaseModel):

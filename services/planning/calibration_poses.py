@@ -65,14 +65,16 @@ class Surroundings:
 
 
 def clearance_m(arm: ArmModel, joints_rad: ArrayLike, surroundings: Surroundings) -> tuple[float, str]:
-    """The least free distance (m, negative inside) of tool and forearm at joints (6,), and from what.
+    """The least free distance (m, negative inside) of tool and forearm at joints (n,), and from what.
 
     The tool is checked against boxes, floor, base column and upper arm; the forearm against boxes and floor. The
     tool cannot fold onto the forearm inside the limits of joint 5.
     """
     poses = arm.link_poses(joints_rad)
-    shoulder, elbow, wrist, flange = (poses[index].translation_m for index in (1, 2, 4, 6))
-    tip = poses[6].apply([0.0, 0.0, surroundings.tool_length_m])
+    # a seventh joint turns the upper arm
+    marks = (1, 2, 4, 6) if arm.joints == 6 else (1, 3, 5, 7)
+    shoulder, elbow, wrist, flange = (poses[index].translation_m for index in marks)
+    tip = poses[-1].apply([0.0, 0.0, surroundings.tool_length_m])
     share = np.linspace(0.0, 1.0, 11)[:, None]
     tool, forearm = flange + share * (tip - flange), elbow + share * (wrist - elbow)
     distances = []
@@ -118,10 +120,11 @@ def choose_calibration_poses(
     surroundings: Surroundings | None = None,
     candidates: int = 500,
 ) -> list[Array]:
-    """Joint vectors (`count` of (6,), rad) for calibration, in the order to visit, starting from a posture.
+    """Joint vectors (`count` of (n,), rad) for calibration, in the order to visit, starting from a posture.
 
     All lie inside the limits; they, and the straight joint paths from the start through all of them, keep the
-    margin. Joints 1 to 3 stay within 0.6 rad of the start. Raises `CalibrationPosesError` naming what is in the way.
+    margin. The joints before the last three stay within 0.6 rad of the start. Raises `CalibrationPosesError` naming
+    what is in the way.
     """
     surroundings = Surroundings() if surroundings is None else surroundings
     start = np.asarray(around_joints_rad, dtype=float)
@@ -152,9 +155,11 @@ def choose_calibration_poses(
 
 def _clear_candidates(arm: ArmModel, start: Array, surroundings: Surroundings, count: int) -> list[Array]:
     margin = np.deg2rad(2.0)
-    low = np.maximum(arm.limits.lower_rad + margin, start - np.array([0.6, 0.6, 0.6, 9.0, 9.0, np.pi]))
-    high = np.minimum(arm.limits.upper_rad - margin, start + np.array([0.6, 0.6, 0.6, 9.0, 9.0, np.pi]))
-    unit = qmc.Halton(6, scramble=False).random(count + 1)[1:]
+    # the joints before the wrist stay about where they are, the last turns half way round at most
+    range_rad = np.array([*[0.6] * (arm.joints - 3), 9.0, 9.0, np.pi])
+    low = np.maximum(arm.limits.lower_rad + margin, start - range_rad)
+    high = np.minimum(arm.limits.upper_rad - margin, start + range_rad)
+    unit = qmc.Halton(arm.joints, scramble=False).random(count + 1)[1:]
     vectors = low + unit * (np.maximum(high, low) - low)
     return [joints for joints in vectors if clearance_m(arm, joints, surroundings)[0] >= surroundings.margin_m]
 

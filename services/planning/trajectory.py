@@ -49,7 +49,7 @@ def scaled_limits(limits: JointLimits, speed_scale: float, acceleration_scale: f
 
 
 def rest_duration_s(distance_rad: ArrayLike, limits: JointLimits) -> float:
-    """The shortest duration (s) of a rest-to-rest quintic over joint distances (6,), rad, inside the limits."""
+    """The shortest duration (s) of a rest-to-rest quintic over joint distances (n,), rad, inside the limits."""
     distance = np.abs(np.asarray(distance_rad, dtype=float))
     by_speed = REST_PEAK_SPEED * distance / limits.speed_rad_s
     by_acceleration = np.sqrt(REST_PEAK_ACCELERATION * distance / limits.acceleration_rad_s2)
@@ -57,7 +57,7 @@ def rest_duration_s(distance_rad: ArrayLike, limits: JointLimits) -> float:
 
 
 def move_joints(start_rad: ArrayLike, goal_rad: ArrayLike, limits: JointLimits) -> JointTrajectory:
-    """The fastest rest-to-rest quintic from joints (6,) to joints (6,), rad, all six arriving together.
+    """The fastest rest-to-rest quintic from joints (n,) to joints (n,), rad, all arriving together.
 
     Raises `TrajectoryError` when either end lies outside the range of a joint (between them the motion is monotone).
     """
@@ -71,10 +71,11 @@ def move_joints(start_rad: ArrayLike, goal_rad: ArrayLike, limits: JointLimits) 
 
 
 def move_through(waypoints_rad: ArrayLike, limits: JointLimits) -> JointTrajectory:
-    """Through waypoints (n, 6), rad, at rest in each; waypoints equal to the one before are passed over."""
+    """Through waypoints (k, n), rad, at rest in each; waypoints equal to the one before are passed over."""
     points = np.asarray(waypoints_rad, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 6 or len(points) < 2:
-        raise ValueError(f"waypoints_rad wants shape (n, 6) with n >= 2, got {points.shape}")
+    joints = len(limits.lower_rad)
+    if points.ndim != 2 or points.shape[1] != joints or len(points) < 2:
+        raise ValueError(f"waypoints_rad wants shape (k, {joints}) with k >= 2, got {points.shape}")
     legs = [move_joints(a, b, limits) for a, b in pairwise(points) if np.max(np.abs(b - a)) > 1e-12]
     return joined(legs) if legs else move_joints(points[0], points[-1], limits)
 
@@ -94,7 +95,7 @@ def connect(start: JointSample, goal: JointSample, limits: JointLimits) -> Joint
         lines = limits.violations(sample.position_rad)
         lines += [
             f"joint {joint + 1} is asked for {word}"
-            for joint in range(6)
+            for joint in range(len(limits.lower_rad))
             for word, value, limit in (
                 ("too much speed", sample.velocity_rad_s, limits.speed_rad_s),
                 ("too much acceleration", sample.acceleration_rad_s2, limits.acceleration_rad_s2),
@@ -196,18 +197,31 @@ def move_line(
 def _line_rates(
     arm: ArmModel, joints: Array, offset: Pose, twist: Array, speed: Array, acceleration: Array
 ) -> tuple[Array, Array]:
-    """Joint velocities and accelerations (n, 6) at knots of a line: q' = J^-1 twist, q'' = -J^-1 (dJ/ds) q'."""
+    """Joint velocities and accelerations (k, n) at knots of a line: q' = J^-1 twist, q'' = -J^-1 (dJ/ds) q'.
+
+    A seventh joint: J^-1 is the pseudo-inverse, the least motion, as `track` follows it.
+    """
     velocities, accelerations = np.empty_like(joints), np.empty_like(joints)
     step = 1e-5
     for index, position in enumerate(joints):
         jacobian = arm.jacobian(position, offset)
-        slope = np.linalg.solve(jacobian, twist)
+        slope = _least_motion(jacobian, twist)
         ahead = arm.jacobian(position + step * slope, offset)
         behind = arm.jacobian(position - step * slope, offset)
-        curvature = -np.linalg.solve(jacobian, (ahead - behind) @ slope / (2.0 * step))
+        if arm.joints == 6:
+            curvature = -np.linalg.solve(jacobian, (ahead - behind) @ slope / (2.0 * step))
+        else:
+            curvature = (_least_motion(ahead, twist) - _least_motion(behind, twist)) / (2.0 * step)
         velocities[index] = slope * speed[index]
         accelerations[index] = slope * acceleration[index] + curvature * speed[index] ** 2
     return velocities, accelerations
+
+
+def _least_motion(jacobian: Array, twist: Array) -> Array:
+    """The joint rates (n,) of least norm that make a twist (6,). Raises LinAlgError at a singularity."""
+    if jacobian.shape[1] == 6:
+        return np.asarray(np.linalg.solve(jacobian, twist))
+    return np.asarray(jacobian.T @ np.linalg.solve(jacobian @ jacobian.T, twist))
 
 
 def joined(parts: list[JointTrajectory]) -> JointTrajectory:

@@ -78,7 +78,7 @@ def test_random_joints_come_back_and_all_solutions_are_distinct() -> None:
 
 def test_without_limits_there_are_eight_branches() -> None:
     wide = replace(ARM.limits, lower_rad=np.full(6, -np.pi), upper_rad=np.full(6, np.pi))
-    arm = ArmModel("wide", ARM.dh, wide)
+    arm = replace(ARM, limits=wide)
     assert len(inverse(arm, arm.pose_base_flange([0.3, 0.4, 0.2, 0.5, 0.7, -0.4]))) == 8
 
 
@@ -140,7 +140,7 @@ def test_refusals_say_why() -> None:
 def test_another_structure_is_refused() -> None:
     dh = ARM.dh.copy()
     dh[4, 1] = 0.05
-    arm = ArmModel("offset wrist", dh, ARM.limits)
+    arm = ArmModel.from_dh("offset wrist", dh, ARM.limits)
     with pytest.raises(ValueError, match="d2 = d3 = d5 = 0"):
         inverse(arm, Pose.from_translation([0.4, 0.0, 0.4]))
 

@@ -14,7 +14,7 @@ from crosspih_common import messages
 from crosspih_common.bus.codec import decode, encode, label_of, label_with_seq, split_label
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import ALL, Topic, commands, topics
-from crosspih_common.messages import ContactState, Dwell, Image, JointState, Message, PoseData
+from crosspih_common.messages import ContactState, Dwell, Image, JointKnot, JointState, Message, PoseData
 
 MESSAGES = [
     value
@@ -110,3 +110,18 @@ def test_every_key_says_who_sends_and_who_reads() -> None:
 def test_truth_is_for_scoring_only() -> None:
     truth = next(topic for topic in topics() if topic.path == "simulation/truth")
     assert set(truth.readers) == {"recorder", "operator"}
+
+
+def test_joints_are_as_many_as_the_arm_has() -> None:
+    seven = (0.1,) * 7
+    knot = JointKnot(time_s=0.0, joints_rad=seven)
+    assert knot.speeds_rad_s == knot.accelerations_rad_s2 == (0.0,) * 7
+    assert JointKnot.model_validate_json(knot.model_dump_json()) == knot
+    assert JointState(joints_rad=seven, speeds_rad_s=seven).joints_rad == seven
+    for count in (5, 8):
+        with pytest.raises(ValidationError, match="joints_rad"):
+            JointKnot(time_s=0.0, joints_rad=(0.0,) * count)
+    with pytest.raises(ValidationError, match="speeds_rad_s has 6 numbers, joints_rad has 7; give as many"):
+        JointState(joints_rad=seven, speeds_rad_s=(0.0,) * 6)
+    with pytest.raises(ValidationError, match="accelerations_rad_s2 has 7 numbers, joints_rad has 6"):
+        JointKnot(time_s=0.0, joints_rad=(0.0,) * 6, accelerations_rad_s2=seven)

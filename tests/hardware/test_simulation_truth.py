@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crosspih_common.config import Workcell
+from crosspih_common.config import CameraSection, Workcell
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.messages import CaptureStereo, Dwell, ResetCell
 from crosspih_common.shapes import CrossPeg
@@ -35,7 +35,7 @@ def test_by_default_the_cell_is_as_drawn() -> None:
         true_hole(WORKCELL, truth).inner_rim_m(), WORKCELL.hole.shape(WORKCELL.peg.shape()).inner_rim_m()
     )
     assert np.array_equal(true_stiffness_nm_rad(WORKCELL, truth), WORKCELL.joint_stiffness_nm_rad)
-    camera = StereoRig().pose_base_camera
+    camera = StereoRig.of(CameraSection()).pose_base_camera
     assert true_camera(camera, truth) is camera
     wrench = np.arange(6.0)
     assert SensorMounting(truth).felt(wrench) is wrench

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crosspih_common.config import Workcell
+from crosspih_common.config import CameraSection, Workcell
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.vision.paper import hole_from_centres
@@ -22,7 +22,7 @@ def stereo_of(rig: StereoRig) -> StereoModel:
     return StereoModel(rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera)
 
 
-STEREO = stereo_of(StereoRig())
+STEREO = stereo_of(StereoRig.of(CameraSection()))
 LEFT_PX, RIGHT_PX = np.array([385.0, 253.0]), np.array([321.5, 252.5])
 
 

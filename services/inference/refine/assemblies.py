@@ -25,7 +25,7 @@ TOPICS = (
     IDENTIFY_PAYLOAD.request_echo, LOCATE.reply_echo, TOUCH,
 )  # fmt: skip
 # what must be the same in the recording's cell and in the cell that is refined
-SAME = ("peg", "hole", "flange_to_ft_m", "joint_stiffness_nm_rad", "gravity_base_m_s2")
+SAME = ("arm_section", "peg", "hole", "flange_to_ft", "flange_to_ft_m", "joint_stiffness_nm_rad", "gravity_base_m_s2")
 
 
 class NothingToRefine(CrosspihError):

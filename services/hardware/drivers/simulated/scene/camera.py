@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
 from crosspih_common.arm import ArmModel, xb4
+from crosspih_common.config import CameraSection, Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import CrossPeg, Hole, Peg
@@ -69,11 +70,13 @@ class SimulatedScene:
         peg: Peg | None = None,
         arm: ArmModel | None = None,
         quality: SensorQuality | None = None,
+        pose_flange_peg: Pose | None = None,
     ) -> None:
         self.hole = hole
-        self.rig = rig or StereoRig()
+        self.rig = rig or StereoRig.of(CameraSection())
         self.peg: Peg = peg or CrossPeg()
         self.arm = arm or xb4()
+        self.pose_flange_peg = Workcell().pose_flange_peg() if pose_flange_peg is None else pose_flange_peg
         self.quality = quality or SensorQuality()
         self._client = pybullet.connect(pybullet.DIRECT)
         self._bodies: dict[str, _Body] = {}
@@ -84,7 +87,7 @@ class SimulatedScene:
         self._add("obstacle", bodies.obstacle_mesh())
         self._add("pocket", bodies.pocket_mesh())
         self._arm_names = []
-        for index, mesh in enumerate(bodies.arm_meshes(self.arm, self.peg)):
+        for index, mesh in enumerate(bodies.arm_meshes(self.arm, self.peg, self.pose_flange_peg)):
             self._arm_names.append(f"arm_{index}")
             self._add(f"arm_{index}", mesh)
         self._add("cameras", bodies.camera_mesh(self.rig))
@@ -113,7 +116,7 @@ class SimulatedScene:
         faults: Faults = NO_FAULTS,
         appearance: Appearance | None = None,
     ) -> tuple[GreyImage, GreyImage]:
-        """Left and right grey pictures (height, width) of the hole at a pose, with the arm at joints (6,) if given.
+        """Left and right grey pictures (height, width) of the hole at a pose, with the arm at joints (n,) if given.
 
         All variation (light, greys, glare, noise) comes from `rng`: the same generator state gives the same bytes.
         """
@@ -196,7 +199,7 @@ class SimulatedScene:
         if faults.covered_arm is not None:
             places["obstacle"] = bodies.obstacle_pose(pose_base_hole, self.hole, faults.covered_arm)
         if joints_rad is not None:
-            places |= zip(self._arm_names, bodies.arm_poses(self.arm, joints_rad), strict=True)
+            places |= zip(self._arm_names, bodies.arm_poses(self.arm, joints_rad, self.pose_flange_peg), strict=True)
         for name, pose in places.items():
             self._place(name, pose)
 

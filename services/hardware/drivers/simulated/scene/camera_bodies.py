@@ -11,32 +11,32 @@ from crosspih_common.shapes import Hole, Peg
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh, capsule_mesh, convex_mesh
 
-FLANGE_TO_PEG_M = 0.0663
-"""From the flange to the F/T sensor's measuring origin, along the flange's z."""
-
 ARM_RADII_M = (0.06, 0.05, 0.048, 0.042, 0.034, 0.028)
 
 
-def arm_meshes(arm: ArmModel, peg: Peg) -> list[Mesh]:
-    """One mesh a moving frame: six links in their DH frames, then sensor flange and peg, both in the peg frame.
+def arm_meshes(arm: ArmModel, peg: Peg, pose_flange_peg: Pose) -> list[Mesh]:
+    """One mesh a moving frame: the links in their own frames, then sensor flange and peg, both in the peg frame.
 
     The arm is drawn as capsules from frame to frame; it shows where the arm is, not the maker's casting.
     """
     meshes = []
-    for (_, d, a, alpha), radius in zip(arm.dh, ARM_RADII_M, strict=True):
-        elbow = np.array([-a, 0.0, 0.0])
-        previous = elbow - d * np.array([0.0, np.sin(alpha), np.cos(alpha)])
+    radii = np.interp(np.linspace(0.0, 1.0, arm.joints), np.linspace(0.0, 1.0, len(ARM_RADII_M)), ARM_RADII_M)
+    for pose, radius in zip(arm.fixed[1:], radii.tolist(), strict=True):
+        # first along the joint's axis, then across, as DH lengths go
+        previous, elbow = pose.inverse().apply([[0.0, 0.0, 0.0], [0.0, 0.0, pose.translation_m[2]]])
         parts = [capsule_mesh(previous, elbow, radius), capsule_mesh(elbow, np.zeros(3), radius)]
         meshes.append(Mesh.merged(parts))
-    back, front = np.array([0.0, 0.0, -FLANGE_TO_PEG_M + 0.02]), np.array([0.0, 0.0, peg.body_start_m - 0.02])
+    flange_m = pose_flange_peg.inverse().translation_m
+    back = flange_m * max(0.0, 1.0 - 0.02 / max(float(np.linalg.norm(flange_m)), 0.02))
+    front = np.array([0.0, 0.0, peg.body_start_m - 0.02])
     sensor = capsule_mesh(back, front, 0.03)
     return [*meshes, sensor, convex_mesh(peg.pieces())]
 
 
-def arm_poses(arm: ArmModel, joints_rad: Array) -> list[Pose]:
-    """Where the meshes of `arm_meshes` are in the base frame at joint angles (6,), rad."""
+def arm_poses(arm: ArmModel, joints_rad: Array, pose_flange_peg: Pose) -> list[Pose]:
+    """Where the meshes of `arm_meshes` are in the base frame at joint angles (n,), rad."""
     links = arm.link_poses(joints_rad)[1:]
-    pose_base_peg = links[-1] @ Pose.from_translation([0.0, 0.0, FLANGE_TO_PEG_M])
+    pose_base_peg = links[-1] @ pose_flange_peg
     return [*links, pose_base_peg, pose_base_peg]
 
 

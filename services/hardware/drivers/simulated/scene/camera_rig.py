@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from crosspih_common.config import CameraSection
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-
-
-def paper_camera_pose() -> Pose:
-    """`pose_base_camera` of the left camera: the paper's Eq. 8, signs restored. z looks ahead, x right, y down."""
-    return Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.array([0.1310, -0.2406, 0.2225]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoRig:
     """Two equal parallel pinhole cameras without distortion; the second stands `baseline_m` along the first's +x.
 
-    Pixel (u, v) = (fx x/z + cx, fy y/z + cy), with integers at pixel *centres*, u to the right and v down. The default
-    principal point is that of the paper's simulator (hfov 80 degrees): it reproduces the paper's printed x and z.
+    Pixel (u, v) = (fx x/z + cx, fy y/z + cy), with integers at pixel *centres*, u to the right and v down.
     """
 
-    width: int = 640
-    height: int = 480
-    fx: float = 381.36
-    fy: float = 381.36
-    cx: float = 320.5
-    cy: float = 240.5
-    baseline_m: float = 0.05
-    pose_base_camera: Pose = field(default_factory=paper_camera_pose)
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    baseline_m: float
+    pose_base_camera: Pose
+
+    @classmethod
+    def of(cls, camera: CameraSection) -> StereoRig:
+        """The pair that a cell's file describes."""
+        return cls(
+            width=camera.width_px, height=camera.height_px, fx=camera.fx_px, fy=camera.fy_px, cx=camera.cx_px,
+            cy=camera.cy_px, baseline_m=camera.baseline_m, pose_base_camera=camera.pose_base_camera(),
+        )  # fmt: skip
 
     def pose_base_right(self) -> Pose:
         """The right camera in the base frame."""

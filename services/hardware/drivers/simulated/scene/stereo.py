@@ -27,12 +27,12 @@ class SimulatedStereoCamera:
         self._config = config = simulated.camera
         self._world = world
         self.exposure_s = config.exposure_s
-        self._rig = StereoRig()
+        self._rig = StereoRig.of(workcell.camera)
         truth = simulated.truth
         true_rig = replace(self._rig, pose_base_camera=true_camera(self._rig.pose_base_camera, truth))
         self._make: Callable[[], SimulatedScene] = lambda: SimulatedScene(
             true_hole(workcell, truth), true_rig, true_peg(workcell, truth), workcell.arm(),
-            SensorQuality(config.samples, config.blur_px, config.noise_grey),
+            SensorQuality(config.samples, config.blur_px, config.noise_grey), workcell.pose_flange_peg(),
         )  # fmt: skip
         self._scene: SimulatedScene | None = None
         self._pose_base_hole = Pose.identity()
