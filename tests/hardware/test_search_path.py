@@ -17,7 +17,7 @@ from crosspih_common.messages import AdmittanceMove, MoveLinear, PathKnot, PoseD
 from services.hardware.config import HardwareConfig
 from services.hardware.control.effort import smoothness, tip_positions
 from services.hardware.control.search_path import SearchPath
-from services.hardware.drivers.simulated.engines.pybullet.engine import STEP_S
+from services.hardware.drivers.simulated.engines.protocol import STEP_S
 from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()

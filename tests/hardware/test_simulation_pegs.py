@@ -15,6 +15,7 @@ from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, Set
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies
 from services.hardware.drivers.simulated.engines.pybullet import bodies
 from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
@@ -104,20 +105,12 @@ def test_any_number_of_pieces_weighs_and_rubs_the_same() -> None:
         client = int(pybullet.connect(pybullet.DIRECT))
         try:
             pieces = bodies.corners(workcell.peg.shape().pieces())
-            body = bodies.add_arm(
-                workcell.arm(),
-                workcell.pose_flange_peg(),
-                pieces,
-                FT.payload_kg,
-                np.array(FT.payload_centroid_m),
-                client,
-            )
-            bodies.set_peg_friction(body, 0.17, client)
-            links = bodies.piece_links(body, client)
+            arm = arm_bodies(workcell, SimulatedConfig(force_torque=FT))
+            body = bodies.add_arm(arm, pieces, client)
+            bodies.set_peg_friction(body, 6, 0.17, client)
+            links = bodies.piece_links(body, 6, client)
             assert len(links) == len(pieces)
-            got = [
-                pybullet.getDynamicsInfo(body, link, physicsClientId=client) for link in (bodies.SENSOR_JOINT, *links)
-            ]
+            got = [pybullet.getDynamicsInfo(body, link, physicsClientId=client) for link in (6, *links)]
             assert sum(info[0] for info in got) == pytest.approx(FT.payload_kg, abs=1e-12)
             assert all(info[1] == pytest.approx(0.17) for info in got[1:])
         finally:

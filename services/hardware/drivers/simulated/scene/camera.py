@@ -1,6 +1,6 @@
-"""The simulated stereo camera: pictures of the cell on a PyBullet client of its own, which never steps.
+"""The simulated stereo camera: pictures of the cell as it stands, by a renderer that knows nothing of the physics.
 
-TinyRenderer draws hard, aliased, noise-free facets. Here a picture is drawn at `samples` x `samples` sub-pixels,
+A renderer draws hard, aliased, noise-free facets. Here a picture is drawn at `samples` x `samples` sub-pixels,
 averaged over each pixel as a sensor does, blurred by the lens and given noise. Only the window that holds something is
 drawn; the rest is the plain background, so the picture is the same as a full one.
 """
@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
@@ -24,11 +23,14 @@ from services.hardware.drivers.simulated.scene import camera_bodies as bodies
 from services.hardware.drivers.simulated.scene.camera_rig import (
     StereoRig,
     Window,
+    lens_matrix,
+    look_at_matrix,
     projection_matrix,
     view_matrix,
     window_around,
 )
 from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
+from services.hardware.drivers.simulated.scene.renderer import Renderer, View, open_renderer
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
 
@@ -58,9 +60,9 @@ class _Body:
 
 
 class SimulatedScene:
-    """Everything the cameras can see. Visual only, DIRECT, independent of the physics client.
+    """Everything the cameras can see, drawn by the renderer that is given, or the fastest that is installed.
 
-    A scene is one thread's: PyBullet is not thread-safe. Use it as a context manager, or call `close`.
+    A scene is one thread's. Use it as a context manager, or call `close`, which closes the renderer too.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class SimulatedScene:
         arm: ArmModel | None = None,
         quality: SensorQuality | None = None,
         pose_flange_peg: Pose | None = None,
+        renderer: Renderer | None = None,
     ) -> None:
         self.hole = hole
         self.rig = rig or StereoRig.of(CameraSection())
@@ -78,7 +81,7 @@ class SimulatedScene:
         self.arm = arm or xb4()
         self.pose_flange_peg = Workcell().pose_flange_peg() if pose_flange_peg is None else pose_flange_peg
         self.quality = quality or SensorQuality()
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._renderer = renderer or open_renderer()
         self._bodies: dict[str, _Body] = {}
         for name, mesh in fixture_meshes(hole).items():
             self._add(name, mesh)
@@ -95,10 +98,8 @@ class SimulatedScene:
         self._add("stand", box_mesh((0.02, 0.04, 0.1)))
 
     def close(self) -> None:
-        """Give the client back; a second call does nothing."""
-        if self._client >= 0:
-            pybullet.disconnect(physicsClientId=self._client)
-            self._client = -1
+        """Give the renderer back; a second call does nothing."""
+        self._renderer.close()
 
     def __enter__(self) -> SimulatedScene:
         return self
@@ -152,27 +153,19 @@ class SimulatedScene:
         colours |= {self._arm_names[-2]: (0.25, 0.27, 0.3), self._arm_names[-1]: (0.95, 0.5, 0.1)}
         for name, colour in colours.items():
             self._colour(name, colour)
-        look = pybullet.computeViewMatrix(eye_m, target_m, (0.0, 0.0, 1.0))
-        lens = pybullet.computeProjectionMatrixFOV(45.0, width / height, 0.05, 5.0)
-        _, _, rgba, depth, _ = pybullet.getCameraImage(
-            2 * width, 2 * height, look, lens,
-            lightDirection=[0.6, -1.0, 1.6], lightAmbientCoeff=0.55, lightDiffuseCoeff=0.45, lightSpecularCoeff=0.05,
-            shadow=1, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self._client,
+        drawn = self._renderer.draw(
+            View(
+                2 * width, 2 * height, look_at_matrix(eye_m, target_m), lens_matrix(45.0, width / height, 0.05, 5.0),
+                np.array([0.6, -1.0, 1.6]), ambient=0.55, diffuse=0.45, specular=0.05, shadow=True,
+            )
         )  # fmt: skip
-        picture = np.array(rgba, dtype=float).reshape(2 * height, 2 * width, 4)[..., :3]
-        picture[np.asarray(depth).reshape(2 * height, 2 * width) >= 1.0] = (236.0, 240.0, 244.0)
+        picture = drawn.rgb.astype(float)
+        picture[drawn.empty] = (236.0, 240.0, 244.0)
         return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)).round(), dtype=np.uint8)
 
     def _add(self, name: str, mesh: Mesh) -> None:
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_MESH,
-            vertices=mesh.vertices_m.tolist(),
-            indices=mesh.indices,
-            normals=mesh.normals.tolist(),
-            rgbaColor=[1.0, 1.0, 1.0, 1.0],
-            physicsClientId=self._client,
-        )
-        index = pybullet.createMultiBody(0.0, -1, shape, PARKED.translation_m.tolist(), physicsClientId=self._client)
+        index = self._renderer.add(mesh)
+        self._renderer.place(index, PARKED)
         self._bodies[name] = _Body(index, mesh.corners_m(), PARKED)
 
     def _place(self, name: str, pose: Pose) -> None:
@@ -180,12 +173,10 @@ class SimulatedScene:
         if body.pose is PARKED and pose is PARKED:
             return
         body.pose = pose
-        pybullet.resetBasePositionAndOrientation(
-            body.index, pose.translation_m.tolist(), pose.quaternion_xyzw().tolist(), physicsClientId=self._client
-        )
+        self._renderer.place(body.index, pose)
 
     def _colour(self, name: str, rgb: tuple[float, float, float]) -> None:
-        pybullet.changeVisualShape(self._bodies[name].index, -1, rgbaColor=[*rgb, 1.0], physicsClientId=self._client)
+        self._renderer.colour(self._bodies[name].index, rgb)
 
     def _arrange(self, pose_base_hole: Pose, joints_rad: Array | None, faults: Faults) -> None:
         beside = pose_base_hole @ Pose.from_translation([0.0, -2.15 * self.hole.plate_half_size_m, 0.0])
@@ -228,23 +219,15 @@ class SimulatedScene:
     def _draw_window(self, pose_base_camera: Pose, window: Window, look: Appearance, background: float) -> FloatImage:
         samples = self.quality.samples
         columns, rows = window.right - window.left, window.bottom - window.top
-        _, _, rgba, depth, _ = pybullet.getCameraImage(
-            columns * samples,
-            rows * samples,
-            view_matrix(pose_base_camera),
-            projection_matrix(self.rig, window, samples, NEAR_M, FAR_M),
-            lightDirection=look.to_light.tolist(),
-            lightColor=[1.0, 1.0, 1.0],
-            lightAmbientCoeff=look.ambient,
-            lightDiffuseCoeff=look.diffuse,
-            lightSpecularCoeff=0.0,
-            shadow=0,
-            flags=pybullet.ER_NO_SEGMENTATION_MASK,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
-        )
-        grey = np.asarray(rgba, dtype=np.uint8).reshape(rows * samples, columns * samples, 4)[..., 0].astype(np.float32)
-        grey[np.asarray(depth).reshape(grey.shape) >= 1.0] = background
+        drawn = self._renderer.draw(
+            View(
+                columns * samples, rows * samples, view_matrix(pose_base_camera),
+                projection_matrix(self.rig, window, samples, NEAR_M, FAR_M),
+                look.to_light, look.ambient, look.diffuse,
+            )
+        )  # fmt: skip
+        grey = drawn.rgb[..., 0].astype(np.float32)
+        grey[drawn.empty] = background
         blocks = grey.reshape(rows, samples, columns, samples)
         return np.asarray(blocks.sum(axis=3).sum(axis=1) / np.float32(samples * samples), dtype=np.float32)
 

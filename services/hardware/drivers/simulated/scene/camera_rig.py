@@ -94,10 +94,28 @@ def view_matrix(pose_base_camera: Pose) -> list[float]:
     return [float(value) for value in matrix.T.ravel()]
 
 
+def look_at_matrix(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> list[float]:
+    """The OpenGL view matrix, column-major, of an eye that looks at a point with the base frame's z upwards."""
+    ahead = np.subtract(target_m, eye_m) / np.linalg.norm(np.subtract(target_m, eye_m))
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    rows = np.array([right, np.cross(right, ahead), -ahead])
+    matrix = np.vstack([np.column_stack([rows, -rows @ np.asarray(eye_m)]), [0.0, 0.0, 0.0, 1.0]])
+    return [float(value) for value in matrix.T.ravel()]
+
+
+def lens_matrix(fov_deg: float, aspect: float, near_m: float, far_m: float) -> list[float]:
+    """The OpenGL projection, column-major, of a lens with an upright field of view."""
+    scale = 1.0 / np.tan(np.radians(fov_deg) / 2.0)
+    matrix = np.diag([scale / aspect, scale, -(far_m + near_m) / (far_m - near_m), 0.0])
+    matrix[2, 3], matrix[3, 2] = -2.0 * far_m * near_m / (far_m - near_m), -1.0
+    return [float(value) for value in matrix.T.ravel()]
+
+
 def projection_matrix(rig: StereoRig, window: Window, samples: int, near_m: float, far_m: float) -> list[float]:
     """The OpenGL projection, column-major, that draws one window of the image at `samples` sub-pixels a pixel.
 
-    TinyRenderer tests each sub-pixel (i, j) at its lower left corner (i, j + 1) instead of its centre (i + .5, j + .5),
+    A renderer tests each sub-pixel (i, j) at its lower left corner (i, j + 1) instead of its centre (i + .5, j + .5),
     y down. The whole frustum is moved by that half sub-pixel, so that pixels mean what `StereoRig.project` says.
     """
     columns, rows = (window.right - window.left) * samples, (window.bottom - window.top) * samples

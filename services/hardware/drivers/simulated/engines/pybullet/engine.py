@@ -11,11 +11,9 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
-from services.hardware.drivers.simulated.engines.protocol import STEP_NS, STEP_S, ContactPoint
+from services.hardware.drivers.simulated.engines.protocol import STEP_S, ContactPoint
 from services.hardware.drivers.simulated.engines.pybullet import bodies
 from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
-
-__all__ = ["STEP_NS", "STEP_S", "ContactPoint", "Physics"]
 
 
 class Physics:
