@@ -10,6 +10,7 @@ import yaml
 from pydantic import ValidationError
 
 from crosspih_common.config.section import Section
+from crosspih_common.config.surroundings import with_mesh_files_beside
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.shapes.importing import FILE_SUFFIXES
@@ -78,7 +79,8 @@ def load_cell(path: str | Path) -> CellFile:
         if section is not None and not isinstance(section, dict):
             raise ConfigError(f"{path}: {name}: wants a mapping, got {type(section).__name__}")
     try:
-        workcell = Workcell.model_validate(_outline_beside(path, content.get("cell") or {}))
+        section = _outline_beside(path, content.get("cell") or {})
+        workcell = Workcell.model_validate(with_mesh_files_beside(path, section))
     except ValidationError as error:
         raise _explain(path, "cell", error) from None
     return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

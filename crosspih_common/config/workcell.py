@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from crosspih_common.arm import ArmModel, xb4
 from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.section import Section
+from crosspih_common.config.surroundings import Surroundings
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
@@ -44,6 +45,7 @@ class Workcell(Section):
     peg: PegDrawing = PegDrawing()
     hole: HoleDrawing = HoleDrawing()
     hole_prior: HolePrior = HolePrior()
+    surroundings: Surroundings = Surroundings()
     # from the flange to {K}, where the sensor measures; the tip is then 0.146 m past the flange
     flange_to_ft_m: float = Field(default=0.0663, gt=0.0)
     home_joints_rad: Vector6 = (-1.44, 0.98, 0.09, -1.35, -1.62, -0.07)
