@@ -58,7 +58,7 @@ class Fixture:
         aligned = pose_hole_peg.rotation[2, 2] > np.cos(WORKING_TILT_RAD)
         return bool(aligned and np.hypot(x, y) <= self.working_radius_m and z <= self.upper_m[2])
 
-    def clear_by_m(self, points_base_m: Array) -> float:
+    def before_m(self, points_base_m: Array) -> float:
         """How far points (k, 3) are before the plane of the box's front; negative where one is behind it."""
         return float(self.lower_m[2] - np.max(self.pose_base_hole.inverse().apply(points_base_m)[:, 2]))
 

@@ -33,6 +33,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
 WRIST = 3  # the links from the wrist on are not checked against the tool they carry
+BEFORE_ZONE_M = 1e-3  # beyond the margin, for the arm's own inaccuracy
 NO_NEARER_M = 5e-4  # what an arm that stands too near may still lose, by rounding and settling
 
 
@@ -86,6 +87,7 @@ class CollisionModel:
         self._coal, self._request = coal, coal.DistanceRequest()
         self._arm = workcell.arm()
         self._joints = len(self._arm.limits.lower_rad)
+        self._peg_corners_m = np.vstack([piece.vertices_m() for piece in workcell.peg.shape().pieces()])
         self._tip_m = workcell.peg.shape().tip_m
         self.margin_m = workcell.surroundings.margin_m
         self.fixture = Fixture.of(workcell)
@@ -179,6 +181,18 @@ class CollisionModel:
         pose = pose_base_peg @ self._pose_part_peg.inverse()
         peg = self._transform(pose.rotation, pose.translation_m)
         return float(self._of_fixture(peg, self._stands[0], self._request, self._coal.DistanceResult()))
+
+    def before_zone(self, pose_base_peg: Pose) -> Pose:
+        """The pose, or as far back from it along the peg's own axis as brings the whole peg clear before the zone.
+
+        From there on a free move may go anywhere. Unchanged where the peg is not at work.
+        """
+        if not self.fixture.at_work(pose_base_peg, self._tip_m):
+            return pose_base_peg
+        corners_m = pose_base_peg.apply(self._peg_corners_m)
+        short_m = self.margin_m + BEFORE_ZONE_M - self.fixture.before_m(corners_m)
+        along = float(pose_base_peg.rotation[:, 2] @ self.fixture.pose_base_hole.rotation[:, 2])
+        return pose_base_peg @ Pose.from_translation([0.0, 0.0, -max(short_m, 0.0) / along])
 
     # ------------------------------------------------------------------------------------------------------ reckoning
 

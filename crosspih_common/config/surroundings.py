@@ -88,8 +88,7 @@ class Surroundings(Section):
 def with_mesh_files_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
     """The raw section `cell` of the file at `path`, its meshes looked for from the folder of that file."""
     surroundings = cell.get("surroundings")
-    meshes = surroundings.get("meshes") if isinstance(surroundings, dict) else None
-    if not isinstance(meshes, list):
+    if not isinstance(surroundings, dict) or not isinstance(meshes := surroundings.get("meshes"), list):
         return cell
     found = [
         {**mesh, "file": str(path.parent / mesh["file"])}
