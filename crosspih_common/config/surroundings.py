@@ -66,7 +66,8 @@ class Surroundings(Section):
     meshes: tuple[Mesh, ...] = ()
     keep_out: tuple[Box, ...] = ()
     floor_height_m: float | None = Field(
-        default=0.0, description="of the floor above the base's origin, against gravity; null: there is none"
+        default=0.05,
+        description="of the floor, and what lies on it, above the base's origin, against gravity; null: there is none",
     )
     stand_radius_m: Length | None = Field(
         default=0.045, description="of what carries the plate, from its lower edge to the floor; null: nothing does"

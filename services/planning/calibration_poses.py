@@ -1,9 +1,9 @@
 """Poses for the six-pose calibration: gravity in well-spread directions of the sensor, tool clear of everything.
 
-Candidates around a given arm posture are drawn from a Halton sequence (deterministic), those nearer to the cell's
-surroundings or to the arm itself than its margin are dropped, and a D-optimal set is picked greedily for the two linear
-problems of Eqs. 14-16 (weight vector and force bias; centroid and moment bias). The poses are then put in the order of
-least motion in which each straight joint path to the next is clear too.
+Candidates around a given arm posture are drawn from a Halton sequence (deterministic), those near to the cell's
+surroundings or to the arm itself are dropped, and a D-optimal set is picked greedily for the two linear problems of
+Eqs. 14-16 (weight vector and force bias; centroid and moment bias). The poses are then put in the order of least motion
+in which each straight joint path to the next keeps the cell's margin too.
 
 Errors: `CalibrationPosesError` (ValueError), no such set exists around this posture.
 """
@@ -22,6 +22,7 @@ from crosspih_common.collision import CollisionModel
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import skew
 
+SPARE_M = 0.02  # beyond the margin: a pose can be chosen freely, the way to it less so
 _ROUGH_CENTROID_M = np.array([0.0, 0.0, 0.03])
 
 
@@ -77,7 +78,7 @@ def _clear_candidates(arm: ArmModel, start: Array, collisions: CollisionModel, c
     unit = qmc.Halton(6, scramble=False).random(count + 1)[1:]
     vectors = low + unit * (np.maximum(high, low) - low)
     found = [collisions.clearance(joints) for joints in vectors]
-    clear = [one.distance_m >= collisions.margin_m for one in found]
+    clear = [one.distance_m >= collisions.margin_m + SPARE_M for one in found]
     blocked = Counter(one.obstacle for one, free in zip(found, clear, strict=True) if not free)
     most = blocked.most_common(1)
     return [joints for joints, free in zip(vectors, clear, strict=True) if free], most[0][
