@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
+XB4_RADII_M = (0.09, 0.065, 0.06, 0.05, 0.04, 0.035)  # for an arm model that has none of its own
 TOOL, PEG = "the tool", "the peg"
 
 
@@ -62,8 +64,9 @@ def moving_parts(workcell: Workcell) -> list[MovingPart]:
 def link_capsules(arm: ArmModel) -> tuple[Array, Array]:
     """The middle lines (n, 2, 3) of the links' capsules, each in its link's frame, and their radii (n,), m."""
     poses = arm.link_poses(np.zeros(len(arm.limits.lower_rad)))
-    lines = [[here.inverse().apply(before.translation_m), np.zeros(3)] for before, here in zip(poses, poses[1:])]  # noqa: B905, RUF007
-    return np.array(lines), np.array([0.1, 0.065, 0.06, 0.06, 0.05, 0.04])
+    lines = [[here.inverse().apply(before.translation_m), np.zeros(3)] for before, here in pairwise(poses)]
+    given = getattr(arm, "link_lines_m", np.array(lines)), getattr(arm, "link_radii_m", np.array(XB4_RADII_M))
+    return np.asarray(given[0], float), np.asarray(given[1], float)
 
 
 def along(start_m: Array, end_m: Array) -> tuple[Pose, float]:
