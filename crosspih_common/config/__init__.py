@@ -7,6 +7,7 @@ from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.force_torque import Reports, SensorSection, with_correction_moved
 from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
+from crosspih_common.config.surroundings import Surroundings
 from crosspih_common.config.workcell import HolePrior, Workcell
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "Reports",
     "Section",
     "SensorSection",
+    "Surroundings",
     "Workcell",
     "load_cell",
     "with_correction_moved",

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from crosspih_common.config.arm import with_urdf_beside
 from crosspih_common.config.force_torque import with_correction_moved
 from crosspih_common.config.section import Section
+from crosspih_common.config.surroundings import with_mesh_files_beside
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.shapes.importing import FILE_SUFFIXES
@@ -84,7 +85,8 @@ def load_cell(path: str | Path) -> CellFile:
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
     try:
-        workcell = Workcell.model_validate(with_urdf_beside(path, _outline_beside(path, content.get("cell") or {})))
+        section = with_urdf_beside(path, _outline_beside(path, content.get("cell") or {}))
+        workcell = Workcell.model_validate(with_mesh_files_beside(path, section))
     except ValidationError as error:
         raise _explain(path, "cell", error) from None
     return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

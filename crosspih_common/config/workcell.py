@@ -15,6 +15,7 @@ from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.force_torque import SensorSection
 from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
+from crosspih_common.config.surroundings import Surroundings
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Joints, Vector3
@@ -53,6 +54,7 @@ class Workcell(Section):
     hole_prior: HolePrior = HolePrior()
     arm_section: ArmSection = Field(default=ArmSection(name="xb4"), alias="arm")
     camera: CameraSection = CameraSection()
+    surroundings: Surroundings = Surroundings()
     # from the flange to {K}, where the sensor measures; the tip is then 0.146 m past the flange
     flange_to_ft: Placement = Placement(position_m=(0.0, 0.0, 0.0663))
     flange_to_ft_m: float | None = Field(default=None, gt=0.0, description="flange_to_ft, where it is only along z")

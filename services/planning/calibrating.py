@@ -7,15 +7,21 @@ import numpy as np
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import IDENTIFY_PAYLOAD, SET_PAYLOAD
 from crosspih_common.messages import Failure, FtCalibration, IdentifyPayload, Phase, RawReading, SetPayload
-from services.planning.calibration_poses import choose_calibration_poses
+from services.planning.calibration_poses import CalibrationPosesError, choose_calibration_poses
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 
 
 def calibrate(run: Run, dwell_s: float) -> FtCalibration:
-    """Drive the calibration poses, dwell in each, identify bias and payload."""
+    """Drive the calibration poses, dwell in each, identify bias and payload.
+
+    AssemblyFailed UNREACHABLE where there are none, or none that can be driven to, clear of the surroundings.
+    """
     readings = []
-    poses = choose_calibration_poses(run.arm, run.workcell.home_joints_rad)
+    try:
+        poses = choose_calibration_poses(run.arm, run.workcell.home_joints_rad, run.collisions)
+    except CalibrationPosesError as error:
+        raise AssemblyFailed(Failure.UNREACHABLE, f"no poses to calibrate in: {error}") from None
     for index, joints in enumerate(poses):
         run.tell(Phase.CALIBRATING, f"sensor pose {index + 1} of {len(poses)}")
         run.joints_to(np.asarray(joints, dtype=float))

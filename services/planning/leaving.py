@@ -39,6 +39,7 @@ def home(run: Run) -> None:
     x, y, z = nominal.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m]))
     if np.hypot(x, y) < NEAR_HOLE_M and z > -run.config.approach_m and not back_off(run):
         raise AssemblyFailed(Failure.UNREACHABLE, "the arm is not at home, and the peg cannot be taken out")
+    run.line_to(run.collisions.before_zone(run.pose_base_peg))
     run.joints_to(home)
 
 

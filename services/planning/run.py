@@ -6,6 +6,7 @@ import numpy as np
 
 from crosspih_common.arm.inverse import InverseError, nearest
 from crosspih_common.arm.quintic import JointTrajectory
+from crosspih_common.collision import CollisionModel
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
@@ -63,6 +64,7 @@ class Run:
         self.workcell, self.config, self.ports = workcell, config, ports
         self.assembly_id = assembly_id
         self.arm = workcell.arm()
+        self.collisions = CollisionModel(workcell)
         self.limits = scaled_limits(self.arm.limits, config.speed_scale, config.acceleration_scale)
         self.joints_rad: Array = np.asarray(workcell.home_joints_rad, dtype=float)
         self.pose_base_peg = workcell.pose_base_peg(self.joints_rad)
@@ -123,8 +125,15 @@ class Run:
         self.account(outcome)
         return outcome
 
-    def follow(self, trajectory: JointTrajectory) -> None:
-        """Follow a joint trajectory to its end."""
+    def follow(self, trajectory: JointTrajectory, *, working: bool = False) -> None:
+        """Follow a joint trajectory to its end, its knots joined by straight joint moves or so dense as if.
+
+        AssemblyFailed UNREACHABLE where it would come too near to something, before anything moves; `working` lets the
+        peg come near the fixture (the rule is in `crosspih_common.collision.model`).
+        """
+        violation = self.collisions.check_path(trajectory.positions_rad, working=working)
+        if violation is not None:
+            raise AssemblyFailed(Failure.UNREACHABLE, str(violation))
         outcome = self.ports.ask(FOLLOW, knots_of(trajectory))
         self.account(outcome)
         if outcome.stop_reason is not StopReason.COMPLETED:
@@ -134,14 +143,14 @@ class Run:
             )
 
     def joints_to(self, joints_rad: Array) -> None:
-        """Move all joints together."""
+        """Move all joints together, through free space only."""
         try:
             self.follow(move_joints(self.joints_rad, joints_rad, self.limits))
         except TrajectoryError as error:
             raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
 
     def line_to(self, pose_base_peg: Pose, speed_m_s: float | None = None) -> None:
-        """Move the peg on a straight line in free space."""
+        """Move the peg on a straight line in free space; it may end before the hole."""
         if (
             self.pose_base_peg.distance_to_m(pose_base_peg) < 1e-6
             and self.pose_base_peg.angle_to_rad(pose_base_peg) < 1e-6
@@ -156,7 +165,8 @@ class Run:
                     self.limits,
                     pose_flange_point=self.workcell.pose_flange_peg(),
                     speed_m_s=speed_m_s or self.config.line_speed_m_s,
-                )
+                ),
+                working=True,
             )
         except (InverseError, TrajectoryError) as error:
             raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
@@ -186,7 +196,7 @@ class Run:
 
     def approach(self, pose_base_hole: Pose, standoff_m: float | None = None) -> None:
         """From wherever the arm is in free space to before the hole: quintic in joints, then straight."""
-        start = self.before_hole(pose_base_hole, self.config.approach_m)
+        start = self.collisions.before_zone(self.before_hole(pose_base_hole, self.config.approach_m))
         back = self.workcell.pose_flange_peg().inverse()
         try:
             joints = nearest(self.arm, start @ back, self.joints_rad)

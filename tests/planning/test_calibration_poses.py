@@ -9,17 +9,15 @@ import pytest
 
 from crosspih_common.arm import xb4
 from crosspih_common.arm.inverse import nearest
+from crosspih_common.collision import CollisionModel
+from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.planning.calibration_poses import (
-    FIXTURE,
-    CalibrationPosesError,
-    Surroundings,
-    choose_calibration_poses,
-    clearance_m,
-)
+from services.planning.calibration_poses import CalibrationPosesError, choose_calibration_poses
 
 ARM = xb4()
+CELL = Workcell()
+COLLISIONS = CollisionModel(CELL)
 HOLE = Pose.from_matrix(
     [[-0.07, 0.06, 1.0, 0.4], [-0.06, -1.0, 0.06, -0.3], [1.0, -0.06, 0.07, 0.2], [0.0, 0.0, 0.0, 1.0]]
 )
@@ -37,7 +35,7 @@ def before_the_hole(gap_m: float) -> Array:
     ids=["zero", "side", "near"],
 )
 def test_six_poses_spread_gravity_and_stay_clear_all_the_way(start: Array) -> None:
-    poses = choose_calibration_poses(ARM, start)
+    poses = choose_calibration_poses(ARM, start, COLLISIONS)
     assert len(poses) == 6
     directions = []
     for joints in poses:
@@ -51,32 +49,35 @@ def test_six_poses_spread_gravity_and_stay_clear_all_the_way(start: Array) -> No
     assert np.min(np.max(around @ np.array(directions).T, axis=1)) > np.cos(np.deg2rad(75.0))
     force_design = np.vstack([np.hstack([ARM.pose_base_flange(q).rotation.T, np.eye(3)]) for q in poses])
     assert np.linalg.cond(force_design) < 2.0
-    surroundings = Surroundings()
+    zone = COLLISIONS.fixture
     for a, b in pairwise([start, *poses]):
         for share in np.linspace(0.0, 1.0, 60):
             joints = a + share * (b - a)
-            assert clearance_m(ARM, joints, surroundings)[0] > 0.0
+            assert COLLISIONS.clearance(joints).distance_m > 0.5 * COLLISIONS.margin_m
             tip = ARM.pose_base_flange(joints).apply([0.0, 0.0, 0.146])
-            assert FIXTURE.distance_m(tip[None])[0] > 0.035
-            assert tip[2] > 0.05
+            in_hole = zone.pose_base_hole.inverse().apply(tip)
+            assert np.any(in_hole < zone.lower_m - 0.007) or np.any(in_hole > zone.upper_m + 0.007)
+            assert tip[2] > 0.007
 
 
 def test_the_same_start_gives_the_same_poses() -> None:
-    first = choose_calibration_poses(ARM, np.zeros(6))
-    assert [pose.tolist() for pose in choose_calibration_poses(ARM, np.zeros(6))] == [pose.tolist() for pose in first]
+    first = choose_calibration_poses(ARM, np.zeros(6), COLLISIONS)
+    assert [pose.tolist() for pose in choose_calibration_poses(ARM, np.zeros(6), COLLISIONS)] == [
+        pose.tolist() for pose in first
+    ]
 
 
 def test_refusals_say_what_is_in_the_way() -> None:
-    with pytest.raises(CalibrationPosesError, match="between the tool and the fixture"):
-        choose_calibration_poses(ARM, before_the_hole(0.0))
+    with pytest.raises(CalibrationPosesError, match="between the peg and the fixture"):
+        choose_calibration_poses(ARM, before_the_hole(0.0), COLLISIONS)
     with pytest.raises(CalibrationPosesError, match="joint 5"):
-        choose_calibration_poses(ARM, [0.0, 0.0, 0.0, 0.0, 3.0, 0.0])
+        choose_calibration_poses(ARM, [0.0, 0.0, 0.0, 0.0, 3.0, 0.0], COLLISIONS)
     with pytest.raises(CalibrationPosesError, match="at least 6"):
-        choose_calibration_poses(ARM, np.zeros(6), count=4)
+        choose_calibration_poses(ARM, np.zeros(6), COLLISIONS, count=4)
     with pytest.raises(CalibrationPosesError, match="of 6 poses can be reached"):
-        choose_calibration_poses(ARM, np.zeros(6), candidates=5)
+        choose_calibration_poses(ARM, np.zeros(6), COLLISIONS, candidates=5)
 
 
 def test_more_poses_on_request() -> None:
-    poses = choose_calibration_poses(ARM, np.zeros(6), count=9)
+    poses = choose_calibration_poses(ARM, np.zeros(6), COLLISIONS, count=9)
     assert len({tuple(pose.tolist()) for pose in poses}) == 9

@@ -1,0 +1,89 @@
+"""The plate with the hole wherever the cell's prior lets it be, and the zone in which the peg is at work before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.config import Workcell
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.shapes import Hole
+
+WORKING_TILT_RAD = 0.5  # between the peg's axis and the nominal hole's; more is no assembly
+BELIEVED = 2.0  # times the half ranges: how far off a hole may be believed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fixture:
+    """The fixture's zone, in the nominal hole's frame; metres.
+
+    `lower_m` and `upper_m` (3,) are the box that covers the plate at every pose the prior allows. The peg is at work
+    where its tip is within `working_radius_m` of the nominal axis and not behind the box, and its axis within
+    `WORKING_TILT_RAD` of the nominal one. `stand_radius_m` is that of an upright column under the plate, the
+    prior's range included; None where there is none.
+    """
+
+    pose_base_hole: Pose
+    lower_m: Array
+    upper_m: Array
+    working_radius_m: float
+    plate_lower_m: Array
+    plate_upper_m: Array
+    stand_radius_m: float | None
+
+    @classmethod
+    def of(cls, workcell: Workcell) -> Fixture:
+        """The fixture of a cell: from the hole's drawing and the hole's prior."""
+        hole = workcell.hole.shape(workcell.peg.shape())
+        ranges = workcell.hole_prior.half_ranges()
+        lower, upper = plate_corners_m(hole)
+        grown = ranges[:3] + turned_by_m(lower, upper, ranges[3:])
+        tilt = float(np.linalg.norm(ranges[3:5]))
+        radius = hole.opening().reach_m + BELIEVED * float(
+            np.max(ranges[:2]) + tilt * (grown[2] + workcell.surroundings.margin_m)
+        )
+        stand = workcell.surroundings.stand_radius_m
+        pose = workcell.hole_prior.pose_base_hole()
+        opens_down = float(pose.rotation[:, 2] @ upwards(workcell)) > np.cos(np.pi / 4)
+        if stand is not None:
+            stand += float(np.linalg.norm(ranges[:3] + turned_by_m(centre := (lower + upper) / 2, centre, ranges[3:])))
+        return cls(pose, lower - grown, upper + grown, radius, lower, upper, None if opens_down else stand)
+
+    def at_work(self, pose_base_peg: Pose, tip_m: float) -> bool:
+        """Whether a peg, its tip at (0, 0, `tip_m`) in the peg frame, is in the working zone."""
+        pose_hole_peg = self.pose_base_hole.inverse() @ pose_base_peg
+        x, y, z = pose_hole_peg.apply([0.0, 0.0, tip_m])
+        aligned = pose_hole_peg.rotation[2, 2] > np.cos(WORKING_TILT_RAD)
+        return bool(aligned and np.hypot(x, y) <= self.working_radius_m and z <= self.upper_m[2])
+
+    def before_m(self, points_base_m: Array) -> float:
+        """How far points (k, 3) are before the plane of the box's front; negative where one is behind it."""
+        return float(self.lower_m[2] - np.max(self.pose_base_hole.inverse().apply(points_base_m)[:, 2]))
+
+
+def upwards(workcell: Workcell) -> Array:
+    """The unit vector (3,) against gravity, base frame."""
+    gravity = np.asarray(workcell.gravity_base_m_s2)
+    return np.asarray(-gravity / np.linalg.norm(gravity), dtype=float)
+
+
+def plate_corners_m(hole: Hole) -> tuple[Array, Array]:
+    """The lower and the upper corner (3,) of the plate in the hole frame."""
+    half = hole.plate_half_size_m
+    return np.array([-half, -half, 0.0]), np.array([half, half, hole.depth_m])
+
+
+def turned_by_m(lower_m: Array, upper_m: Array, half_ranges_rad: Array) -> Array:
+    """How far (3,), along each axis, a point of a box can be moved by a turn about the frame's origin, each component
+    of whose rotation vector is within its half range (3,): an upper bound, w x p and the rest of Rodrigues' formula.
+    """
+    reach = np.maximum(np.abs(lower_m), np.abs(upper_m))
+    turn = np.asarray(half_ranges_rad, float)
+    first = np.array(
+        [turn[(i + 1) % 3] * reach[(i + 2) % 3] + turn[(i + 2) % 3] * reach[(i + 1) % 3] for i in range(3)]
+    )
+    angle = float(np.linalg.norm(turn))
+    rest = 0.5 * angle**2 * np.sqrt(1.0 + angle**2 / 9.0) * float(np.linalg.norm(reach))
+    return np.asarray(first + rest, dtype=float)
