@@ -30,6 +30,8 @@ REFUSALS: dict[str, str] = {
     "path": "an admittance move's search path has times that do not rise by 1 ms or more",
     "cap": "no speed would keep the motion under the force cap; the text names the field and the most that is allowed",
     "size": "the motion would take longer than the cell allows",
+    "collision": "a part of the arm would come too near to something of cell.surroundings; the text names both",
+    "implausible_payload": "the payload does not fit what the sensor reads at rest, its range, or gravity",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     # simulation

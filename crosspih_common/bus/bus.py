@@ -319,6 +319,10 @@ class Bus:
             self._transport.watch_alive(alive_key(self.cell), lambda key, alive: handler(key.split("/")[-2], alive))
         )
 
+    def also_close(self, entry: Closeable) -> None:
+        """Close this with the bus."""
+        self._declared.append(entry)
+
     def close(self) -> None:
         """Take back all that was declared, end all threads, close the transport. Safe to call twice."""
         with self._lock:

@@ -126,6 +126,15 @@ class CollisionModel:
 
     # ------------------------------------------------------------------------------------------------------- asking
 
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """The names of what stands in the cell."""
+        return tuple(one.name for one in self._obstacles)
+
+    def postures(self, joints_rad: ArrayLike) -> int:
+        """How many postures `check_path` looks at on the way through knots (k, n), rad, at most."""
+        return len(self._dense(np.asarray(joints_rad, float))[0])
+
     def clearance(self, joints_rad: ArrayLike, *, working: bool = False) -> Clearance:
         """The least distance at joints (n,), rad, and between what. `working`: see the rule above."""
         rotations, places = self._placed(np.asarray(joints_rad, float)[None])
@@ -141,6 +150,15 @@ class CollisionModel:
             if gap < best:
                 best, found = gap, self._pairs[index]
         return Clearance(float(best), self._parts[found.part].name, self._name_of(found))
+
+    def distances_m(self, joints_rad: ArrayLike) -> dict[tuple[str, str], float]:
+        """Every distance that is watched at joints (n,), rad, by part and obstacle, m; slower than `clearance`."""
+        rotations, places = self._placed(np.asarray(joints_rad, float)[None])
+        standing: dict[int, Any] = {}
+        return {
+            (self._parts[pair.part].name, self._name_of(pair)): self._exact_m(pair, rotations[0], places[0], standing)
+            for pair in self._pairs
+        }
 
     def check_path(self, joints_rad: ArrayLike, *, working: bool = False) -> Violation | None:
         """The first place where straight joint moves through knots (k, n), rad, come too near; None when they do not.
@@ -217,8 +235,10 @@ class CollisionModel:
     def _lower_bounds_m(self, rotations: Array, places: Array) -> Array:
         """(k, pairs): no pair is nearer than this; from balls around parts and boxes around obstacles."""
         away = places[:, :, None] - self._box_places_m
-        beyond = np.maximum(np.abs(np.einsum("oji,kpoj->kpoi", self._box_rotations, away)) - self._half_boxes_m, 0.0)
-        standing = np.sqrt(np.einsum("kpoi,kpoi->kpo", beyond, beyond)) - self._bounds_m[:, None]
+        beyond = np.abs(np.einsum("oji,kpoj->kpoi", self._box_rotations, away)) - self._half_boxes_m
+        outside = np.maximum(beyond, 0.0)
+        standing = np.sqrt(np.einsum("kpoi,kpoi->kpo", outside, outside)) + np.minimum(beyond.max(axis=3), 0.0)
+        standing -= self._bounds_m[:, None]
         bounds = standing[:, self._standing_part, self._standing_other]
         apart = places[:, self._moving_part] - places[:, self._moving_other]
         reach = self._bounds_m[self._moving_part] + self._bounds_m[self._moving_other]

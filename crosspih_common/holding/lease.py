@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import TypeVar
 
 from crosspih_common.bus import Bus
@@ -51,12 +50,6 @@ class ArmLease:
         return self._bus.call(command, self.named(request), deadline_s)
 
 
-@contextmanager
-def hold_arm(bus: Bus, purpose: str) -> Iterator[ArmLease]:
-    """Hold the arm for the length of a block, with beats of its own. Raises as ArmLease."""
-    pulse = pulse_of(bus)
-    try:
-        with ArmLease(bus, pulse, purpose) as lease:
-            yield lease
-    finally:
-        pulse.close()
+def hold_arm(bus: Bus, purpose: str) -> ArmLease:
+    """The arm, to be held for the length of a `with` block. Raises as ArmLease."""
+    return ArmLease(bus, pulse_of(bus), purpose)

@@ -16,6 +16,7 @@ import sys
 import threading
 from pathlib import Path
 from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 from crosspih_common import errors
 from crosspih_common.bus import Bus
@@ -27,6 +28,10 @@ START_DEADLINE_S = 60.0  # an interpreter starts slowly on a busy machine
 ANSWER_DEADLINE_S = 15.0
 END_DEADLINE_S = 2.0
 SOURCE_ROOT = str(Path(__file__).resolve().parents[2])
+
+
+_making = threading.Lock()
+_pulses: WeakKeyDictionary[Bus, Pulse] = WeakKeyDictionary()
 
 
 class Pulse(Protocol):
@@ -135,8 +140,11 @@ class PulseProcess:
 
 
 def pulse_of(bus: Bus) -> Pulse:
-    """Beats for what this bus's service holds: from a process of their own, or where the bus is in memory (and the arm
-    in the same process) from a thread."""
-    if bus.endpoint is None:
-        return Heart(bus)
-    return PulseProcess(bus.endpoint, bus.cell, bus.service)
+    """The beats for what this bus's service holds, begun at the first call and ended with the bus: from a process of
+    their own, or where the bus is in memory (and the arm in the same process) from a thread."""
+    with _making:
+        if bus not in _pulses:
+            pulse: Pulse = Heart(bus) if bus.endpoint is None else PulseProcess(bus.endpoint, bus.cell, bus.service)
+            bus.also_close(pulse)
+            _pulses[bus] = pulse
+        return _pulses[bus]

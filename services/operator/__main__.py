@@ -15,6 +15,7 @@ from services.operator.keys_table import keys
 from services.operator.report.cli import report
 from services.operator.results import results
 from services.operator.train import train
+from services.operator.withdraw import withdraw
 
 COLUMNS_IN_A_FILE = 120
 
@@ -26,6 +27,7 @@ app = typer.Typer(
     help="Autonomous peg-in-hole assembly: run it, measure it, look at what happened.",
 )
 app.command()(assemble)
+app.command()(withdraw)
 app.add_typer(bench_app, name="bench")
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(report)

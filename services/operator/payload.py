@@ -1,24 +1,34 @@
-"""What every contact made from here begins with: an arm that knows what hangs on its sensor."""
+"""What every contact made from here begins with: an arm that is held, and knows what hangs on its sensor."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from crosspih_common.holding import ArmLease, hold_arm
 from crosspih_common.keys import FT_CALIBRATION, SET_PAYLOAD
 from crosspih_common.messages import SetPayload
 from services.operator.session import Session
 
 
-def use_payload(session: Session) -> None:
-    """Tell the arm what the last calibration found; calibrate where there was none."""
+@contextmanager
+def ready_arm(session: Session, purpose: str) -> Iterator[ArmLease]:
+    """Hold the arm for a block, told what the last calibration found; calibrated where there was none.
+
+    Raises CommandRefused `held`, and as `Bus.call`.
+    """
     calibration = session.bus.latest(FT_CALIBRATION).wait_for(lambda latest: latest.calibrated, 10.0)
     if calibration is None:
         calibration = session.calibrate_ft(0.25)
-    session.bus.call(
-        SET_PAYLOAD,
-        SetPayload(
-            bias=calibration.bias,
-            weight_n=calibration.weight_n,
-            centroid_ft_m=calibration.centroid_m,
-            gravity_base=calibration.gravity_base,
-        ),
-        10.0,
-    )
+    with hold_arm(session.bus, purpose) as lease:
+        lease.ask(
+            SET_PAYLOAD,
+            SetPayload(
+                bias=calibration.bias,
+                weight_n=calibration.weight_n,
+                centroid_ft_m=calibration.centroid_m,
+                gravity_base=calibration.gravity_base,
+            ),
+            10.0,
+        )
+        yield lease

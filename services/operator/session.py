@@ -10,6 +10,7 @@ from collections.abc import Callable
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import CrosspihError, NoService
+from crosspih_common.holding.soundness import require_one_clock
 from crosspih_common.keys import (
     ABORT,
     ASSEMBLE,
@@ -22,6 +23,7 @@ from crosspih_common.keys import (
     RESET,
     TOUCH,
     TRUTH,
+    WITHDRAW,
 )
 from crosspih_common.messages import (
     AbortAssembly,
@@ -39,13 +41,17 @@ from crosspih_common.messages import (
     StopRecording,
     Strategy,
     Touch,
+    Withdraw,
+    WithdrawResult,
 )
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.operator.scoring import TrialFigures, score
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
 ASSEMBLY_DEADLINE_S = 900.0
-RECORDER_DEADLINE_S = 15.0
+WITHDRAW_DEADLINE_S = 300.0
+RESET_DEADLINE_S = 120.0  # a busy machine builds a scene slowly
+RECORDER_DEADLINE_S = 60.0
 BACK_OFF_DEADLINE_S = 30.0
 
 
@@ -107,6 +113,18 @@ class Session:
             raise NoService("clock: nobody publishes the cell's time; is hardware up? (`crosspih ps`)")
         return "realtime" if tick.realtime else "max"
 
+    @property
+    def simulated(self) -> bool:
+        """Whether the running cell has a simulator, and so trials to reset and a truth. Raises NoService."""
+        tick = self._clock.wait_for(lambda _: True, 5.0)
+        if tick is None:
+            raise NoService("clock: nobody publishes the cell's time; is hardware up? (`crosspih ps`)")
+        return tick.simulated
+
+    def require_sound_cell(self) -> None:
+        """Before anything is asked of it: one clock ticks, one cell. Raises CommandRefused `cell_unfit`."""
+        require_one_clock(self.bus)
+
     def follow_events(
         self,
         on_phase: Callable[[AssemblyPhase], None],
@@ -120,11 +138,15 @@ class Session:
 
     def reset(self, command: ResetCell) -> SimulationTruth:
         """A new trial in the simulated cell."""
-        return self.bus.call(RESET, command, 30.0)
+        return self.bus.call(RESET, command, RESET_DEADLINE_S)
 
     def calibrate_ft(self, samples_s: float) -> FtCalibration:
         """Drive the calibration poses and identify."""
         return self.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=samples_s), 300.0)
+
+    def withdraw(self, request: Withdraw) -> WithdrawResult:
+        """Take the seated peg straight out."""
+        return self.bus.call(WITHDRAW, request, WITHDRAW_DEADLINE_S)
 
     def abort(self) -> None:
         """End the running assembly."""
@@ -142,12 +164,15 @@ class Session:
         on_begin: Callable[[int], None] = lambda now_ns: None,
         known: PosePrior | None = None,
     ) -> tuple[TrialFigures, AssemblyResult]:
-        """One assembly, scored: reset (when simulated), record, assemble, stop recording.
+        """One assembly, scored: reset, record, assemble, stop recording. A cell without a simulator is not reset, and
+        what needs its truth is left out of the figures.
 
         `on_begin` is called with the cell's time when the assembly starts. `known` is where the hole is, for the
         strategy known_pose.
         """
         truth: SimulationTruth | None = None
+        if not self.simulated:
+            seed = None
         if seed is not None:
             truth = self.reset(ResetCell(seed=seed))
         name = f"assembly-{strategy.value}" + ("" if seed is None else f"-seed{seed}")

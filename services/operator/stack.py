@@ -28,6 +28,7 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
     if session is not None:
         with session:
             session.wait_for_services(START_DEADLINE_S, needed)
+            session.require_sound_cell()
             running = session.speed()
             if speed is not None and running != speed:
                 raise ConfigError(
@@ -46,6 +47,7 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
     try:
         with Session() as session:
             session.wait_for_services(START_DEADLINE_S, needed)
+            session.require_sound_cell()
             yield session, True
     finally:
         # when the stack is gone already nothing is left to stop

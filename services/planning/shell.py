@@ -12,7 +12,7 @@ from crosspih_common.bus import Bus
 from crosspih_common.bus.bus import NOW_LANE
 from crosspih_common.errors import BusError, CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.holding import ArmLease, pulse_of
+from crosspih_common.holding import ArmLease, hold_arm, pulse_of
 from crosspih_common.holding.soundness import TICKS_KEPT, require_not_doubled
 from crosspih_common.keys import (
     ABORT,
@@ -60,7 +60,7 @@ class PlanningShell:
         self._running = False
         self.calibration = self.bus.latest(FT_CALIBRATION)
         self.clock = self.bus.latest(CLOCK, TICKS_KEPT)
-        self._pulse = pulse_of(self.bus)
+        pulse_of(self.bus)  # begins to start, so that the first assembly need not wait for it
         self._last_hole: Pose | None = None  # as the last assembly found or believed it
         self.phases = self.bus.publisher(PHASE)
         self.touches = self.bus.publisher(TOUCH)
@@ -76,7 +76,7 @@ class PlanningShell:
         Raises CommandRefused: held, cell_unfit; service_lost when no arm is there within the patience.
         """
         require_not_doubled(self.bus.cell, self.clock.values())
-        lease = ArmLease(self.bus, self._pulse, purpose)
+        lease = hold_arm(self.bus, purpose)
         give_up_at = time.monotonic() + self._config.service_patience_s
         while True:
             try:
@@ -178,4 +178,3 @@ class PlanningShell:
         """End a running assembly."""
         self.abort.set()
         self.closing.set()
-        self._pulse.close()

@@ -31,7 +31,7 @@ from services.operator.bench.contact_states.plan import (
 )
 from services.operator.bench.contact_states.pushing import PushResult, PushTask, make_push
 from services.operator.bench.contact_states.summary import NAMES, confusion, reliability, summarise
-from services.operator.payload import use_payload
+from services.operator.payload import ready_arm
 from services.operator.session import Session
 from tests.planning.cell_in_memory import CellInMemory
 
@@ -132,11 +132,13 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 
 
 def test_aimed_pushes_come_about_in_the_cell_and_are_judged_over_the_bus(session: Session, plan: Plan) -> None:
-    use_payload(session)
     hits = 0
     results = []
-    for name in ("1-1-2", "2-2-3", "4-1-1"):
-        result = make_push(session, PushTask(target=name, index=0, seed=9, push=plan.pushes[name][0]))
+    states = ("1-1-2", "2-2-3", "4-1-1")
+    with ready_arm(session, "a test") as lease:
+        tasks = [PushTask(target=name, index=0, seed=9, push=plan.pushes[name][0]) for name in states]
+        pushed = [make_push(session, lease, task) for task in tasks]
+    for name, result in zip(states, pushed, strict=True):
         assert result.failure is None
         rows = np.array(result.contacts)
         hits += label_contacts(rows[:, :3], rows[:, 3:], TAPER_START_M).name == name

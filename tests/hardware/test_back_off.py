@@ -35,7 +35,7 @@ def runner(devices: Devices) -> Runner:
     """At the end of a way of STEPS along the first joint."""
     assert devices.joints is not None and devices.wrench is not None and devices.simulation is not None
     devices.simulation.reset(ResetCell(seed=0))
-    made = Runner(devices.joints, devices.wrench, WORKCELL.pose_flange_peg())
+    made = Runner(devices.joints, devices.wrench, WORKCELL.pose_flange_peg(), WORKCELL.sensor_mounting())
     for step in range(1, STEPS + 1):
         made.advance(Reference(HOME + step * TRAIL_STEP_RAD * np.eye(6)[0], np.zeros(6)))
     return made

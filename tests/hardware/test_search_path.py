@@ -15,7 +15,7 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AdmittanceMove, MoveLinear, PathKnot, PoseData, ResetCell, StopReason, floats
 from services.hardware.config import HardwareConfig
-from services.hardware.control.effort import smoothness, tip_positions
+from services.hardware.control.effort import smoothness
 from services.hardware.control.search_path import SearchPath
 from services.hardware.drivers.simulated.engines.protocol import STEP_S
 from services.hardware.hosting import HostedCell, open_cell
@@ -97,15 +97,6 @@ def test_a_motion_tells_how_far_and_how_smoothly_its_tip_went(cell: HostedCell) 
     assert outcome.moving_s == pytest.approx(duration_s * moving.mean(), abs=0.01)
     assert outcome.jerk_integral_m_s2 == pytest.approx(duration_s * np.mean(jerk * moving), rel=0.03)
     assert outcome.over_20_n_s == 0.0
-
-
-@settings(deadline=None)
-@given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6))
-def test_tip_positions_are_the_arms_own(joints_rad: list[float]) -> None:
-    arm = WORKCELL.arm()
-    tip = np.array([0.001, -0.002, 0.146])
-    found = tip_positions(arm, np.array([joints_rad, joints_rad]), tip)
-    assert np.allclose(found, arm.pose_base_flange(joints_rad).apply(tip), atol=1e-12)
 
 
 def test_short_and_still_motions_have_no_jerk() -> None:

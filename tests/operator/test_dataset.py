@@ -20,7 +20,7 @@ from services.operator.bench.own_cell import CellTask
 from services.operator.bench.worker import Outcome
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contact
 from services.operator.dataset.inference_process import ToolFailed, run_tool
-from services.operator.payload import use_payload
+from services.operator.payload import ready_arm
 from services.operator.session import Session
 from services.operator.training_report import render_training
 from tests.planning.cell_in_memory import CellInMemory
@@ -66,10 +66,10 @@ class OneCell:
 
 
 def test_a_contact_is_felt_as_its_pose_error_says_and_repeats(session: Session) -> None:
-    use_payload(session)
-    rows = [make_contact(session, 5, repeat, 0.1, 0.001, 15.0) for repeat in (0, 1)]
-    other = make_contact(session, 6, 0, 0.1, 0.001, 15.0)
-    again = make_contact(session, 5, 0, 0.1, 0.001, 15.0)
+    with ready_arm(session, "a test") as lease:
+        rows = [make_contact(session, lease, 5, repeat, 0.1, 0.001, 15.0) for repeat in (0, 1)]
+        other = make_contact(session, lease, 6, 0, 0.1, 0.001, 15.0)
+        again = make_contact(session, lease, 5, 0, 0.1, 0.001, 15.0)
     assert again == rows[0] and rows[0].outcome == rows[1].outcome == "contact"
     # a repeat has the pose in common and the noise not
     assert rows[0].angles_rad == rows[1].angles_rad != other.angles_rad and rows[0].wrench != rows[1].wrench

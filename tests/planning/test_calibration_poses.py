@@ -10,7 +10,7 @@ import pytest
 from crosspih_common.arm import xb4
 from crosspih_common.arm.inverse import nearest
 from crosspih_common.collision import CollisionModel
-from crosspih_common.config import Workcell
+from crosspih_common.config import HolePrior, Surroundings, Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.planning.calibration_poses import CalibrationPosesError, choose_calibration_poses
@@ -81,3 +81,31 @@ def test_refusals_say_what_is_in_the_way() -> None:
 def test_more_poses_on_request() -> None:
     poses = choose_calibration_poses(ARM, np.zeros(6), COLLISIONS, count=9)
     assert len({tuple(pose.tolist()) for pose in poses}) == 9
+
+
+@pytest.mark.parametrize("by_m", [(0.1, 0, 0), (-0.1, 0, 0), (0, 0.1, 0), (0, -0.1, 0), (0, 0, 0.1), (0, 0, -0.1)])
+def test_a_fixture_that_is_moved_is_kept_clear_of_where_it_is(by_m: tuple[float, float, float]) -> None:
+    moved = np.array(CELL.hole_prior.matrix_base_hole)
+    moved[:, 3] += by_m
+    prior = HolePrior(matrix_base_hole=tuple(map(tuple, moved.tolist())))
+    poses = choose_calibration_poses(ARM, CELL.home_joints_rad, CollisionModel(Workcell(hole_prior=prior)))
+    # the plate at its nominal pose, declared as a box of its own, without what the prior adds
+    middle = prior.pose_base_hole() @ Pose.from_translation([0.0, 0.0, 0.025])
+    placed = {"position_m": middle.translation_m.tolist(), "rotvec_rad": middle.rotvec_rad().tolist()}
+    plate = {"name": "the plate", "size_m": [0.12, 0.12, 0.05], **placed}
+    witness = CollisionModel(Workcell(surroundings=Surroundings.model_validate({"boxes": [plate]})))
+    for a, b in pairwise([np.array(CELL.home_joints_rad), *poses]):
+        for share in np.linspace(0.0, 1.0, 40):
+            gaps = witness.distances_m(a + share * (b - a))
+            assert min(gap for (_, obstacle), gap in gaps.items() if obstacle == "the plate") > COLLISIONS.margin_m
+
+
+def test_the_poses_of_the_default_cell_are_those_its_results_were_made_with() -> None:
+    poses = choose_calibration_poses(ARM, CELL.home_joints_rad, COLLISIONS)
+    assert [round(float(pose[0]), 3) for pose in poses] == [-0.908, -1.407, -1.445, -1.299, -1.918, -1.967]
+
+
+def test_what_is_in_the_way_of_the_poses_is_named() -> None:
+    high = CollisionModel(Workcell(surroundings=Surroundings(floor_height_m=0.18)))
+    with pytest.raises(CalibrationPosesError, match=r"of 6 poses can be reached.*start farther from the floor"):
+        choose_calibration_poses(ARM, CELL.home_joints_rad, high, candidates=12)

@@ -104,6 +104,19 @@ def test_torch_is_imported_by_inference_only() -> None:
             assert not modules & {"torch", "safetensors"}, path
 
 
+def test_coal_is_imported_where_a_collision_model_is_made_only() -> None:
+    for path in PRODUCT:
+        modules = {module.split(".")[0] for module in imported(parsed(path), path)}
+        assert "coal" not in modules or path == ROOT / "crosspih_common" / "collision" / "shapes.py", path
+
+
+@pytest.mark.parametrize("service", [name for name in SERVICES if name not in ("hardware", "planning")])
+def test_collisions_are_checked_where_motions_are_made_only(service: str) -> None:
+    for path in files_of(service):
+        modules = set(imported(parsed(path), path))
+        assert not [name for name in modules if name.startswith("crosspih_common.collision")], path
+
+
 def test_keys_are_spelled_in_the_table_only() -> None:
     for path in PRODUCT:
         if path != KEY_TABLE:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from crosspih_common.collision import CollisionModel
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry.pose import Array
@@ -25,6 +26,7 @@ from crosspih_common.messages import (
     SetPayload,
 )
 from crosspih_common.messages.base import PoseData, floats
+from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_payload
 from services.hardware.control.admittance import Admittance
 from services.hardware.control.config import LimitsConfig
 from services.hardware.control.effort import Effort
@@ -42,7 +44,6 @@ from services.hardware.control.paths import (
     refuse_not_finite,
     unit_direction,
 )
-from services.hardware.control.payload import Payload
 from services.hardware.control.runner import LAST_S, Runner
 from services.hardware.control.search_path import SearchPath
 from services.hardware.control.turn import Turn
@@ -51,6 +52,7 @@ from services.hardware.protocols import JointDevice, WrenchDevice
 
 _LINEAR_M_S2 = 2.0
 _LINEAR_RAD_S2 = 10.0
+PATH_KNOTS = 25  # of a way that is checked against what stands around it; more are looked at in between
 
 
 class ArmController:
@@ -65,8 +67,10 @@ class ArmController:
         self._stiffness_nm_rad = np.asarray(workcell.joint_stiffness_nm_rad, float)
         self._config = config
         self._joints = joints
-        self._runner = Runner(joints, wrench, self._pose_flange_peg)
+        self._runner = Runner(joints, wrench, self._pose_flange_peg, workcell.sensor_mounting())
+        self._mounting, self._payload_limits = workcell.sensor_mounting(), workcell.payload_limits()
         self._zone = ContactZone(workcell, self._arm)
+        self._collisions = CollisionModel(workcell)
         self._turn = Turn()  # whoever steps the cell has it
         self._commanded = threading.Lock()
         self.holder = Holder(config.holder_timeout_s, realtime)
@@ -129,6 +133,7 @@ class ArmController:
             return self._along(LineInTime(path, path.shortest_s(duration_s)))
 
     def _along(self, path: JointTrajectory | LineInTime) -> MotionOutcome:
+        self._refuse_collision(path.positions(np.linspace(0.0, path.duration_s, PATH_KNOTS)))
         limits = self._limits()
         pace, note = self._zone.pace(
             path, limits.contact_speed_m_s(), self._config.free_braking_m_s2, self._config.clear_out_m_s
@@ -149,6 +154,7 @@ class ArmController:
                 self._arm, self._pose_flange_peg, start, direction, command.travel_limit_m + beyond_m, runner.joints_rad
             )
             path.check_speed(max(command.speed_m_s, 0.05))
+            self._refuse_collision(path.joints(PATH_KNOTS))
             motion = Guarded(path, command, runner.period_s, limits.braking_m_s2)
             self._feel_nothing()
             outcome = self._done(self._execution.run(motion, limits), motion.travel_m, notes)
@@ -187,6 +193,7 @@ class ArmController:
             if stretch > 1.0:
                 notes.append(f"path slowed by {stretch:.3g}: faster could press beyond the cap")
                 command = command.model_copy(update={"timeout_s": command.timeout_s * stretch})
+            self._refuse_collision(path.joints(PATH_KNOTS))
             path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s + search.fastest_m_s)
             motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search, runner.period_s)
             self._feel_nothing()
@@ -203,12 +210,22 @@ class ArmController:
             return outcome.model_copy(update={"wrench_raw": floats(mean), "wrench_sd": floats(sd)})
 
     def set_payload(self, command: SetPayload) -> None:
-        """Raises CommandRefused: not_finite, direction."""
+        """Raises CommandRefused: not_finite, direction, implausible_payload where the sensor says otherwise at rest."""
         refuse_not_finite("bias", command.bias)
         refuse_not_finite("centroid_ft_m", [command.weight_n, *command.centroid_ft_m])
         unit_direction("gravity_base", command.gravity_base)
+        payload = Payload.from_command(command, self._mounting)
         with self._turn.taken():
-            self._runner.use_payload(Payload.from_command(command))
+            runner = self._runner
+            if len(runner.last_samples) < (runner.last_samples.maxlen or 0):
+                self._execution.hold_still(LAST_S)
+            mean, sd = (
+                _mean(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.full(6, np.inf))
+            )
+            why = judge_payload(payload, mean, sd, runner.pose_base_peg.rotation, self._payload_limits)
+            if why is not None:
+                raise CommandRefused(IMPLAUSIBLE, why)
+            runner.use_payload(payload)
 
     # --------------------------------------------------------------------------------------- stops, and whose turn
 
@@ -275,6 +292,12 @@ class ArmController:
                 yield
             finally:
                 self._execution.done()
+
+    def _refuse_collision(self, joints_rad: Array) -> None:
+        """Before anything moves: what the arm's parts would come too near to on a way (k, n). Raises CommandRefused."""
+        violation = self._collisions.check_path(joints_rad, working=True)
+        if violation is not None:
+            raise CommandRefused("collision", str(violation))
 
     def _limits(self) -> TouchingLimits:
         return TouchingLimits.at(

@@ -58,7 +58,7 @@ class Effort:
         """Over all steps since the restart."""
         force = np.asarray(self._force_n)
         touching = force > CONTACT_N
-        tips = tip_positions(self._arm, np.array(self._joints).reshape(len(self._joints), -1), self._tip_flange_m)
+        tips = self._arm.points_base_m(np.array(self._joints).reshape(-1, self._arm.joints), self._tip_flange_m)
         moving_s, jerk_integral = smoothness(tips, self._steps_a_sample * self._step_s)
         return EffortFigures(
             tip_path_m=float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()),
@@ -68,19 +68,6 @@ class Effort:
             contact_impulse_n_s=float(force[touching].sum() * self._step_s),
             over_20_n_s=float((force > HEAVY_N).sum() * self._step_s),
         )
-
-
-def tip_positions(arm: ArmModel, joints_rad: Array, tip_flange_m: Array) -> Array:
-    """(n, 3): a point fixed to the flange, (3,), in the base frame at joints (n, 6); as `arm.pose_base_flange`."""
-    points: Array = np.broadcast_to(np.asarray(tip_flange_m, float), (len(joints_rad), 3))
-    for (offset, d, a, alpha), angles in zip(arm.dh[::-1], joints_rad.T[::-1], strict=True):
-        # Rz(angle + offset) Tz(d) Tx(a) Rx(alpha)
-        x, y, z = points.T
-        ca, sa = np.cos(alpha), np.sin(alpha)
-        x, y, z = x + a, ca * y - sa * z, sa * y + ca * z + d
-        ct, st = np.cos(angles + offset), np.sin(angles + offset)
-        points = np.column_stack([ct * x - st * y, st * x + ct * y, z])
-    return np.asarray(points, dtype=float)
 
 
 def smoothness(positions_m: Array, period_s: float) -> tuple[float, float]:

@@ -157,6 +157,10 @@ class StraightPath:
         a, b, c, d = self._coefficients[index]
         return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c, 6.0 * a * t + 2.0 * b
 
+    def joints(self, count: int) -> Array:
+        """Joints (count, n) at places evenly along the way."""
+        return np.array([self.at(float(s))[0] for s in np.linspace(0.0, self.length, count)])
+
     def fastest(self) -> float:
         """The rate of s, 1/s, at which the first joint reaches its speed limit somewhere on the way."""
         return float(np.min(self._limits.speed_rad_s / np.maximum(self._slope, 1e-12)))

@@ -16,8 +16,8 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import JointState, RawWrenchBatch
 from crosspih_common.messages.base import floats
+from crosspih_common.wrench import Payload, SensorMounting
 from services.hardware.control.cycle import Reading, Reference
-from services.hardware.control.payload import Payload
 from services.hardware.control.trail import Trail
 from services.hardware.protocols import JointDevice, WrenchDevice
 
@@ -30,7 +30,9 @@ LAST_S = 0.025  # over which an outcome's wrench is averaged
 class Runner:
     """Owns the time of one arm. Everything that moves or measures goes through `advance`."""
 
-    def __init__(self, joints: JointDevice, wrench: WrenchDevice, pose_flange_peg: Pose) -> None:
+    def __init__(
+        self, joints: JointDevice, wrench: WrenchDevice, pose_flange_peg: Pose, mounting: SensorMounting
+    ) -> None:
         self._joints, self._wrench = joints, wrench
         self.model = joints.model
         self.period_s = joints.period_s
@@ -44,7 +46,8 @@ class Runner:
         self.missed_cycles = 0
         self.sensor_silent_s = 0.0
         self.payload: Payload | None = None
-        self._tare = Payload.tare(np.zeros(6))
+        self._mounting = mounting
+        self._tare = Payload.tare(np.zeros(6), mounting)
         self.last_samples: deque[Array] = deque(maxlen=max(2, round(LAST_S / wrench.period_s)))
         self.trail = Trail()
         self._batch: list[Array] = []
@@ -77,7 +80,7 @@ class Runner:
         self.pose_base_peg = self.forward(self.joints_rad)
         self._wrench.read()
         self._raw = np.zeros(6)
-        self._tare = Payload.tare(np.zeros(6))
+        self._tare = Payload.tare(np.zeros(6), self._mounting)
         self._reload()
         self.sensor_silent_s = 0.0
         self.last_samples.clear()
@@ -101,7 +104,7 @@ class Runner:
     def tare(self) -> None:
         """Without a known payload: what the last samples hold is not contact."""
         if self.payload is None and self.last_samples:
-            self._tare = Payload.tare(np.mean(self.last_samples, axis=0))
+            self._tare = Payload.tare(np.mean(self.last_samples, axis=0), self._mounting)
             self._reload()
 
     def _reload(self) -> None:
@@ -144,7 +147,8 @@ class Runner:
             self.last_samples.extend(samples.wrenches)
         else:
             self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
-        contact = self._raw - self._load
+        # a reading that is not a number stays one: it then trips the caps
+        contact = self._mounting.peg_of_raw @ self._raw - self._load
         self._publish(before_ns, samples.stamps_ns, samples.wrenches)
         force, moment = contact[:3], contact[3:]
         return Reading(

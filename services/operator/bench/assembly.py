@@ -8,20 +8,20 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
+from crosspih_common.config import load_cell
 from crosspih_common.config.drawing import OUTLINES
-from crosspih_common.errors import ConfigError, CrosspihError
-from crosspih_common.messages import Strategy
+from crosspih_common.errors import ConfigError
+from crosspih_common.messages import Strategy, WithdrawResult
 from services.operator.bench.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
 from services.operator.bench.pool import ExecutorName
+from services.operator.bench.running import on_the_running_stack, repeatability_table, repeated
 from services.operator.bench.swap import Trials, Way, swapped
-from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, TrialsStopped
-from services.operator.scoring import TrialFigures
+from services.operator.bench.trials import DEFAULT_STORE, TrialJob
+from services.operator.session import cell_path
 from services.operator.show import directions_held
-from services.operator.stack import cell_session
 from services.operator.statistics import BenchResult, summarise
 
 
@@ -29,7 +29,8 @@ def figures_table(result: BenchResult, condition: str = "") -> Table:
     """The distribution of each figure, the failures, and what a round leaves open."""
     table = Table(
         title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
-        f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), seeds from {result.seed}"
+        f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), "
+        + ("no simulator, the same hole each time" if result.each[0].seed is None else f"seeds from {result.seed}")
     )
     table.add_column("figure")
     for name in ("p50", "p95", "max", "n"):
@@ -42,22 +43,6 @@ def figures_table(result: BenchResult, condition: str = "") -> Table:
     if ranks and ranks[0] < 5:
         table.caption = f"directions the walls hold: {directions_held(ranks[0])}"
     return table
-
-
-def _on_the_running_stack(
-    console: Console, jobs: list[TrialJob], record: bool
-) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:
-    done: list[tuple[TrialJob, TrialFigures]] = []
-    try:
-        with cell_session(None) as (session, _):
-            for job in track(jobs, description=jobs[0].strategy.value, console=console):
-                figures, _ = session.trial(job.seed, job.strategy, record)
-                done.append((job, figures))
-    except CrosspihError as error:
-        return done, TrialsEnded(f"ended after {len(done)} of {len(jobs)} trials: {error}", done)
-    except KeyboardInterrupt:
-        return done, TrialsStopped(f"stopped after {len(done)} of {len(jobs)} trials", done)
-    return done, None
 
 
 def assembly(
@@ -86,11 +71,12 @@ def assembly(
     console = Console(stderr=True)
     with told(console):
         condition = condition_of(settings or ())
+        withdrawals: list[WithdrawResult] | None = None
         jobs = [TrialJob(seed=seed + index, strategy=strategy, condition=condition, peg=peg) for index in range(trials)]
         if running:
             if peg != DEFAULT_PEG or way is not Way.DIRECT:
                 raise ConfigError("--running: the running stack has its own peg; leave --peg and --way out")
-            done, ended = _on_the_running_stack(console, jobs, record)
+            done, ended, withdrawals = on_the_running_stack(console, jobs, record)
         else:
 
             def run(title: str, some: list[TrialJob]) -> Trials:
@@ -103,10 +89,17 @@ def assembly(
         if done:
             name = strategy.value if peg == DEFAULT_PEG else f"{peg}, {strategy.value}, {way.value}"
             result = summarise(name, seed, [figures for _, figures in done])
+            spread = None
+            if withdrawals is not None:
+                drawing = load_cell(cell_path()).workcell.peg
+                spread = repeated(done, drawing.shape().outline.symmetry_order)
             if as_json:
-                json.dump(result.model_dump(), sys.stdout, indent=1)
+                told_too = {} if spread is None else {"repeatability": spread.model_dump()}
+                json.dump({**result.model_dump(), **told_too}, sys.stdout, indent=1)
                 print()
             else:
                 Console().print(figures_table(result, " ".join(settings or ())))
+                if spread is not None:
+                    Console().print(repeatability_table(spread, withdrawals or []))
         if ended is not None:
             raise ended

@@ -10,9 +10,10 @@ from crosspih_common.datasets import CONTACT, ContactRow
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
+from crosspih_common.holding import ArmLease
 from crosspih_common.keys import COMPENSATE, GUARDED_MOVE
 from crosspih_common.messages import CompensateWrench, GuardedMove, PoseData, ResetCell, floats
-from services.operator.payload import use_payload
+from services.operator.payload import ready_arm
 from services.operator.session import Session
 
 STANDOFF_M = 0.004
@@ -36,7 +37,13 @@ def start_pose_hole_peg(angles_rad: Array, lateral_m: Array, tip_m: float) -> Po
 
 
 def make_contact(
-    session: Session, pose_seed: int, repeat: int, angle_rad: float, lateral_m: float, threshold_n: float
+    session: Session,
+    lease: ArmLease,
+    pose_seed: int,
+    repeat: int,
+    angle_rad: float,
+    lateral_m: float,
+    threshold_n: float,
 ) -> ContactRow:
     """One contact: a drawn error, a guarded push along the peg's own axis, the compensated wrench.
 
@@ -52,7 +59,7 @@ def make_contact(
     try:
         truth = session.reset(ResetCell(seed=seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(pose_hole_peg)))
         pose_base_peg = truth.pose_base_hole.pose() @ pose_hole_peg
-        outcome = session.bus.call(
+        outcome = lease.ask(
             GUARDED_MOVE,
             GuardedMove(
                 direction_base=floats(pose_base_peg.rotation[:, 2]),
@@ -97,10 +104,10 @@ def make_contact(
 def make_contacts(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """A worker's task: `samples` [(pose_seed, repeat), ...] with angle_rad, lateral_m and threshold_n; rows as plain
     data."""
-    use_payload(session)
-    return [
-        make_contact(
-            session, pose_seed, repeat, payload["angle_rad"], payload["lateral_m"], payload["threshold_n"]
-        ).model_dump()
-        for pose_seed, repeat in payload["samples"]
-    ]
+    with ready_arm(session, "contacts for a data set") as lease:
+        return [
+            make_contact(
+                session, lease, pose_seed, repeat, payload["angle_rad"], payload["lateral_m"], payload["threshold_n"]
+            ).model_dump()
+            for pose_seed, repeat in payload["samples"]
+        ]

@@ -116,7 +116,9 @@ def open_devices(request: OpenRequest) -> Devices:
     that the arm's loop asks for. A camera or a sensor alone sees a cell whose arm never moves.
     """
     workcell, simulated = request.workcell, request.config.simulated
-    world = World(open_engine(request.config.engine, workcell, simulated), simulated, request.realtime)
+    # a correction is what was found of the sensor: the simulated one stays as it is
+    drawn = workcell.force_torque.as_drawn().mounting(workcell.pose_flange_peg())
+    world = World(open_engine(request.config.engine, workcell, simulated), simulated, drawn, request.realtime)
     camera = SimulatedStereoCamera(workcell, simulated, world)
     trials = SimulatedTrials(workcell, simulated, world, camera)
 

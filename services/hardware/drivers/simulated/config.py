@@ -48,6 +48,9 @@ class TruthConfig(Section):
     clearance_offset_m: float = Field(default=0.0, gt=-0.002, lt=0.002, description="added to the hole's clearance")
     ft_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the sensor's origin, in the peg frame")
     ft_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the sensor's axes, a rotation vector")
+    ft_factors: Vector6 = Field(
+        default=(1.0,) * 6, description="of the six numbers that the sensor says: -1 for a reversed sign, 1000 for mN"
+    )
     camera_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
     camera_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
     joint_stiffness_factor: float = Field(default=1.0, gt=0.05, lt=20.0)

@@ -12,6 +12,7 @@ import numpy as np
 from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.wrench import SensorMounting
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.protocol import STEP_NS, STEP_S, Physics
 from services.hardware.drivers.simulated.sensor import SensorModel
@@ -48,9 +49,12 @@ class World:
     `period_s` is the arm's cycle, a whole number of steps; `delay_s` is how late a sample of the sensor is heard.
     """
 
-    def __init__(self, engine: Physics, config: SimulatedConfig, realtime: bool) -> None:
+    def __init__(self, engine: Physics, config: SimulatedConfig, drawn: SensorMounting, realtime: bool) -> None:
         self.engine = engine
         self._sensor = SensorModel(config.force_torque)
+        # the engine feels in the peg frame, or where the truth has shifted it; the sensor says it as it is mounted
+        self._sensor_of_peg, self._raw_of_sensor = drawn.sensor_of_peg, drawn.raw_of_sensor
+        self._factors = np.asarray(config.truth.ft_factors, float)
         self.steps_a_cycle = max(1, round(config.period_s / STEP_S))
         self.period_s = self.steps_a_cycle * STEP_S
         self._delay_ns = round(config.delay_s * 1e9)
@@ -108,7 +112,8 @@ class World:
                     force = sum((contact.force_base_n for contact in self.engine.contacts()), np.zeros(3))
                     self.peak_contact_n = max(self.peak_contact_n, float(np.linalg.norm(force)))
                 self.now_ns += STEP_NS
-            raw = self._sensor.sample(ideal, (self.now_ns - self._started_ns) * 1e-9)
+            felt = self._sensor.sample(self._sensor_of_peg @ ideal, (self.now_ns - self._started_ns) * 1e-9)
+            raw = self._factors * (self._raw_of_sensor @ felt)
             self._samples.append((self.now_ns, raw))
             self._pace(self.now_ns)
         self.joints_rad, self._speeds_rad_s = goal, speeds

@@ -12,6 +12,7 @@ from crosspih_common.bus.bus import Latest
 from crosspih_common.errors import CommandRefused, NoService
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
+from crosspih_common.holding import ArmLease
 from crosspih_common.keys import COMPENSATE, GUARDED_MOVE, TRUTH
 from crosspih_common.messages import (
     CompensateWrench,
@@ -23,7 +24,7 @@ from crosspih_common.messages import (
 )
 from services.operator.bench.contact_states.aiming import start_translation_m
 from services.operator.bench.contact_states.plan import AHEAD_M, Push
-from services.operator.payload import use_payload
+from services.operator.payload import ready_arm
 from services.operator.session import Session
 
 NEEDED = ("hardware", "force_torque", "planning")
@@ -72,8 +73,8 @@ class PushResult(BaseModel):
 
 def make_pushes(session: Session, tasks: tuple[PushTask, ...]) -> list[dict[str, Any]]:
     """Each push in turn; what the cell refuses is a failure of that push."""
-    use_payload(session)
-    return [make_push(session, task).model_dump(mode="json") for task in tasks]
+    with ready_arm(session, "pushes for contact states") as lease:
+        return [make_push(session, lease, task).model_dump(mode="json") for task in tasks]
 
 
 def _truths(session: Session) -> Latest[SimulationTruth]:
@@ -102,14 +103,14 @@ def _placed(session: Session, task: PushTask) -> SimulationTruth:
     raise AssertionError("unreachable")
 
 
-def make_push(session: Session, task: PushTask) -> PushResult:
+def make_push(session: Session, lease: ArmLease, task: PushTask) -> PushResult:
     """Place the peg, push it along its axis until it feels the force, read sensor and truth while it still creeps."""
     about: dict[str, Any] = {"target": task.target, "index": task.index}
     truths = _truths(session)
     try:
         placed = _placed(session, task)
         direction = placed.pose_base_peg.pose().rotation[:, 2]
-        outcome = session.bus.call(
+        outcome = lease.ask(
             GUARDED_MOVE,
             GuardedMove(
                 direction_base=floats(direction),
