@@ -180,12 +180,12 @@ def test_stop_from_another_thread_ends_a_motion_within_the_braking_time(cell: Ho
             caller.join()
 
     cell.arm.on_tick(stop_at)
-    goal = moved([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    goal = moved([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     outcome = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal)))
     assert stopped_at == [300_000_000]
     assert outcome.stop_reason is StopReason.STOPPED
     assert outcome.duration_s < 0.35
-    assert HOME[0] < outcome.joints_rad[0] < goal[0]
+    assert HOME[0] > outcome.joints_rad[0] > goal[0]
     assert not cell.arm.stop()
     again = cell.arm.follow(FollowTrajectory(knots=knots(outcome.joints_rad, HOME)))
     assert again.stop_reason is StopReason.COMPLETED

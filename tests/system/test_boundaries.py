@@ -129,3 +129,19 @@ def test_no_path_of_the_table_is_spelled_elsewhere() -> None:
     for path in PRODUCT:
         if path != KEY_TABLE:
             assert not paths & set(text_of(parsed(path))), path
+
+
+def test_the_control_layer_knows_no_driver_and_no_engine() -> None:
+    control = ROOT / "services" / "hardware" / "control"
+    for path in sorted(control.rglob("*.py")):
+        modules = set(imported(parsed(path), path))
+        assert not [name for name in modules if name.startswith("services.hardware.drivers")], path
+        assert not {name.split(".")[0] for name in modules} & {"pybullet", "mujoco", "cv2"}, path
+
+
+def test_no_service_but_the_simulated_driver_imports_an_engine() -> None:
+    simulated = ROOT / "services" / "hardware" / "drivers" / "simulated"
+    for path in PRODUCT:
+        if not path.is_relative_to(simulated):
+            modules = {module.split(".")[0] for module in imported(parsed(path), path)}
+            assert not modules & {"pybullet", "mujoco"}, path

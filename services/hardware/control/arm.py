@@ -104,6 +104,10 @@ class ArmController:
         """Call with all raw samples of the sensor, in batches of about 10 ms."""
         self._runner.on_batch(listener)
 
+    def last_contact(self) -> Array:
+        """The contact wrench (6,) on the peg, N and Nm, peg frame, as felt in the last cycle."""
+        return self._runner.last_contact()
+
     # ------------------------------------------------------------------------------------------------------ commands
 
     def follow(self, command: FollowTrajectory) -> MotionOutcome:

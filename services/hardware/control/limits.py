@@ -122,7 +122,7 @@ def judged_admittance(
 
 def path_stretch(path_m_s: float, axial_force_n: float, limits: TouchingLimits) -> float:
     """The factor, at least 1, by which a search path must take longer so that it may touch on its way."""
-    return max(1.0, path_m_s / (PATH_SHARE * limits.contact_speed_m_s(min(axial_force_n, limits.cap_n))))
+    return max(1.0, path_m_s / (PATH_SHARE * limits.contact_speed_m_s(min(axial_force_n, AXIAL_SHARE * limits.cap_n))))
 
 
 def _slowed(command: CommandT, most: dict[str, float]) -> tuple[CommandT, list[str]]:

@@ -96,6 +96,13 @@ class Runner:
         """The encoders as last told."""
         return self._joint_state
 
+    def last_contact(self) -> Array:
+        """The contact wrench (6,) on the peg, peg frame, of the last cycle.
+
+        A reading that is not a number stays one: it then trips the caps.
+        """
+        return np.asarray(self._mounting.peg_of_raw @ self._raw - self._load)
+
     def use_payload(self, payload: Payload | None) -> None:
         """From now on contact is what this leaves; with None what is felt before a motion is no contact."""
         self.payload = payload
@@ -147,8 +154,7 @@ class Runner:
             self.last_samples.extend(samples.wrenches)
         else:
             self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
-        # a reading that is not a number stays one: it then trips the caps
-        contact = self._mounting.peg_of_raw @ self._raw - self._load
+        contact = self.last_contact()
         self._publish(before_ns, samples.stamps_ns, samples.wrenches)
         force, moment = contact[:3], contact[3:]
         return Reading(
