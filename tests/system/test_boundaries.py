@@ -117,6 +117,16 @@ def test_collisions_are_checked_where_motions_are_made_only(service: str) -> Non
         assert not [name for name in modules if name.startswith("crosspih_common.collision")], path
 
 
+def test_a_physics_engine_is_imported_by_its_own_folder_only() -> None:
+    simulated = ROOT / "services" / "hardware" / "drivers" / "simulated"
+    for engine in ("pybullet", "mujoco"):
+        own = simulated / "engines" / engine
+        for path in PRODUCT:
+            drawn = engine == "pybullet" and path == simulated / "scene" / "tiny_renderer.py"
+            if not path.is_relative_to(own) and not drawn:
+                assert engine not in {module.split(".")[0] for module in imported(parsed(path), path)}, path
+
+
 def test_keys_are_spelled_in_the_table_only() -> None:
     for path in PRODUCT:
         if path != KEY_TABLE:

@@ -12,6 +12,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
+from services.hardware.drivers.simulated.scene.numpy_renderer import NumpyRenderer
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
 
 WORKCELL = Workcell()
@@ -19,9 +20,11 @@ HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())
 NOMINAL = WORKCELL.hole_prior.pose_base_hole()
 
 
-@pytest.fixture(scope="module")
-def scene() -> Iterator[SimulatedScene]:
-    with SimulatedScene(HOLE, quality=SensorQuality(samples=4, blur_px=0.7, noise_grey=0.0)) as opened:
+@pytest.fixture(scope="module", params=["default", "numpy"])
+def scene(request: pytest.FixtureRequest) -> Iterator[SimulatedScene]:
+    renderer = NumpyRenderer() if request.param == "numpy" else None
+    quality = SensorQuality(samples=4, blur_px=0.7, noise_grey=0.0)
+    with SimulatedScene(HOLE, quality=quality, renderer=renderer) as opened:
         yield opened
 
 
@@ -30,7 +33,7 @@ def flat_light() -> Appearance:
 
 
 def test_the_plates_edges_lie_where_the_projection_says(scene: SimulatedScene) -> None:
-    """TinyRenderer's corner sampling, uncorrected, would move both edges by 0.125 px."""
+    """A renderer's corner sampling, uncorrected, would move both edges by 0.125 px."""
     # turned, so that an edge crosses many sub-pixels; these two edges show no side of the plate behind them
     pose = Pose(scene.rig.pose_base_camera.rotation, np.array([0.4, -0.3, 0.2])) @ Pose.from_rotvec(
         [0.0, 0.0, 0.1], [0.0, 0.0, 0.0]

@@ -6,6 +6,7 @@ from services.operator.bench.assembly import assembly
 from services.operator.bench.caps.command import caps
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
+from services.operator.bench.engines import engines
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
 from services.operator.bench.states import states
@@ -19,4 +20,5 @@ app.command()(states)
 app.command()(compare)
 app.command()(vision)
 app.command()(refine)
+app.command()(engines)
 app.command()(caps)

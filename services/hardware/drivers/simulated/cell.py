@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 
 from crosspih_common.arm.inverse import InverseError, nearest
@@ -14,7 +16,7 @@ from crosspih_common.messages.base import PoseData, floats
 from crosspih_common.messages.simulation import TrueContact
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.hardware.drivers.simulated.engines.registry import open_engine
+from services.hardware.drivers.simulated.engines.registry import chosen_engine, open_engine
 from services.hardware.drivers.simulated.scene.stereo import SimulatedStereoCamera
 from services.hardware.drivers.simulated.world import SimulatedJoints, SimulatedWrench, World
 from services.hardware.protocols import Devices
@@ -116,9 +118,11 @@ def open_devices(request: OpenRequest) -> Devices:
     that the arm's loop asks for. A camera or a sensor alone sees a cell whose arm never moves.
     """
     workcell, simulated = request.workcell, request.config.simulated
+    engine = chosen_engine(request.config.engine)
+    print(f"simulated cell: physics by {engine}", file=sys.stderr, flush=True)
     # a correction is what was found of the sensor: the simulated one stays as it is
     drawn = workcell.force_torque.as_drawn().mounting(workcell.pose_flange_peg())
-    world = World(open_engine(request.config.engine, workcell, simulated), simulated, drawn, request.realtime)
+    world = World(open_engine(engine, workcell, simulated), simulated, drawn, request.realtime)
     camera = SimulatedStereoCamera(workcell, simulated, world)
     trials = SimulatedTrials(workcell, simulated, world, camera)
 

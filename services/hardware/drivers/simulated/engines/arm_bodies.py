@@ -1,13 +1,13 @@
 """The moving bodies of an arm with its payload, for any engine: joint axes, masses, inertias.
 
-The axes come from the arm's own kinematics at the zero pose. No link masses of the XB4 are published: those here are our
-assumption, and light, because motors and gears sit on the motor side of the joint springs. They set the inertia, hence
-how the arm rings and how hard it lands; nothing at rest depends on them, because gravity is fed forward.
+The axes come from the arm's own kinematics at the zero pose. No link masses of the XB4 are published: those here are
+our assumption, and light, because motors and gears sit on the motor side of the joint springs. They set the inertia,
+hence how the arm rings and how hard it lands; nothing at rest depends on them, because gravity is fed forward.
 
 Of the inertia about a joint's own axis a part is the gear's and motor's, seen through the gear. Without it the light
-wrist links are too fast for a loop at 1 kHz that is stiff and explicit. For the XB4 it is given; for any other arm it is
-the joint's stiffness divided by (240 rad/s)^2, about the XB4's own ratio, so that no joint alone rings faster than 40 Hz
-however stiff it is.
+wrist links are too fast for a loop at 1 kHz that is stiff and explicit. For the XB4 it is given; for any other arm it
+is the joint's stiffness divided by (240 rad/s)^2, about the XB4's own ratio, so that no joint alone rings faster than
+40 Hz however stiff it is.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ def chosen_engine(name: str) -> str:
     if name == AUTO:
         if not have:
             raise ConfigError(
-                "hardware.engine: no physics engine is installed; pip install 'crosspih[mujoco]', or 'crosspih[pybullet]' "
-                "with Python 3.11 or older"
+                "hardware.engine: no physics engine is installed; pip install 'crosspih[mujoco]', or "
+                "'crosspih[pybullet]' with Python 3.11 or older"
             )
         return have[0]
     if name not in have:

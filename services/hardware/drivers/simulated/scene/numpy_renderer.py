@@ -142,11 +142,12 @@ def _samples(
     top = np.clip(np.ceil(pixels[..., 1].min(axis=1)) - 1.0, 0, height).astype(int)
     bottom = np.clip(np.floor(pixels[..., 1].max(axis=1)), 0, height).astype(int)
     of_row, row = _runs(np.maximum(0, bottom - top), top)
-    left, right = _span(pixels[of_row], row + 1.0)
+    y = np.asarray(row + 1.0, dtype=float)
+    left, right = _span(pixels[of_row], y)
     first = np.clip(np.ceil(left), 0, width).astype(int)
     counts = np.maximum(0, np.clip(np.floor(right) + 1.0, 0, width).astype(int) - first)
     across, down = _slopes(pixels, inverse_w)
-    at_left = inverse_w[of_row, 0] + down[of_row] * (row + 1.0 - pixels[of_row, 0, 1])
+    at_left = inverse_w[of_row, 0] + down[of_row] * (y - pixels[of_row, 0, 1])
     at_left -= across[of_row] * pixels[of_row, 0, 0]
     ends = np.cumsum(counts)
     begin = 0
@@ -182,7 +183,7 @@ def _span(corners: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _slopes(pixels: Array, values: Array) -> tuple[Array, Array]:
-    """How values (k, 3) at the corners of triangles (k, 3, 2) change a pixel to the right and a pixel down, (k,) each."""
+    """How values (k, 3) at the corners of triangles (k, 3, 2) change a pixel to the right and one down, (k,) each."""
     one, other = pixels[:, 1] - pixels[:, 0], pixels[:, 2] - pixels[:, 0]
     rise, more = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
     area = _doubled_areas(pixels)

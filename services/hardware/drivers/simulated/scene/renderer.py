@@ -1,7 +1,7 @@
 """What draws the cell's meshes, in one of two ways: PyBullet's TinyRenderer, or the same in NumPy where it is missing.
 
-Both take one sample in the lower left corner of each pixel, shade by ambient and diffuse light of one direction, and cut
-greys off to whole numbers, so that a picture is the same but for single samples on edges.
+Both take one sample in the lower left corner of each pixel, shade by ambient and diffuse light of one direction, and
+cut greys off to whole numbers, so that a picture is the same but for single samples on edges.
 """
 
 from __future__ import annotations

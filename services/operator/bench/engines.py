@@ -1,0 +1,61 @@
+"""`crosspih bench engines`: how many of the cell's milliseconds each installed physics engine makes in a second."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Annotated
+
+import typer
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.table import Table
+
+from crosspih_common.errors import CrosspihError
+from services.operator.bench.options import AsJson, told
+
+# the operator imports no engine: the hardware service's own program measures
+PROGRAM = "services.hardware.drivers.simulated.engines.rate"
+BASELINE = "pybullet"
+
+
+class EnginesResult(BaseModel):
+    """What `crosspih bench engines --json` prints: steps a second by engine and scene."""
+
+    model_config = ConfigDict(frozen=True)
+
+    steps_s: dict[str, dict[str, float]]
+
+
+def table_of(result: EnginesResult) -> Table:
+    """The rates, and each against PyBullet's of the same run where that is installed."""
+    table = Table(title="steps of 1 ms a second, one core")
+    for column in ("engine", "scene", "steps/s", "times real time", f"against {BASELINE}"):
+        table.add_column(column, justify="left" if column in ("engine", "scene") else "right")
+    baseline = result.steps_s.get(BASELINE, {})
+    for engine, scenes in result.steps_s.items():
+        for scene, rate in scenes.items():
+            ratio = f"{rate / baseline[scene]:.2f}" if scene in baseline else ""
+            table.add_row(engine, scene, f"{rate:.0f}", f"{rate * 1e-3:.1f}", ratio)
+    return table
+
+
+def engines(
+    steps: Annotated[int, typer.Option(min=100, help="Steps a round; the best of four rounds counts.")] = 2000,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how fast each installed physics engine is."""
+    console = Console(stderr=True)
+    with told(console):
+        done = subprocess.run(
+            [sys.executable, "-m", PROGRAM, "--steps", str(steps)], capture_output=True, text=True, check=False
+        )
+        if done.returncode != 0:
+            raise CrosspihError(f"bench engines: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
+        # PyBullet greets on standard output
+        result = EnginesResult(steps_s=json.loads(done.stdout.strip().splitlines()[-1]))
+        if as_json:
+            print(result.model_dump_json())
+        else:
+            Console().print(table_of(result))
