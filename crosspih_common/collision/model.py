@@ -86,7 +86,7 @@ class CollisionModel:
         coal = library()
         self._coal, self._request = coal, coal.DistanceRequest()
         self._arm = workcell.arm()
-        self._joints = len(self._arm.limits.lower_rad)
+        self._joints = self._arm.joints
         self._peg_corners_m = np.vstack([piece.vertices_m() for piece in workcell.peg.shape().pieces()])
         self._tip_m = workcell.peg.shape().tip_m
         self.margin_m = workcell.surroundings.margin_m
@@ -227,9 +227,9 @@ class CollisionModel:
 
     def _placed(self, joints: Array) -> tuple[Array, Array]:
         """Rotations (k, p, 3, 3) and centres (k, p, 3) of the parts in the base frame."""
-        frames = [self._arm.link_poses(row) for row in joints]
-        rotations = np.array([[poses[frame].rotation for frame in self._frames] for poses in frames])
-        places = np.array([[poses[frame].translation_m for frame in self._frames] for poses in frames])
+        frames = [self._arm.frames(row) for row in joints]
+        rotations = np.array([frame[0] for frame in frames])[:, self._frames]
+        places = np.array([frame[1] for frame in frames])[:, self._frames]
         return rotations @ self._part_rotations, places + (rotations @ self._part_places_m[..., None])[..., 0]
 
     def _lower_bounds_m(self, rotations: Array, places: Array) -> Array:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from crosspih_common.arm import ArmModel
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
-XB4_RADII_M = (0.09, 0.065, 0.06, 0.05, 0.04, 0.035)  # for an arm model that has none of its own
 TOOL, PEG = "the tool", "the peg"
 
 
@@ -39,10 +36,9 @@ class MovingPart:
 def moving_parts(workcell: Workcell) -> list[MovingPart]:
     """The links 1 to n, the tool and the peg, in this order."""
     arm = workcell.arm()
-    last = len(arm.limits.lower_rad)
-    lines, radii = link_capsules(arm)
+    last = arm.joints
     parts = []
-    for index, (line, radius) in enumerate(zip(lines, radii, strict=True)):
+    for index, (line, radius) in enumerate(zip(arm.link_lines_m, arm.link_radii_m, strict=True)):
         pose, length = along(line[0], line[1])
         bound = length / 2 + float(radius)
         parts.append(MovingPart(f"arm link {index + 1}", index + 1, pose, bound, float(radius), length, True))
@@ -61,14 +57,6 @@ def moving_parts(workcell: Workcell) -> list[MovingPart]:
     return parts
 
 
-def link_capsules(arm: ArmModel) -> tuple[Array, Array]:
-    """The middle lines (n, 2, 3) of the links' capsules, each in its link's frame, and their radii (n,), m."""
-    poses = arm.link_poses(np.zeros(len(arm.limits.lower_rad)))
-    lines = [[here.inverse().apply(before.translation_m), np.zeros(3)] for before, here in pairwise(poses)]
-    given = getattr(arm, "link_lines_m", np.array(lines)), getattr(arm, "link_radii_m", np.array(XB4_RADII_M))
-    return np.asarray(given[0], float), np.asarray(given[1], float)
-
-
 def along(start_m: Array, end_m: Array) -> tuple[Pose, float]:
     """A frame in the middle of two points (3,), its z from the first to the second, and their distance."""
     way = np.asarray(end_m, float) - start_m
@@ -85,8 +73,8 @@ def along(start_m: Array, end_m: Array) -> tuple[Pose, float]:
 def reaches_m(workcell: Workcell, parts: list[MovingPart]) -> Array:
     """How far (n,) any point of the parts can be from each joint's axis, in any posture; an upper bound."""
     arm = workcell.arm()
-    count = len(arm.limits.lower_rad)
-    places = [pose.translation_m for pose in arm.link_poses(np.zeros(count))]
+    count = arm.joints
+    _, places = arm.frames(np.zeros(count))
     reaches = np.zeros(count)
     for joint in range(count):
         for part in parts:

@@ -1,8 +1,8 @@
 """Shapes for the collision library, `coal`, the maintained successor of hpp-fcl.
 
-It is chosen over python-fcl by measurement (docs/surroundings.md): its distance of a capsule from a box is right to
-2e-11 m where python-fcl's is to 1e-4 m, it says how deep two shapes overlap, and a query from Python takes a third of
-the time. It comes with `pin`. Imported when a model is made, so that only services that check motions install it.
+It is chosen over python-fcl by measurement (docs/surroundings.md): its distances are right to the closed form, a query
+takes less than half the time, and it says how deep two shapes overlap. It comes with `pin`. Imported when a model is
+made, so that only services that check motions install it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def library() -> Any:
         import coal
     except ImportError as error:
         raise ConfigError(
-            f"cell.surroundings: motions cannot be checked without coal ({error}); pip install 'crosspih[planning]'"
+            f"cell.surroundings: motions cannot be checked without coal ({error}); pip install coal"
         ) from None
     return coal
 
