@@ -24,8 +24,11 @@ from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, No
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
 # Without a sign of life for so long a link counts as cut: a stopped process is then as gone as a killed one, its token
-# taken back and what it was asked ended. The signs come from Zenoh's own threads, however busy Python is.
-LEASE_MS = 800
+# taken back and what it was asked ended. (A killed one is gone within milliseconds, by its socket.)
+LEASE_MS = 5000
+# of a service that only computes: it is asked again, so that a link cut in error, on a machine that is busy beyond
+# reason (seen at a load of 21 on two cores), costs a moment and not the assembly
+COMPUTING_LEASE_MS = 800
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
@@ -49,7 +52,7 @@ def router_config(endpoint: str) -> zenoh.Config:
     return config
 
 
-def client_config(endpoint: str, connect_timeout_s: float) -> zenoh.Config:
+def client_config(endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS) -> zenoh.Config:
     """A client of the router at an endpoint; comes back by itself when the router was restarted."""
     config = zenoh.Config()
     settings: dict[str, Any] = {
@@ -58,7 +61,7 @@ def client_config(endpoint: str, connect_timeout_s: float) -> zenoh.Config:
         "connect/timeout_ms": int(connect_timeout_s * 1000),
         "connect/exit_on_failure": True,
         "scouting/multicast/enabled": False,
-        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/lease": lease_ms,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
     for name, value in settings.items():
@@ -66,10 +69,15 @@ def client_config(endpoint: str, connect_timeout_s: float) -> zenoh.Config:
     return config
 
 
-def open_zenoh(endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0) -> ZenohTransport:
-    """Connect to the router. Raises BusUnreachable when none answers in time."""
+def open_zenoh(
+    endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0, lease_ms: int = LEASE_MS
+) -> ZenohTransport:
+    """Connect to the router; without a sign of life for `lease_ms` it takes this process for gone.
+
+    Raises BusUnreachable when none answers in time.
+    """
     try:
-        session = zenoh.open(client_config(endpoint, connect_timeout_s))
+        session = zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms))
     except zenoh.ZError as error:
         raise BusUnreachable(
             f"no router answers at {endpoint} within {connect_timeout_s:g} s; start the stack with `crosspih up` "

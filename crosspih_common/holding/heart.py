@@ -23,8 +23,8 @@ class Heart:
         self._lease = ""
 
     def take(self, purpose: str) -> LeaseGranted:
-        """See Pulse."""
-        self._rest()
+        """See Pulse. A lease that is still held is given back first."""
+        self.give()
         granted = self._bus.call(LEASE_TAKE, TakeLease(holder=self._bus.service, purpose=purpose), ASK_DEADLINE_S)
         self._lease, self._quiet = granted.lease, threading.Event()
         self._thread = threading.Thread(target=self._beat, args=(granted, self._quiet), name="beats", daemon=True)

@@ -20,7 +20,7 @@ from weakref import WeakKeyDictionary
 
 from crosspih_common import errors
 from crosspih_common.bus import Bus
-from crosspih_common.errors import BusError, CommandRefused, NoService
+from crosspih_common.errors import BusClosed, BusError, CommandRefused, NoService
 from crosspih_common.holding.heart import Heart
 from crosspih_common.messages import LeaseGranted
 
@@ -52,6 +52,7 @@ class PulseProcess:
 
     def __init__(self, endpoint: str, cell: str, service: str) -> None:
         self._lock = threading.Lock()
+        self._closed = False
         self._command = [
             sys.executable, "-m", "crosspih_common.holding.beating", endpoint, cell, service, str(os.getpid()),
         ]  # fmt: skip
@@ -83,6 +84,8 @@ class PulseProcess:
     def take(self, purpose: str) -> LeaseGranted:
         """See Pulse."""
         with self._lock:
+            if self._closed:
+                raise BusClosed("the arm cannot be held: the bus is closed")
             if self._process.poll() is not None:
                 self._end()
                 self._start()
@@ -101,7 +104,7 @@ class PulseProcess:
         try:
             self._process.stdin.write(json.dumps(what) + "\n")
             self._process.stdin.flush()
-        except OSError as error:
+        except (OSError, ValueError) as error:  # broken, or closed with the bus
             raise NoService(f"the process that beats for the lease is gone: {error}") from None
         return self._answer(ANSWER_DEADLINE_S)
 
@@ -136,6 +139,7 @@ class PulseProcess:
     def close(self) -> None:
         """See Pulse."""
         with self._lock:
+            self._closed = True
             self._end()
 
 

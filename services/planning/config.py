@@ -45,8 +45,8 @@ class PlanningConfig(Section):
     paper_threshold_n: float = Field(default=15.0, gt=0.0)
     paper_attempts: int = Field(default=10, ge=1, le=100)
     service_patience_s: float = Field(default=20.0, gt=0.0, description="wall time a lost service has to come back")
-    # budgets, not watchdogs: a service that dies or hangs is noticed within a second by its liveliness token, and a
-    # slow machine is no reason to take the peg out
+    # budgets, not watchdogs: a service that dies or hangs is noticed within a second by its link, and a slow
+    # machine is no reason to take the peg out
     answer_deadline_s: float = Field(default=600.0, gt=0.0, description="wall time a service that lives may think")
     motion_deadline_s: float = Field(default=900.0, gt=0.0, description="wall time a motion may take")
     calibration_dwell_s: float = Field(default=0.25, gt=0.0)

@@ -45,7 +45,7 @@ def _free_port() -> int:
 class RunningCell:
     """A stack, and what tests do to it. Points this process's own environment at it."""
 
-    def __init__(self, folder: Path, name: str, environment: pytest.MonkeyPatch) -> None:
+    def __init__(self, folder: Path, name: str, environment: pytest.MonkeyPatch, more: str = "") -> None:
         self.folder, self.name = folder, name
         self.recordings = folder / "recordings"
         self.calibration_file = folder / "ft-calibration.yaml"
@@ -53,7 +53,7 @@ class RunningCell:
         cell_file = folder / "cell.yaml"
         cell_file.write_text(
             f"cell:\n  name: {name}\nrecorder:\n  directory: {self.recordings}\n"
-            f"force_torque:\n  calibration_file: {self.calibration_file}\n"
+            f"force_torque:\n  calibration_file: {self.calibration_file}\n{more}"
         )
         for variable, value in {
             "CROSSPIH_CELL": str(cell_file),

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from crosspih_common.errors import CommandRefused, NoService
-from crosspih_common.keys import DWELL, JOINT_STATE, PHASE
-from crosspih_common.messages import AssemblyPhase, Dwell, Failure, MotionOutcome, Phase, Strategy
+from crosspih_common.holding import hold_arm
+from crosspih_common.keys import DWELL, EVENTS, JOINT_STATE, PHASE
+from crosspih_common.messages import AssemblyPhase, Dwell, Event, Failure, MotionOutcome, Phase, Strategy
 from services.operator.session import Session
 from tests.system.running_cell import DEADLINE_S, KillOnPhase, RunningCell, wait_until
 
@@ -48,6 +51,29 @@ def test_an_assembly_outlives_a_service_that_only_computes(
         assert_inserts(session, SEED + 1)
 
 
+def test_a_service_that_hangs_is_noticed_and_waited_for(cell: RunningCell, session: Session) -> None:
+    """SIGSTOP while it thinks: its link is cut, the planner says so, and goes on once it is back."""
+    stopped: list[int] = []
+    told: list[str] = []
+
+    def stop_once(phase: AssemblyPhase) -> None:
+        if phase.phase is Phase.LOCATING and not stopped:
+            pid = cell.row("vision").pid
+            assert pid is not None
+            stopped.append(pid)
+            os.kill(pid, signal.SIGSTOP)
+
+    def go_on(event: Event) -> None:
+        if stopped and event.code == "service_lost":
+            told.append(event.text)
+            os.kill(stopped[0], signal.SIGCONT)
+
+    session.bus.subscribe(PHASE, stop_once)
+    session.bus.subscribe(EVENTS, go_on)
+    assert_inserts(session, SEED + 2)
+    assert told and told[0].startswith("vision is gone while it was asked")
+
+
 def test_hardware_that_is_lost_in_motion_ends_the_assembly_by_name(cell: RunningCell, session: Session) -> None:
     kill = KillOnPhase(cell, "hardware", pushing)
     session.bus.subscribe(PHASE, kill)
@@ -73,9 +99,10 @@ def test_planning_that_is_lost_is_told_and_the_arm_comes_to_rest(cell: RunningCe
 
     def idle() -> bool:
         try:
-            at_rest.append(session.bus.call(DWELL, Dwell(duration_s=0.2), 30.0))
+            with hold_arm(session.bus, "a look") as lease:
+                at_rest.append(lease.ask(DWELL, Dwell(duration_s=0.2), 30.0))
         except CommandRefused as refusal:
-            assert refusal.code == "busy"
+            assert refusal.code in ("busy", "held")
             return False
         return True
 
