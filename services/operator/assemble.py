@@ -19,8 +19,11 @@ from services.operator.pegs import cell_with_peg
 from services.operator.refine import refine
 from services.operator.report import make_report
 from services.operator.scoring import TrialFigures
+from services.operator.session import using_cell
 from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
+
+CELL_HELP = "The cell's file; that of CROSSPIH_CELL when left out."
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
 calibrate_app.command()(refine)
@@ -36,10 +39,11 @@ class _Done:
 
 
 def _assemble(
-    console: Console, seed: int, strategy: Strategy, speed: str | None, record: bool, peg: str | None,
-    known: PosePrior | None = None,
+    console: Console, cell: Path | None, seed: int, strategy: Strategy, speed: str | None, record: bool,
+    peg: str | None, known: PosePrior | None = None,
 ) -> _Done:  # fmt: skip
     with ExitStack() as stack:
+        stack.enter_context(using_cell(cell))
         stack.enter_context(cell_with_peg(peg))
         with console.status("starting the cell"):
             session, _ = stack.enter_context(cell_session(speed))
@@ -78,6 +82,7 @@ def assemble(
     peg: Annotated[
         str | None, typer.Option(help=f"{', '.join(OUTLINES)}, or an SVG or DXF file; the cell's own when left out.")
     ] = None,
+    cell: Annotated[Path | None, typer.Option(help=CELL_HELP)] = None,
     after_cross: Annotated[
         bool, typer.Option("--after-cross", help="The cross first; then the peg, at the pose known from it, untouched.")
     ] = False,
@@ -100,16 +105,16 @@ def assemble(
     done: list[_Done] = []
     try:
         if after_cross:
-            done.append(_assemble(console, seed, strategy, speed, record, CROSS))
+            done.append(_assemble(console, cell, seed, strategy, speed, record, CROSS))
             found = done[0].figures.found
             if found is not None:
                 if not as_json:
                     _print(console, done[0])
                 said = f"the cross is swapped for the peg {peg}, and the insert of the plate for its hole"
                 console.print(said, highlight=False)
-                done.append(_assemble(console, seed, Strategy.KNOWN_POSE, speed, record, peg, found))
+                done.append(_assemble(console, cell, seed, Strategy.KNOWN_POSE, speed, record, peg, found))
         else:
-            done.append(_assemble(console, seed, strategy, speed, record, peg))
+            done.append(_assemble(console, cell, seed, strategy, speed, record, peg))
     except (CrosspihError, LauncherError) as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
@@ -129,11 +134,12 @@ def assemble(
 def calibrate_ft(
     samples_s: Annotated[float, typer.Option(min=0.05, max=5.0, help="Dwell in each pose.")] = 0.25,
     speed: Annotated[str | None, typer.Option(help="realtime or max.")] = None,
+    cell: Annotated[Path | None, typer.Option(help=CELL_HELP)] = None,
 ) -> None:
     """Drive the calibration poses and find the sensor's bias, the weight and the centroid behind it (Eqs. 14-16)."""
     console = Console()
     try:
-        with cell_session(speed, ("hardware", "force_torque", "planning")) as (session, _):
+        with using_cell(cell), cell_session(speed, ("hardware", "force_torque", "planning")) as (session, _):
             story = Story(console)
             session.follow_events(story.phase, story.touch, story.event)
             story.begin(session.bus.clock.now_ns())

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
 from crosspih_common.config import CellFile, load_cell
@@ -58,6 +60,21 @@ BACK_OFF_DEADLINE_S = 30.0
 def cell_path() -> str:
     """The cell's file that this command uses."""
     return os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL
+
+
+@contextmanager
+def using_cell(path: Path | None) -> Iterator[None]:
+    """CROSSPIH_CELL names that file as long as this lasts, also for what is started; with None nothing is changed."""
+    before = os.environ.get("CROSSPIH_CELL")
+    if path is not None:
+        os.environ["CROSSPIH_CELL"] = str(path)
+    try:
+        yield
+    finally:
+        if before is not None:
+            os.environ["CROSSPIH_CELL"] = before
+        elif path is not None:
+            del os.environ["CROSSPIH_CELL"]
 
 
 def endpoint() -> str:
