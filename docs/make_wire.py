@@ -132,6 +132,12 @@ def lanes() -> list[tuple[str, ...]]:
     return sorted(found, key=lambda row: order.index(row[0]))
 
 
+def _up_to(least: int, most: int | None) -> str:
+    if most is None:
+        return "or more"
+    return f"or {most}" if most == least + 1 else f"to {most}"
+
+
 def kind_of(schema: dict[str, Any]) -> str:
     """A field's type in words."""
     if "$ref" in schema:
@@ -140,7 +146,7 @@ def kind_of(schema: dict[str, Any]) -> str:
         return " or ".join(kind_of(option) for option in schema["anyOf"])
     if schema.get("type") == "array":
         least, most = schema.get("minItems"), schema.get("maxItems")
-        count = "" if least is None else f"{least} " if least == most else f"{least} or more "
+        count = "" if least is None else f"{least} " if least == most else f"{least} {_up_to(least, most)} "
         return f"list of {count}{kind_of(schema['items'])}"
     if schema.get("type") == "object":
         return f"object of {kind_of(schema['additionalProperties'])}"
