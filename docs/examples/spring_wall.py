@@ -1,8 +1,8 @@
 """A driver in full: an arm whose joints go where they are told, and a sensor that feels a springy wall.
 
-`hardware.driver: docs.examples.spring_wall:open_devices` in a cell's file opens it (docs/examples/spring-wall.yaml). For
-a real arm replace what stands between the dashes by calls of its vendor's library; nothing else is needed: motions, caps,
-stops, payload and streams are the control layer's.
+`hardware.driver: docs.examples.spring_wall:open_devices` in a cell's file opens it (docs/examples/spring-wall.yaml).
+For a real arm replace what stands between the dashes by calls of its vendor's library; nothing else is needed: motions,
+caps, stops, payload and streams are the control layer's.
 """
 
 from __future__ import annotations

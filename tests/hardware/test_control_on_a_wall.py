@@ -16,6 +16,7 @@ from crosspih_common.messages import AdmittanceMove, Dwell, GuardedMove, MoveLin
 from docs.examples import spring_wall
 from services.hardware.config import HardwareConfig
 from services.hardware.hosting import HostedCell, open_cell
+from services.hardware.protocols import WrenchSamples
 
 WORKCELL = Workcell()
 START = WORKCELL.pose_base_peg(WORKCELL.home_joints_rad)
@@ -68,7 +69,7 @@ def test_a_push_yields_and_a_line_backs_off() -> None:
         AdmittanceMove(direction_base=DOWN, speed_m_s=0.1, travel_m=0.02, axial_force_n=15.0, timeout_s=2.0)
     )
     assert pushed.stop_reason in (StopReason.STALLED, StopReason.TIMED_OUT) and pushed.peak_force_n <= 1.1 * CAP_N
-    goal = Pose(START.rotation, START.translation_m + [0.0, 0.0, -0.015])
+    goal = Pose(START.rotation, START.translation_m + np.array([0.0, 0.0, -0.015]))
     straight = cell.arm.move_linear(MoveLinear(pose_base_peg=PoseData.of(goal), speed_m_s=0.005))
     assert straight.stop_reason is StopReason.FORCE_CAP and straight.peak_force_n <= 1.1 * CAP_N
     rest = cell.arm.dwell(Dwell(duration_s=0.1))
@@ -111,7 +112,7 @@ def test_a_stop_is_heard_while_it_backs_off() -> None:
 
     armed = threading.Event()
     cell.arm.on_joint_state(lambda state: when_pressed(state.stamp_ns))
-    goal = Pose(START.rotation, START.translation_m + [0.0, 0.0, -0.015])
+    goal = Pose(START.rotation, START.translation_m + np.array([0.0, 0.0, -0.015]))
     outcome = cell.arm.move_linear(MoveLinear(pose_base_peg=PoseData.of(goal), speed_m_s=0.005))
     assert outcome.stop_reason is StopReason.FORCE_CAP
     assert stopped and outcome.stamp_ns - stopped[0] < 100_000_000
@@ -122,7 +123,7 @@ def test_a_silent_sensor_and_a_late_loop_end_a_motion() -> None:
     devices = cell._devices
     assert devices.wrench is not None and devices.joints is not None
     read = devices.wrench.read
-    silent = spring_wall.WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
+    silent = WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
     devices.wrench.read = lambda: silent  # type: ignore[method-assign]
     outcome = cell.arm.dwell(Dwell(duration_s=1.0))
     assert outcome.stop_reason is StopReason.SENSOR_LOST and outcome.duration_s < 0.2

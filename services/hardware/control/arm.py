@@ -193,10 +193,12 @@ class ArmController:
             stretch = path_stretch(search.fastest_m_s, command.axial_force_n, limits)
             if stretch > 1.0:
                 search = SearchPath(command.path, start.rotation, direction, runner.period_s, stretch)
-            command, notes = judged_admittance(command, limits, search.fastest_m_s)
+            asked, (command, notes) = command, judged_admittance(command, limits, search.fastest_m_s)
             if stretch > 1.0:
                 notes.append(f"path slowed by {stretch:.3g}: faster could press beyond the cap")
-                command = command.model_copy(update={"timeout_s": command.timeout_s * stretch})
+            # what goes slower needs longer
+            longer = max(stretch, asked.speed_m_s / command.speed_m_s)
+            command = command.model_copy(update={"timeout_s": min(command.timeout_s * longer, self._config.motion_s)})
             self._refuse_collision(path.joints(PATH_KNOTS))
             path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s + search.fastest_m_s)
             motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search, runner.period_s)
