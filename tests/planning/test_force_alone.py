@@ -82,6 +82,7 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
         cell.phases.clear()
         sd = np.array([3e-4, 3e-4, 3e-4, 0.05, 0.05, 0.02])
         belief = push_in(run, PosePrior(pose_base_hole=PoseData.of(askew), covariance=floats(np.diag(sd**2))))
+        withdraw(run, truth.pose_base_hole.pose(), config.approach_m)
     told = [phase.text for phase in cell.phases]
     assert any("did not enter" in text for text in told)
     inside = tuple(contact.value for contact in BoreContact if contact is not BoreContact.OUTSIDE)
@@ -89,4 +90,3 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     assert belief is not None and run.pushes > 1
     error = pose_error(belief.pose_base_hole.pose(), truth.pose_base_hole.pose())
     assert error.rotation_deg < 2.5
-    withdraw(run, truth.pose_base_hole.pose(), config.approach_m)
