@@ -95,7 +95,7 @@ def test_a_push_that_does_not_enter_is_mended_by_touching(folder: Path) -> None:
 
 def test_a_cap_that_stops_the_pressing_leaves_the_peg_in(folder: Path) -> None:
     """Presses so hard that the arm's cap ends them: what the seat tells counts, and the peg is not taken out again."""
-    planning = PlanningConfig(service_patience_s=0.5, press_force_n=23.0, max_overloads=1)
+    planning = PlanningConfig(service_patience_s=0.5, press_force_n=23.0, press_creep_m_s=0.003, max_overloads=1)
     cell = CellInMemory(folder, planning=planning, limits=LimitsConfig(force_cap_n=30.0))
     try:
         cell.reset(6)
