@@ -169,6 +169,10 @@ class Bus:
 
         self._listen(topic, enqueue)
 
+    def hear(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> None:
+        """Call the handler with every sample on the transport's own thread: at once, and so it must return at once."""
+        self._listen(topic, handler)
+
     def tap(self, topic: Topic[Any], handler: Handler) -> None:
         """Call with (key, payload, label) of every sample as it travels, undecoded, on the transport's thread.
 

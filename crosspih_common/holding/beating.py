@@ -16,6 +16,7 @@ from typing import Any
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import BusError, CommandRefused
 from crosspih_common.holding.heart import Heart
+from crosspih_common.service.urgency import be_urgent
 
 # stopped by a signal, by a debugger, dead and not yet waited for, dead
 SILENT_STATES = frozenset("TtZX")
@@ -55,6 +56,7 @@ def main(endpoint: str, cell: str, service: str, parent: int) -> int:
     """Beat until the input ends."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)  # the parent decides when nothing is held any more
+    be_urgent()  # before Zenoh starts its threads
     with Bus(open_zenoh(endpoint), cell, service) as bus:
         heart = Heart(bus, lambda: os.getppid() == parent and runs(parent))
         print("{}", flush=True)

@@ -13,6 +13,7 @@ import zenoh
 
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
 from crosspih_common.service import notify
+from crosspih_common.service.urgency import be_urgent
 
 
 def main() -> int:
@@ -27,6 +28,7 @@ def main() -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
+    be_urgent()  # it does little, and everything waits for it; before Zenoh starts its threads
     try:
         session = zenoh.open(router_config(endpoint))
     except zenoh.ZError as error:
