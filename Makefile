@@ -3,11 +3,13 @@
 #   SEED=7               the trial to run                     ARGS='...'     further arguments of the command
 #   PYTHON=python3.12    the interpreter to use               VENV=folder    where the environment is made
 #   TORCH_INDEX_URL=...  an index with torch's CPU build, for machines whose package index has only the CUDA build
-#                        (on Linux several gigabytes larger; either works)
+#                        (on Linux several gigabytes larger); where no index has it torch is left out
+#   TORCH=any            take the larger build then
 
 PYTHON ?=
 VENV ?= .venv
 TORCH_INDEX_URL ?=
+TORCH ?=
 SEED ?=
 ARGS ?=
 
@@ -20,7 +22,7 @@ help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-18s %s\n' "$$target" "$$text"; done
 
 env: ## make or renew the environment
-	@PYTHON='$(PYTHON)' VENV='$(VENV)' TORCH_INDEX_URL='$(TORCH_INDEX_URL)' sh deploy/bootstrap.sh
+	@PYTHON='$(PYTHON)' VENV='$(VENV)' TORCH_INDEX_URL='$(TORCH_INDEX_URL)' TORCH='$(TORCH)' sh deploy/bootstrap.sh
 
 assemble: env ## start the system, do one assembly, stop everything
 	@$(BIN)/crosspih assemble $(if $(SEED),--seed $(SEED)) $(ARGS)

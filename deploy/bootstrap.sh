@@ -1,9 +1,13 @@
 #!/bin/sh
 # Makes the virtual environment and installs this project with pinned versions, or returns at once if that was done.
 #
-# PYTHON           the interpreter to use; default: the first of python3, python3.14 ... python3.10 that is new enough
+# PYTHON           the interpreter to use; default: the first of python3, python3.11, python3.10 for which PyBullet has
+#                  ready-made wheels (3.10 and 3.11 on Linux, x86_64); else the first of python3, python3.13, python3.12,
+#                  python3.14 ... that is new enough, and MuJoCo simulates the cell
 # VENV             where the environment is made; default: .venv
 # TORCH_INDEX_URL  an additional package index that has torch's CPU build
+# TORCH            any: where no index has torch's CPU build, install the default one, with gigabytes of CUDA; without it
+#                  torch is left out there, and with it what uses trained networks
 set -eu
 
 root=$(cd "$(dirname "$0")/.." && pwd -P)
@@ -11,8 +15,10 @@ cd "$root"
 VENV=${VENV:-.venv}
 PYTHON=${PYTHON:-}
 TORCH_INDEX_URL=${TORCH_INDEX_URL:-}
+TORCH=${TORCH:-}
 stamp="$VENV/.crosspih-stamp"
 log="$VENV/install.log"
+left_out="$VENV/.crosspih-without-torch"
 
 fail() {
     printf 'crosspih: %s\n' "$*" >&2
@@ -25,6 +31,13 @@ say() {
 
 new_enough() {
     "$1" -c 'import sys; sys.exit(sys.version_info < (3, 10))' >/dev/null 2>&1
+}
+
+# PyBullet has wheels for these only; elsewhere it would have to be compiled.
+has_all_wheels() {
+    "$1" -c 'import platform, sys, venv, ensurepip
+sys.exit((sys.platform, platform.machine()) != ("linux", "x86_64") or not (3, 10) <= sys.version_info[:2] < (3, 12))' \
+        >/dev/null 2>&1
 }
 
 version_of() {
@@ -43,9 +56,15 @@ usable() {
         { [ -z "$PYTHON" ] || [ "$(version_of "$PYTHON")" = "$(version_of "$VENV/bin/python")" ]; }
 }
 
-if usable && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ]; then
+if usable && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ] &&
+    { [ ! -f "$left_out" ] || [ -z "$TORCH$TORCH_INDEX_URL" ]; }; then
     exit 0
 fi
+
+case $TORCH in
+    '' | any) ;;
+    *) fail "TORCH=$TORCH: want any, or nothing" ;;
+esac
 
 if [ -n "$PYTHON" ]; then
     command -v "$PYTHON" >/dev/null 2>&1 || fail "no Python at PYTHON=$PYTHON; name one that is 3.10 or newer"
@@ -53,12 +72,18 @@ if [ -n "$PYTHON" ]; then
     python=$PYTHON
 else
     python='' found=''
-    for candidate in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do
+    for candidate in python3 python3.11 python3.10; do
+        if command -v "$candidate" >/dev/null 2>&1 && has_all_wheels "$candidate"; then
+            python=$candidate found=$candidate
+            break
+        fi
+    done
+    for candidate in python3 python3.13 python3.12 python3.14 python3.11 python3.10; do
+        [ -z "$python" ] || break
         command -v "$candidate" >/dev/null 2>&1 || continue
         found=${found:-$candidate}
         if new_enough "$candidate"; then
             python=$candidate
-            break
         fi
     done
     [ -n "$found" ] || fail "no Python found; install Python 3.10 or newer, or name it with PYTHON=/path/to/python3"
@@ -102,16 +127,25 @@ install_or_fail() {
 install_or_fail setuptools
 
 # On Linux the index's plain torch carries several gigabytes of CUDA libraries, which nothing here uses. The CPU build
-# of the same release is taken wherever the configured indexes have it.
-if [ "$(uname -s)" = Linux ]; then
+# of the same release is taken wherever the configured indexes have it. Elsewhere torch is left out: an assembly does not
+# need it, only the trained networks do, and nobody who types `make assemble` expects gigabytes.
+extra=all
+rm -f "$left_out"
+if [ "$(uname -s)" = Linux ] && [ "$TORCH" != any ]; then
     torch=$(sed -n 's/^torch==\([0-9.]*\).*/\1/p' deploy/constraints.txt)
     if ! install --no-deps "torch==$torch+cpu"; then
         [ -z "$TORCH_INDEX_URL" ] || fail "no CPU build of torch $torch at TORCH_INDEX_URL=$TORCH_INDEX_URL (see $log)"
-        say "no CPU build of torch at the configured package indexes: installing the default one, which may be much larger;" \
-            "set TORCH_INDEX_URL to PyTorch's CPU index to avoid that"
+        extra=without_torch
     fi
 fi
 
-install_or_fail --no-build-isolation --editable '.[all,dev]'
+install_or_fail --no-build-isolation --editable ".[$extra,dev]"
+if [ "$extra" = without_torch ]; then
+    : >"$left_out"
+    say "torch is left out: no CPU build at the configured package indexes; what uses trained networks wants" \
+        "make env TORCH_INDEX_URL=(PyTorch's CPU index), or TORCH=any for the default build with gigabytes of CUDA"
+fi
+"$VENV/bin/python" -c 'import pybullet' >/dev/null 2>&1 ||
+    say "MuJoCo simulates the cell: there is no ready-made PyBullet for Python $(version_of "$VENV/bin/python") here"
 fingerprint >"$stamp"
 say "$VENV is ready ($(($(date +%s) - started)) s)"

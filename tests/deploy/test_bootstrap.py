@@ -66,6 +66,36 @@ def test_old_python(tree: Path) -> None:
     assert _refusal(tree, PYTHON=str(old)) == f"crosspih: PYTHON={old} is Python 3.8.10; 3.10 or newer is needed\n"
 
 
+def _pretend(tree: Path, name: str, version: tuple[int, int]) -> None:
+    """A Python that says it is of this version, on Linux and x86_64, and whose venv module then fails to make one."""
+    code = (
+        "import sys, platform; sys.platform = 'linux'; platform.machine = lambda: 'x86_64'; "
+        f"sys.version_info = ({version[0]}, {version[1]}, 0); exec(sys.argv.pop(1))"
+    )
+    _interpreter(tree, name, f'case "$1" in -c) shift; exec {sys.executable} -c "{code}" "$@";; *) exit 1;; esac')
+
+
+@pytest.mark.parametrize(
+    ("there", "taken"),
+    [
+        ({"python3": (3, 13), "python3.11": (3, 11), "python3.10": (3, 10)}, "3.11.0"),
+        ({"python3": (3, 10), "python3.11": (3, 11)}, "3.10.0"),
+        ({"python3": (3, 12), "python3.13": (3, 13)}, "3.12.0"),
+        ({"python3": (3, 9), "python3.13": (3, 13)}, "3.13.0"),
+    ],
+)
+def test_an_interpreter_that_has_all_wheels_is_preferred(
+    tree: Path, there: dict[str, tuple[int, int]], taken: str
+) -> None:
+    for name, version in there.items():
+        _pretend(tree, name, version)
+    assert _refusal(tree).startswith(f"crosspih: making .venv with Python {taken};")
+
+
+def test_torch_is_any_or_nothing(tree: Path) -> None:
+    assert _refusal(tree, TORCH="all") == "crosspih: TORCH=all: want any, or nothing\n"
+
+
 def test_python_without_venv(tree: Path) -> None:
     _interpreter(tree, "python3", f'case "$2" in *venv*) exit 1;; *) exec {sys.executable} "$@";; esac')
     said = "crosspih: python3 has no venv module; install it (Debian and Ubuntu: apt install python3-venv)\n"

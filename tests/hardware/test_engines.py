@@ -6,12 +6,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from crosspih_common.arm.inverse import nearest
-from crosspih_common.config import Workcell
+from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.geometry.pose import Array
@@ -27,6 +28,7 @@ from services.hardware.drivers.simulated.engines.registry import (
     open_engine,
 )
 
+CELLS = Path(__file__).resolve().parents[2] / "deploy" / "cells"
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole_prior.pose_base_hole()
 TIP_M = WORKCELL.peg.shape().tip_m
@@ -180,6 +182,36 @@ def test_a_sensor_that_is_mounted_otherwise_feels_it_in_its_own_frame(name: str)
         force, moment = straight.wrench_sensed()[:3], straight.wrench_sensed()[3:]
         expected = [*into.rotate(force), *into.rotate(moment - np.cross([0.01, 0.0, 0.0], force))]
         np.testing.assert_allclose(mounted.wrench_sensed(), expected, atol=1e-9)
+
+
+@EVERY
+@pytest.mark.parametrize("arm", ["ur5e", "panda"])
+@pytest.mark.parametrize("stiffness", [0.3, 3.0])
+def test_any_arm_holds_its_payload_and_bends_as_its_stiffness_says(name: str, arm: str, stiffness: float) -> None:
+    workcell = load_cell(CELLS / f"{arm}.yaml").workcell
+    config = SimulatedConfig(truth=TruthConfig(joint_stiffness_factor=stiffness))
+    engine = open_engine(name, workcell, config)
+    try:
+        hole, from_flange = workcell.hole_prior.pose_base_hole(), workcell.pose_flange_peg().inverse()
+        seated, aside = Pose.from_translation([0.0, 0.0, -0.020]), Pose.from_translation([4e-4, 0.0, -0.020])
+        first = nearest(workcell.arm(), hole @ seated @ from_flange, workcell.home_joints_rad)
+        last = nearest(workcell.arm(), hole @ aside @ from_flange, first)
+        still = np.zeros(len(first))
+        engine.build(hole, first)
+        for _ in range(100):
+            engine.step(first, still, still)
+        np.testing.assert_allclose(engine.joints_rad, first, atol=1e-9)
+        np.testing.assert_allclose(engine.wrench_sensed(), weight(engine.pose_base_peg()), atol=2e-5)
+        for step in range(1, 901):
+            share = min(1.0, step / 400.0)
+            engine.step(first + (last - first) * share, (last - first) / 0.4 * (share < 1.0), still)
+        contact = engine.wrench_sensed() - weight(engine.pose_base_peg())
+        twist = workcell.compliance_peg(last) / stiffness @ contact
+        bent = hole @ aside @ Pose.from_rotvec(twist[3:], twist[:3])
+        assert np.linalg.norm(twist[:3]) > 2e-4
+        assert bent.distance_to_m(engine.pose_base_peg()) < 1e-6
+    finally:
+        engine.close()
 
 
 @pytest.mark.skipif(len(installed_engines()) < 2, reason="wants both engines")

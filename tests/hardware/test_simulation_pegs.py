@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import pybullet
 import pytest
 
 from crosspih_common.config import PegDrawing, Workcell
@@ -16,7 +15,6 @@ from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies
-from services.hardware.drivers.simulated.engines.pybullet import bodies
 from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
 from services.hardware.hosting import HostedCell, open_cell
@@ -100,6 +98,9 @@ def test_a_triangle_touches_its_wall_where_the_drawing_says() -> None:
 
 
 def test_any_number_of_pieces_weighs_and_rubs_the_same() -> None:
+    pybullet = pytest.importorskip("pybullet")
+    from services.hardware.drivers.simulated.engines.pybullet import bodies
+
     for name in ("square", "star", "cross"):
         workcell = Workcell(peg=PegDrawing(outline=name))
         client = int(pybullet.connect(pybullet.DIRECT))

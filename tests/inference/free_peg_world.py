@@ -12,13 +12,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pybullet
-from pybullet_utils import bullet_client
+import pytest
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
 from services.inference.mechanics.pairs import HoleShape, PegShape
+
+pybullet = pytest.importorskip("pybullet", reason="the contacts compared here are PyBullet's")
+bullet_client = pytest.importorskip("pybullet_utils.bullet_client")
 
 STEP_S = 0.001
 COLLISION_MARGIN_M = 1e-6

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
+
+pytest.importorskip("torch", reason="set-up left torch out")
+
+import torch
 
 from crosspih_common.geometry import Pose, rotation_to_error_angles
 from crosspih_common.shapes import CrossHole, CrossPeg

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytest.importorskip("torch", reason="set-up left torch out")
+
 from crosspih_common.bus import Bus
 from crosspih_common.bus.memory import MemoryHub
 from crosspih_common.config import Workcell, load_cell

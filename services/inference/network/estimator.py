@@ -12,6 +12,7 @@ from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables
 from services.inference.mechanics.translation import solve_translation
 
+TORCH_MEND = "make env TORCH=any, or pip install 'crosspih[networks]'"
 SHIPPED_WEIGHTS = Path(__file__).with_name("weights.safetensors")
 
 
@@ -30,8 +31,10 @@ class NetworkEstimator:
         if not path.is_file():
             raise NetworkUnavailable(f"no network weights at {path}: train some, or name their file in `weights`")
         # torch takes seconds to import: only those who ask for the network pay.
-        from services.inference.network.model import AngleNetwork
-
+        try:
+            from services.inference.network.model import AngleNetwork
+        except ImportError as error:
+            raise NetworkUnavailable(f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
         try:
             self._network = AngleNetwork.load(path)
         except Exception as error:

@@ -23,6 +23,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service import ServiceContext
 from services.inference.estimator import TouchObservation
+from services.inference.network.estimator import TORCH_MEND
 
 SHIPPED_WEIGHTS = Path(__file__).with_name("sequence.safetensors")
 # below this share of the prior's variance a direction counts as narrowed, as the estimator counts
@@ -46,9 +47,13 @@ class SequenceShell:
         context.bus.serve(SEQUENCE_NETWORK, self.estimate)
 
     def estimate(self, request: EstimateBySequence) -> PoseErrorEstimate:
-        """The hole's pose from the touches so far. Refused as no_weights when there are none for this peg."""
-        from services.inference.network.sequence_model import SequenceNetwork, history_of
-
+        """The hole's pose from the touches so far. Refused as no_weights when there are none for this peg,
+        as no_torch where torch is not installed.
+        """
+        try:
+            from services.inference.network.sequence_model import SequenceNetwork, history_of
+        except ImportError as error:
+            raise CommandRefused("no_torch", f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
         started = time.perf_counter()
         if self._network is None:
             try:
