@@ -22,6 +22,7 @@ REFUSALS: dict[str, str] = {
     "not_finite": "a number is not finite, or a quaternion is zero",
     "direction": "a direction has no length",
     "unreachable": "a pose or a point of the way has no joint angles, or the way would jump between two of them",
+    "joints": "a joint vector has not as many numbers as the arm has joints",
     "joint_limit": "a joint would leave its range; the text names the joint and where on the way",
     "speed_limit": "a joint would be faster than its limit; go slower or stay away from the singularity",
     "acceleration_limit": "a joint would accelerate more than its limit; give the segment more time",

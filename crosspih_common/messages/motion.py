@@ -47,7 +47,7 @@ class JointKnot(Part):
     Speeds and accelerations are zero where not given.
     """
 
-    time_s: float = Field(ge=0.0)
+    time_s: float = Field(ge=0.0, le=3600.0)
     joints_rad: Joints
     speeds_rad_s: Joints = Field(default_factory=_at_rest)
     accelerations_rad_s2: Joints = Field(default_factory=_at_rest)
@@ -61,7 +61,7 @@ class JointKnot(Part):
 class FollowTrajectory(Held, Message):
     """Follow quintic segments through the knots; the first knot is where the arm must now be (0.01 rad)."""
 
-    knots: tuple[JointKnot, ...] = Field(min_length=2)
+    knots: tuple[JointKnot, ...] = Field(min_length=2, max_length=5000)
 
 
 class GuardedMove(Held, Message):
@@ -114,9 +114,9 @@ class AdmittanceMove(Held, Message):
     centre_peg_m: Vector3 = (0.0, 0.0, 0.057)
     lateral_speed_limit_m_s: float = Field(default=0.003, gt=0.0)
     rotational_speed_limit_rad_s: float = Field(default=0.05, gt=0.0)
-    stall_s: float = Field(default=0.6, gt=0.0)
+    stall_s: float = Field(default=0.6, gt=0.0, le=60.0)
     timeout_s: float = Field(default=8.0, gt=0.0, le=60.0)
-    path: tuple[PathKnot, ...] = ()
+    path: tuple[PathKnot, ...] = Field(default=(), max_length=20000)
 
 
 class MoveLinear(Held, Message):

@@ -1,7 +1,7 @@
 """`python -m services.hardware [--devices arm,force_torque]`: the cell's devices on the bus, all or some of them.
 
-The arm and the sensor in its wrist run in one loop, in one process. A process without the arm is called `camera` on the
-bus.
+The arm and the sensor in its wrist run in one loop, in one process. A process with the camera alone is called `camera`
+on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's file says, which is all.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ def wanted_devices(text: str) -> frozenset[str]:
     return frozenset(names)
 
 
-def build(context: ServiceContext, wanted: frozenset[str]) -> HardwareShell:
-    """Open the devices that the configuration names and bind them to their keys."""
+def build(context: ServiceContext, wanted: frozenset[str] | None) -> HardwareShell:
+    """Open the wanted devices, or without any those that the configuration names, and bind them to their keys."""
     config = context.cell.section("hardware", HardwareConfig)
+    if wanted is None:
+        wanted = wanted_devices(",".join(config.devices))
     speed = os.environ.get("CROSSPIH_SPEED") or config.simulated.speed
     if speed not in ("realtime", "max"):
         raise ConfigError(f"CROSSPIH_SPEED={speed}: want realtime or max")
@@ -40,10 +42,10 @@ def build(context: ServiceContext, wanted: frozenset[str]) -> HardwareShell:
 def main() -> int:
     """Run the service."""
     parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--devices", type=wanted_devices, default=frozenset(DEVICES))
+    parser.add_argument("--devices", type=wanted_devices, default=None)
     chosen, others = parser.parse_known_args()
-    wanted: frozenset[str] = chosen.devices
-    name = "hardware" if "arm" in wanted else "camera"
+    wanted: frozenset[str] | None = chosen.devices
+    name = "hardware" if wanted is None or "arm" in wanted else "camera"
     return run_service(name, lambda context: build(context, wanted), others)
 
 

@@ -10,7 +10,7 @@ from crosspih_common.config.section import Section
 from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
 
-DEVICES = ("arm", "force_torque", "camera")
+DEVICES: tuple[Literal["arm", "force_torque", "camera"], ...] = ("arm", "force_torque", "camera")
 
 
 class DriversConfig(Section):
@@ -28,6 +28,9 @@ class HardwareConfig(Section):
         default="simulated", description='a name in drivers/registry.py, or your own "package.module:function"'
     )
     drivers: DriversConfig = DriversConfig()
+    devices: tuple[Literal["arm", "force_torque", "camera"], ...] = Field(
+        default=DEVICES, description="what `python -m services.hardware` hosts; the rest is for other processes"
+    )
     engine: Literal["auto", "pybullet", "mujoco"] = Field(
         default="auto", description="of the simulated cell; auto: pybullet where it is installed, else mujoco"
     )

@@ -63,6 +63,11 @@ class JointTrajectory:
     """Quintic segments through knots (the paper's Eqs. 10 and 11, as Bernstein polynomials)."""
 
     def __init__(self, arm: ArmModel, knots: Sequence[JointKnot], joints_now_rad: Array) -> None:
+        for index, knot in enumerate(knots):
+            if not len(knot.joints_rad) == len(knot.speeds_rad_s) == len(knot.accelerations_rad_s2) == arm.joints:
+                raise CommandRefused(
+                    "joints", f"knot {index} has {len(knot.joints_rad)} joints, the arm {arm.name} has {arm.joints}"
+                )
         times = np.array([knot.time_s for knot in knots])
         joints = np.array([knot.joints_rad for knot in knots], dtype=float)
         speeds = np.array([knot.speeds_rad_s for knot in knots], dtype=float)
