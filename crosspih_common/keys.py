@@ -160,7 +160,13 @@ LISTENING = tuple(name for name in ALL if name != "hardware")  # every bus but t
 # hardware -------------------------------------------------------------------------------------------------------------
 CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", LISTENING, "the cell's clock", 50.0)
 JOINT_STATE = Topic(
-    "arm/joint_state", JointState, Kind.STREAM, "hardware", ("force_torque", *RECORDED), "the encoders", 250.0
+    "arm/joint_state",
+    JointState,
+    Kind.STREAM,
+    "hardware",
+    ("force_torque", "planning", *RECORDED),
+    "the encoders",
+    250.0,
 )
 WRENCH_RAW = Topic(
     "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", "planning", *RECORDED), "the sensor", 100.0
@@ -196,9 +202,9 @@ SET_PAYLOAD = Command(
     "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
 )
 LEASE_TAKE = Command(
-    "arm/lease/take", TakeLease, LeaseGranted, "hardware", ("operator",), "hold the arm: motion needs it"
+    "arm/lease/take", TakeLease, LeaseGranted, "hardware", ("planning", "operator"), "hold the arm: motion needs it"
 )
-LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("operator",), "let go of the arm")
+LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("planning", "operator"), "let go of the arm")
 LEASE_BEAT = Topic(
     "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
 )

@@ -33,6 +33,7 @@ REFUSALS: dict[str, str] = {
     "size": "the motion would take longer than the cell allows",
     "collision": "a part of the arm would come too near to something of cell.surroundings; the text names both",
     "implausible_payload": "the payload does not fit what the sensor reads at rest, its range, or gravity",
+    "cell_unfit": "the cell is not one to move: two answer for one, it has no clock, or its streams stand still",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     # simulation
@@ -59,6 +60,7 @@ REFUSALS: dict[str, str] = {
     "not_calibrated": "the sensor was never calibrated, or its calibration failed",
     "lengths": "two lists that belong together are not of one length",
     # inference
+    "no_torch": "torch is not installed, which the networks alone need; the text says how to get it",
     "not_seated": "the peg's pose says that it does not sit in the hole",
     "no_weights": "the network has no weights for this peg; train it first",
     # recorder

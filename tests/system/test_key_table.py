@@ -12,9 +12,11 @@ import pytest
 
 from crosspih_common import keys
 from crosspih_common.errors import CrosspihError
+from crosspih_common.holding.soundness import UNFIT
 from crosspih_common.keys import ALL, CLOCK, Command, Topic
 from crosspih_common.messages import Failure
 from crosspih_common.refusals import REFUSALS
+from crosspih_common.wrench import IMPLAUSIBLE
 
 ROOT = Path(__file__).resolve().parents[2]
 READS, ASKS = ("latest", "subscribe", "tap"), ("call", "ask")
@@ -27,11 +29,12 @@ NOT_SPELLED = {
     "services/hardware/shells/arm.py": "command",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it
+STREAMS_HEARD = "StreamsHeard"  # of the same package: hears encoders and sensor for whoever has it look at a cell
 TABLE: dict[str, Topic[Any] | Command[Any, Any]] = {
     name: value for name, value in vars(keys).items() if isinstance(value, (Topic, Command))
 }
 # commands that nobody serves or nobody asks yet: to be taken out of here by whoever builds the other end
-AWAITED = {"WITHDRAW"}
+AWAITED: set[str] = set()
 BUILT = [name for name in TABLE if name not in AWAITED]
 Uses = dict[str, dict[str, set[str]]]  # bus method: constant: services
 
@@ -45,6 +48,11 @@ def key_names(tree: ast.Module) -> dict[str, str]:
         for alias in node.names
         if alias.name in TABLE
     }
+
+
+def imported_names(tree: ast.Module) -> set[str]:
+    """What a file imports by name."""
+    return {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
 
 
 def bus_calls(tree: ast.Module, names: dict[str, str]) -> Iterator[tuple[str, ast.expr, int]]:
@@ -68,6 +76,9 @@ def uses() -> Uses:
         names, where = key_names(tree), path.relative_to(ROOT).as_posix()
         if any(isinstance(node, ast.ImportFrom) and (node.module or "").startswith(HOLDING) for node in ast.walk(tree)):
             holders.add(where.split("/")[1])
+        if STREAMS_HEARD in imported_names(tree):
+            for name in ("JOINT_STATE", "WRENCH_RAW"):
+                found["latest"][name].add(where.split("/")[1])
         for method, argument, line in bus_calls(tree, names):
             if isinstance(argument, ast.Name) and argument.id in names:
                 found[method][names[argument.id]].add(where.split("/")[1])
@@ -143,6 +154,9 @@ WORKED_OUT = {
     "code or 'unknown'": set(),  # a reader's, for an error reply that is none of ours
     "answer['refused']": set(),  # the arm's own, told on by the process that beats
     "error.failure.value": {failure.value for failure in Failure},
+    "Failure.SERVICE_LOST.value": {Failure.SERVICE_LOST.value},
+    "IMPLAUSIBLE": {IMPLAUSIBLE},
+    "UNFIT": {UNFIT},
     "type(error).__name__": {"NoService", "CommandTimeout", "BusUnreachable", "ConfigError"},
 }
 
