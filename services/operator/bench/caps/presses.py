@@ -30,9 +30,9 @@ from crosspih_common.messages import (
 )
 from services.operator.session import Session
 
-BESIDE_M = (0.040, 0.036)  # the tip on the plate, clear of the hole
-BEFORE_M = 0.012  # from the tip to the plate, straight on
-BEYOND_M = 0.010  # into the plate, where the plate is not felt
+BESIDE_M = (0.036, 0.034)  # the tip on the plate, clear of the hole
+BEFORE_M = 0.006  # from the tip to the plate, straight on
+BEYOND_M = 0.006  # into the plate, where the plate is not felt
 DEADLINE_S = 120.0
 
 
