@@ -76,5 +76,6 @@ REFUSALS: dict[str, str] = {
     "aborted": "somebody stopped it",
     "arm_stopped": "the arm broke a motion off by itself: its holder, its cycles or its sensor were lost",
     "defect": "an error in the planner itself",
+    "cell_unfit": "two cells tick on the same keys, no clock ticks, or a stream stands still; nothing was moved",
     "stuck": "the peg is held fast where it sits",
 }
