@@ -135,12 +135,12 @@ if [ "$(uname -s)" = Linux ] && [ "$TORCH" != any ]; then
     torch=$(sed -n 's/^torch==\([0-9.]*\).*/\1/p' deploy/constraints.txt)
     if ! install --no-deps "torch==$torch+cpu"; then
         [ -z "$TORCH_INDEX_URL" ] || fail "no CPU build of torch $torch at TORCH_INDEX_URL=$TORCH_INDEX_URL (see $log)"
-        extra=without_torch
+        extra=torchless
     fi
 fi
 
 install_or_fail --no-build-isolation --editable ".[$extra,dev]"
-if [ "$extra" = without_torch ]; then
+if [ "$extra" = torchless ]; then
     : >"$left_out"
     say "torch is left out: no CPU build at the configured package indexes; what uses trained networks wants" \
         "make env TORCH_INDEX_URL=(PyTorch's CPU index), or TORCH=any for the default build with gigabytes of CUDA"

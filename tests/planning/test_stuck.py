@@ -17,6 +17,7 @@ from tests.planning.cell_in_memory import CellInMemory
 @pytest.fixture(scope="module")
 def rough(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CellInMemory]:
     """Friction 0.3, three times what the drawing has: ends 54 mm apart clamp one another down to 16 mm."""
+    pytest.importorskip("pybullet", reason="whether a peg wedges is chance: these seeds do in PyBullet")
     cell = CellInMemory(tmp_path_factory.mktemp("rough"), simulated=SimulatedConfig(friction_coefficient=0.3))
     yield cell
     cell.close()
