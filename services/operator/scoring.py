@@ -102,6 +102,7 @@ class TrialFigures(BaseModel):
     final_depth_mm: float | None
     insertion_depth_mm: float | None
     rank: int | None = None  # directions that the bore's walls hold, of five: all but along the axis
+    warnings: tuple[str, ...] = ()  # what casts doubt on T2 though the peg is in
     found: PosePrior | None = None  # T2 with its covariance, for the assembly of another peg there
     recording: str | None
     report: str | None
@@ -173,6 +174,7 @@ def score(
         final_depth_mm=None if final is None else final.depth_mm,
         insertion_depth_mm=None if depth_m is None else depth_m * 1e3,
         rank=result.rank,
+        warnings=result.warnings,
         found=_found(result) if inserted else None,
         recording=recording,
         report=None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -112,6 +113,8 @@ def summary(figures: TrialFigures) -> Table:
         )
     if figures.rank is not None:
         row("directions the walls hold", directions_held(figures.rank))
+    for warning in figures.warnings:
+        row("[bold yellow]warning[/bold yellow]", f"[yellow]{escape(warning)}[/yellow]")
     if figures.recording:
         row("recording", _near(figures.recording))
     if figures.report:

@@ -20,6 +20,7 @@ from crosspih_common.messages import (
 )
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
+from services.planning.contradiction import contradiction
 from services.planning.leaving import back_off, home
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.run import Run
@@ -42,6 +43,7 @@ class Finished:
     detail: str
     backed_off: bool
     insertion_depth_m: float
+    warnings: tuple[str, ...] = ()
 
 
 def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: Assemble) -> Finished:
@@ -58,8 +60,9 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
         belief = STRATEGIES[request.strategy](run)
         final = _seated_pose(run, belief)
         depth = _depth_m(run, final.pose_base_hole.pose())
+        warnings = _warnings(run, final)
         run.tell(Phase.DONE, "inserted", insertion_depth_mm=depth * 1e3)
-        return Finished(run, final, None, "", False, depth)
+        return Finished(run, final, None, "", False, depth, warnings)
     except AssemblyFailed as error:
         failure, detail = error.failure, error.detail
     except CommandRefused as refusal:
@@ -74,6 +77,20 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     backed_off = back_off(run)
     run.tell(Phase.DONE, f"failed: {failure.value}: {detail}")
     return Finished(run, None, failure, detail, backed_off, 0.0)
+
+
+def _warnings(run: Run, final: PoseErrorEstimate) -> tuple[str, ...]:
+    """What speaks against T2; nothing where vision was not asked, or saw no pose with a covariance."""
+    if run.vision_pose is None or not run.vision_covariance:
+        return ()
+    said = contradiction(
+        run.vision_pose,
+        run.vision_covariance,
+        final.pose_base_hole.pose(),
+        final.covariance,
+        run.workcell.peg.shape().outline.symmetry_order,
+    )
+    return () if said is None else (said,)
 
 
 def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:

@@ -76,6 +76,7 @@ class Run:
         self.effort = Effort()
         self.last_stop = StopReason.COMPLETED  # of the last touch
         self.vision_pose: Pose | None = None
+        self.vision_covariance: tuple[float, ...] = ()  # (36,) of it, as in HoleEstimate
         self.vision_refused = ""
         self.believed: Pose | None = None
         self.known: PosePrior | None = None  # told with the request

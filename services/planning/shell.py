@@ -119,6 +119,7 @@ class PlanningShell:
             covariance=None if done.final is None else done.final.covariance,
             rank=None if done.final is None else done.final.rank,
             pose_base_peg=PoseData.of(run.pose_base_peg),
+            warnings=done.warnings,
             vision_refused=run.vision_refused,
             vision_pose_base_hole=None if run.vision_pose is None else PoseData.of(run.vision_pose),
             motion_s=run.motion_s,

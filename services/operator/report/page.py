@@ -224,6 +224,7 @@ def render(content: Content) -> str:
         headline=headline,
         sentence=sentence,
         cards=cards(content),
+        warnings=content.result.warnings if content.result else (),
         missing=content.missing,
         figure=figure_svg(content),
         phases=used_phases,

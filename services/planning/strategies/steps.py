@@ -37,6 +37,7 @@ def locate(run: Run, method: LocateMethod) -> HoleEstimate:
         sd_tilt_deg=float(np.rad2deg(np.hypot(sd[3], sd[4]))),
     )
     run.vision_pose = run.believed = seen.pose_base_hole.pose()
+    run.vision_covariance = seen.covariance
     return seen
 
 
