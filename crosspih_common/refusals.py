@@ -33,7 +33,6 @@ REFUSALS: dict[str, str] = {
     "size": "the motion would take longer than the cell allows",
     "collision": "a part of the arm would come too near to something of cell.surroundings; the text names both",
     "implausible_payload": "the payload does not fit what the sensor reads at rest, its range, or gravity",
-    "cell_unfit": "the cell is not one to move: two answer for one, it has no clock, or its streams stand still",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     # simulation
