@@ -45,6 +45,8 @@ def main() -> int:
     parser.add_argument("--devices", type=wanted_devices, default=None)
     chosen, others = parser.parse_known_args()
     wanted: frozenset[str] | None = chosen.devices
+    # the loop must not wait 5 ms for a thread that only formats messages
+    sys.setswitchinterval(0.001)
     name = "hardware" if wanted is None or "arm" in wanted else "camera"
     return run_service(name, lambda context: build(context, wanted), others)
 

@@ -12,7 +12,6 @@ from crosspih_common.messages import LeaseState
 
 BEATS_A_TIMEOUT = 5
 WAIT_S = 3.0  # for a beat, of a cell whose time stands still meanwhile
-_OWN_GAP_S = 0.02  # of the loop's own stalls no more counts against the holder
 
 
 class Holder:
@@ -34,6 +33,7 @@ class Holder:
         self._seen_ns = 0
         self._silent_s = 0.0
         self._cycle_at_s = 0.0
+        self._cycle_ns = 0
         self.on_change: Callable[[LeaseState], object] = lambda state: None
 
     @property
@@ -94,6 +94,7 @@ class Holder:
         with self._changed:
             self._seen_beats, self._seen_ns = self._beats, now_ns
             self._silent_s, self._cycle_at_s = 0.0, time.monotonic()
+            self._cycle_ns = now_ns
 
     def lost(self, now_ns: int) -> bool:
         """Once a cycle: whether the holder is gone. Never of a motion that nobody holds the lease for."""
@@ -104,14 +105,14 @@ class Holder:
             if self._beats != self._seen_beats:
                 self._seen_beats, self._seen_ns, self._silent_s = self._beats, now_ns, 0.0
             elif self._realtime:
-                self._silent_s += min(wall_s - self._cycle_at_s, _OWN_GAP_S)
+                self._silent_s += min(wall_s - self._cycle_at_s, (now_ns - self._cycle_ns) * 1e-9)
             elif now_ns - self._seen_ns > 1e9 * self.timeout_s:
                 beats = self._beats
                 if not self._changed.wait_for(lambda: self._beats != beats or not self._lease, WAIT_S):
                     self._silent_s = self.timeout_s
                 else:
                     self._seen_beats, self._seen_ns = self._beats, now_ns
-            self._cycle_at_s = wall_s
+            self._cycle_at_s, self._cycle_ns = wall_s, now_ns
             return bool(self._lease) and self._silent_s >= self.timeout_s
 
     def drop(self, now_ns: int) -> None:

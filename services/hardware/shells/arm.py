@@ -63,7 +63,7 @@ class ArmShell:
         joints.publish(arm.joint_state())
         lease.publish(arm.holder.state())
         arm.holder.on_change = lease.publish
-        bus.subscribe(LEASE_BEAT, self._beat)
+        bus.hear(LEASE_BEAT, self._beat)
         bus.serve(LEASE_TAKE, self._take, lane=NOW_LANE)
         bus.serve(LEASE_GIVE, self._give, lane=NOW_LANE)
         self._serve(FOLLOW, arm.follow)
