@@ -21,6 +21,7 @@ from tests.conftest import ROOT, ServiceProcess
 
 CELL = "cell1"
 DEADLINE_S = 60.0
+TIMEOUT_S = 1.0
 
 
 class HolderProcess:
@@ -44,9 +45,11 @@ class HolderProcess:
 
 
 @pytest.fixture
-def bus(endpoint: str, spawn: Callable[..., ServiceProcess]) -> Iterator[Bus]:
-    """An operator beside a cell in real time."""
-    spawn("hardware", "--endpoint", endpoint)
+def bus(endpoint: str, spawn: Callable[..., ServiceProcess], tmp_path: Path) -> Iterator[Bus]:
+    """An operator beside a cell in real time; its patience is long, for tests are run on machines that are busy."""
+    cell_file = tmp_path / "cell.yaml"
+    cell_file.write_text(f"cell:\n  name: {CELL}\nhardware:\n  limits:\n    holder_timeout_s: {TIMEOUT_S}\n")
+    spawn("hardware", "--endpoint", endpoint, "--cell", str(cell_file))
     with Bus(open_zenoh(endpoint), CELL, "operator") as bus:
         assert bus.latest(LEASE).wait_for(lambda _: True, DEADLINE_S) is not None
         yield bus
