@@ -24,7 +24,7 @@ class LimitsConfig(Section):
     )
     braking_m_s2: float = Field(default=5.0, gt=0.05, le=50.0, description="how fast the tip slows down at contact")
     free_braking_m_s2: float = Field(
-        default=2.0, gt=0.05, le=50.0, description="how fast a free move slows down as it nears the fixture"
+        default=1.0, gt=0.05, le=50.0, description="how fast a free move slows down as it nears the fixture"
     )
     clear_out_m_s: float = Field(
         default=0.03, gt=0.0, le=0.25, description="straight back along the peg's axis: nothing stands behind it"

@@ -10,8 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from crosspih_common.geometry.pose import Array
+
+SMOOTH_S = 0.1  # over which a change of the rate is spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,17 +44,36 @@ class Pace:
             count = max(1, int(np.ceil(duration_s / period_s - 1e-9)))
             at = np.minimum(np.arange(1, count + 1) * period_s, duration_s)
             return at, np.ones(count), np.interp(at, self.times_s, self.touching_m_s)
-        # the time that has gone by at each node, then turned round: when is the path where
-        steps = np.diff(self.times_s)
-        gone = np.concatenate([[0.0], np.cumsum(steps * 0.5 * (1.0 / self.rates[1:] + 1.0 / self.rates[:-1]))])
-        count = max(1, int(np.ceil(gone[-1] / period_s - 1e-9)))
-        at = np.interp(np.arange(1, count + 1) * period_s, gone, self.times_s)
-        at[-1] = duration_s
-        rates = np.interp(at, self.times_s, self.rates)
+        at, rates = self._smooth(duration_s, period_s)
         return at, rates, np.interp(at, self.times_s, self.touching_m_s)
+
+    def _smooth(self, duration_s: float, period_s: float) -> tuple[Array, Array]:
+        """Times and rates (n,), the rates' steps and corners rounded: what is felt at the wrist is acceleration.
+
+        The least rate of a window, averaged twice over half of it, is never above the rate in the window's middle.
+        Going slower earlier the arm comes later to where it has to be slow, never sooner.
+        """
+        gone = np.concatenate(
+            [[0.0], np.cumsum(np.diff(self.times_s) * 0.5 * (1.0 / self.rates[1:] + 1.0 / self.rates[:-1]))]
+        )
+        count = max(1, int(np.ceil(gone[-1] / period_s)))
+        rates = np.interp(np.interp(np.arange(count) * period_s, gone, self.times_s), self.times_s, self.rates)
+        half = max(1, int(0.5 * SMOOTH_S / period_s))
+        rates = minimum_filter1d(rates, 2 * half + 1, mode="nearest")
+        for _ in range(2):
+            rates = uniform_filter1d(rates, half, mode="nearest")
+        short_s = duration_s - float(rates.sum()) * period_s
+        if short_s > 0.0:
+            rates = np.append(rates, np.full(int(np.ceil(short_s / period_s / rates[-1])), rates[-1]))
+        at = np.minimum(np.cumsum(rates) * period_s, duration_s)
+        last = int(np.argmax(at >= duration_s - 1e-12))
+        at, rates = at[: last + 1], rates[: last + 1]
+        at[-1] = duration_s
+        return at, rates
 
 
 def slowed(times_s: Array, point_speeds_m_s: Array, allowed_m_s: Array, may_touch: Array) -> Pace:
     """The pace that keeps the fastest point's speed (k,) at times (k,) below what is allowed there (k,), m/s."""
-    rates = np.minimum(1.0, allowed_m_s / np.maximum(point_speeds_m_s, 1e-12))
+    # the least of a node and its neighbours: between two nodes as well nothing is faster than it may be
+    rates = minimum_filter1d(np.minimum(1.0, allowed_m_s / np.maximum(point_speeds_m_s, 1e-12)), 3, mode="nearest")
     return Pace(times_s, rates, np.where(may_touch, rates * point_speeds_m_s, 0.0))

@@ -16,8 +16,8 @@ from services.hardware.control.pace import Pace, slowed
 from services.hardware.control.paths import JointTrajectory, LineInTime
 
 _NODE_M = 1e-3
-_NODE_S = 0.02
-_MOST_NODES = 600
+_NODE_S = 0.005
+_MOST_NODES = 300
 _OUTWARD = -0.9  # cosine against the peg's axis: straight back
 
 
