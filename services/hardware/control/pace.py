@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from crosspih_common.geometry.pose import Array
@@ -72,7 +73,7 @@ class Pace:
         return at, rates
 
 
-def slowed(times_s: Array, point_speeds_m_s: Array, allowed_m_s: Array, may_touch: Array) -> Pace:
+def slowed(times_s: Array, point_speeds_m_s: Array, allowed_m_s: Array, may_touch: NDArray[np.bool_]) -> Pace:
     """The pace that keeps the fastest point's speed (k,) at times (k,) below what is allowed there (k,), m/s."""
     # the least of a node and its neighbours: between two nodes as well nothing is faster than it may be
     rates = minimum_filter1d(np.minimum(1.0, allowed_m_s / np.maximum(point_speeds_m_s, 1e-12)), 3, mode="nearest")
