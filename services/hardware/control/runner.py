@@ -47,6 +47,7 @@ class Runner:
         self.sensor_silent_s = 0.0
         self.payload: Payload | None = None
         self._mounting = mounting
+        self._peg_of_raw = None if np.array_equal(mounting.peg_of_raw, np.eye(6)) else mounting.peg_of_raw
         self._tare = Payload.tare(np.zeros(6), mounting)
         self.last_samples: deque[Array] = deque(maxlen=max(2, round(LAST_S / wrench.period_s)))
         self.trail = Trail()
@@ -101,7 +102,8 @@ class Runner:
 
         A reading that is not a number stays one: it then trips the caps.
         """
-        return np.asarray(self._mounting.peg_of_raw @ self._raw - self._load)
+        on_peg = self._raw if self._peg_of_raw is None else self._peg_of_raw @ self._raw
+        return np.asarray(on_peg - self._load)
 
     def use_payload(self, payload: Payload | None) -> None:
         """From now on contact is what this leaves; with None what is felt before a motion is no contact."""
@@ -140,7 +142,7 @@ class Runner:
         gap = round((self.now_ns - before_ns) / self._period_ns)
         if gap > 1:
             self.missed_cycles += gap - 1
-        if not reference.retracing:
+        if not reference.retracing and reference.joints_rad is not self.joints_rad:
             self.trail.follow(reference.joints_rad)
         self.joints_rad, self.speeds_rad_s = reference.joints_rad, reference.speeds_rad_s
         self.measured_rad = state.positions_rad
@@ -150,8 +152,12 @@ class Runner:
         count = len(samples.wrenches)
         if count:
             self.sensor_silent_s = 0.0
-            self._raw = samples.wrenches[0] if count == 1 else samples.wrenches.mean(axis=0)
-            self.last_samples.extend(samples.wrenches)
+            if count == 1:
+                self._raw = samples.wrenches[0]
+                self.last_samples.append(self._raw)
+            else:
+                self._raw = samples.wrenches.mean(axis=0)
+                self.last_samples.extend(samples.wrenches)
         else:
             self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
         contact = self.last_contact()

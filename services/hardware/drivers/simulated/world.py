@@ -53,8 +53,10 @@ class World:
         self.engine = engine
         self._sensor = SensorModel(config.force_torque)
         # the engine feels in the peg frame, or where the truth has shifted it; the sensor says it as it is mounted
-        self._sensor_of_peg, self._raw_of_sensor = drawn.sensor_of_peg, drawn.raw_of_sensor
-        self._factors = np.asarray(config.truth.ft_factors, float)
+        to_sensor, to_raw = drawn.sensor_of_peg, np.diag(config.truth.ft_factors) @ drawn.raw_of_sensor
+        # the usual sensor says N and Nm in the peg frame: 1000 times a second nothing need be turned
+        self._sensor_of_peg = None if np.array_equal(to_sensor, np.eye(6)) else to_sensor
+        self._raw_of_sensor = None if np.array_equal(to_raw, np.eye(6)) else to_raw
         self.steps_a_cycle = max(1, round(config.period_s / STEP_S))
         self.period_s = self.steps_a_cycle * STEP_S
         self._delay_ns = round(config.delay_s * 1e9)
@@ -112,8 +114,11 @@ class World:
                     force = sum((contact.force_base_n for contact in self.engine.contacts()), np.zeros(3))
                     self.peak_contact_n = max(self.peak_contact_n, float(np.linalg.norm(force)))
                 self.now_ns += STEP_NS
-            felt = self._sensor.sample(self._sensor_of_peg @ ideal, (self.now_ns - self._started_ns) * 1e-9)
-            raw = self._factors * (self._raw_of_sensor @ felt)
+            if self._sensor_of_peg is not None:
+                ideal = self._sensor_of_peg @ ideal
+            raw = self._sensor.sample(ideal, (self.now_ns - self._started_ns) * 1e-9)
+            if self._raw_of_sensor is not None:
+                raw = self._raw_of_sensor @ raw
             self._samples.append((self.now_ns, raw))
             self._pace(self.now_ns)
         self.joints_rad, self._speeds_rad_s = goal, speeds
@@ -121,6 +126,9 @@ class World:
 
     def heard(self) -> WrenchSamples:
         """The samples that have come since they were last asked for."""
+        if len(self._samples) == 1 and not self._delay_ns:
+            stamp_ns, sample = self._samples.popleft()
+            return WrenchSamples(np.array((stamp_ns,)), sample[None])
         ready = []
         while self._samples and self._samples[0][0] <= self.now_ns - self._delay_ns:
             ready.append(self._samples.popleft())
