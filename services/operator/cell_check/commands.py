@@ -31,6 +31,15 @@ def check_refused(name: str, answer: Answer, expected: tuple[str, ...], mend: st
     return passed(name, f"refused: {answer.code}")
 
 
+def check_held_still(outcome: MotionOutcome) -> Check:
+    """A dwell in free air that was ended before its time."""
+    return failed(
+        "holding still",
+        f"ended by {outcome.stop_reason.value}: {outcome.detail}",
+        "the arm broke off while nothing moved: mend the sensor's range or units above, or what the detail names",
+    )
+
+
 def check_stop(outcome: MotionOutcome, heard: bool, latency_s: float, realtime: bool) -> Check:
     """A stop sent while a slow move was under way. `heard`: the reply said that something moved.
 

@@ -16,8 +16,16 @@ from services.operator.cell_check.verdict import fails
 FILE = "cell-check.json"
 
 
+GENTLE = Manner(provoking=False)
+
+
 def check_before_first(
-    bus: Bus, workcell: Workcell, boot_id: str, folder: Path, say: Callable[[str], None] = lambda text: None
+    bus: Bus,
+    workcell: Workcell,
+    boot_id: str,
+    folder: Path,
+    say: Callable[[str], None] = lambda text: None,
+    manner: Manner = GENTLE,
 ) -> bool:
     """Whether the cell was looked at now; not when its present boot already was, by the file in `folder`.
 
@@ -26,7 +34,7 @@ def check_before_first(
     file = folder / FILE
     if _passed_boot(file) == boot_id:
         return False
-    wrong = fails(check_cell(bus, workcell, Manner(provoking=False), say))
+    wrong = fails(check_cell(bus, workcell, manner, say))
     if wrong:
         listed = "; ".join(f"{one.name}: {one.found} -> {one.mend}" for one in wrong)
         raise CommandRefused(UNFIT, f"{listed}. `crosspih cell check` shows all")

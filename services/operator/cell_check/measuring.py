@@ -50,7 +50,7 @@ from crosspih_common.messages import (
     StopReason,
 )
 from services.operator.cell_check import gravity, images, presence, streams
-from services.operator.cell_check.commands import check_stop
+from services.operator.cell_check.commands import check_held_still, check_stop
 from services.operator.cell_check.provoking import provoke
 from services.operator.cell_check.verdict import Check, failed, fails, skipped
 
@@ -198,8 +198,12 @@ class Measurer:
         stamps = [tick.stamp_ns for tick in still.ticks]
         within = [tick for tick, stamp in zip(still.ticks, stamps, strict=True) if stamp >= start]
         self.checks.append(presence.check_one_cell(self._bus.cell, still.ticks))
-        self.checks.append(presence.check_clock(within))
         self.checks.append(streams.check_joint_units(outcome.joints_rad, self._arm))
+        if outcome.stop_reason is not StopReason.COMPLETED:
+            self.checks.append(gravity.check_range(outcome.wrench_raw, self._workcell))
+            self.checks.append(check_held_still(outcome))
+            return
+        self.checks.append(presence.check_clock(within))
         self.checks.append(streams.check_joint_rate(states))
         self.checks.append(streams.check_stamps("arm/joint_state", [one.stamp_ns for one in states], start, end))
         self.checks.append(streams.check_joint_outcome(states, outcome))
