@@ -28,6 +28,8 @@ from tests.operator.mistaken_cells import (
 
 # as gentle, in less of the cell's time; nobody is waited for in memory
 QUICK = Manner(turn_rad_s=1.0, dwell_s=0.15, settle_s=0.05, patience_s=0.1)
+LEVEL = Manner(dwell_s=0.15, patience_s=0.1, tilting=False)
+OF_THE_TILT = ("sensor's sign and axes", "unit of force", "joint speeds in rad/s")
 TOLD = Manner(turn_rad_s=1.0, dwell_s=0.15, settle_s=0.05, patience_s=0.1, provoking=False)
 RIGHT_ANGLE = float(np.pi / 2)
 
@@ -73,32 +75,30 @@ PLANTED: dict[str, tuple[dict[str, Any], str, str, str]] = {
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Callable[[dict[str, Any]], list[Any]]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[Any]]:
     """The checks of a cell; of one that was looked at already, those."""
     known: dict[str, list[Any]] = {}
 
-    def look(planted: dict[str, Any]) -> list[Any]:
+    def look(planted: dict[str, Any], manner: Manner = QUICK) -> list[Any]:
         name = repr(planted)
         if name not in known:
             with cell_with(tmp_path_factory.mktemp("cell"), **planted) as (bus, cell):
-                known[name] = check_cell(bus, cell.workcell, QUICK)
+                known[name] = check_cell(bus, cell.workcell, manner)
         return known[name]
 
     return look
 
 
-def test_a_sound_cell_passes_all(found: Callable[[dict[str, Any]], list[Any]]) -> None:
+def test_a_sound_cell_passes_all(found: Callable[..., list[Any]]) -> None:
     checks = found({})
     assert [check for check in checks if check.verdict is not Verdict.PASS] == []
     assert len({check.name for check in checks}) >= 24
 
 
 @pytest.mark.parametrize("mistake", PLANTED)
-def test_each_planted_mistake_is_named_with_its_mend(
-    found: Callable[[dict[str, Any]], list[Any]], mistake: str
-) -> None:
+def test_each_planted_mistake_is_named_with_its_mend(found: Callable[..., list[Any]], mistake: str) -> None:
     planted, name, said, mend = PLANTED[mistake]
-    wrong = {check.name: check for check in fails(found(planted))}
+    wrong = {check.name: check for check in fails(found(planted, QUICK if name in OF_THE_TILT else LEVEL))}
     assert name in wrong, wrong
     assert said in wrong[name].found and mend in wrong[name].mend, wrong[name]
     # and nothing is blamed that is sound: the exception is what one mistake brings with it
@@ -113,8 +113,8 @@ def test_nothing_moves_where_the_joints_are_in_degrees(tmp_path: Path) -> None:
     assert not {"stop", "joint limit refused", "sensor's sign and axes"} & {check.name for check in checks}
 
 
-def test_the_table_shows_found_and_mend(found: Callable[[dict[str, Any]], list[Any]]) -> None:
-    checks = found(PLANTED["size against calibration"][0])
+def test_the_table_shows_found_and_mend(found: Callable[..., list[Any]]) -> None:
+    checks = found(PLANTED["size against calibration"][0], LEVEL)
     table = table_of("mistaken", checks)
     assert table.row_count == len(checks)
     assert [str(column.header) for column in table.columns] == ["check", "verdict", "found", "mend"]

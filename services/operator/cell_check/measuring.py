@@ -74,6 +74,7 @@ class Manner:
     settle_s: float = 0.15
     patience_s: float = 3.0
     provoking: bool = True  # ask, too, what must be refused
+    tilting: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,8 +190,9 @@ class Measurer:
             return
         self._say("a slow move, and a stop in it")
         self.checks.append(self._stop(lease, peg, realtime))
-        self._say("tilting the wrist")
-        self._tilt(lease, peg)
+        if self._manner.tilting:
+            self._say("tilting the wrist")
+            self._tilt(lease, peg)
 
     def _judge_still(self, still: _Heard) -> None:
         outcome, states, batches = still.outcome, still.states, still.batches
