@@ -16,7 +16,7 @@ from services.operator.cell_check.verdict import fails
 FILE = "cell-check.json"
 
 
-GENTLE = Manner(provoking=False)
+GENTLE = Manner(provoking=False, camera_needed=False)  # by force alone it goes without a camera
 
 
 def check_before_first(
