@@ -164,18 +164,28 @@ JOINT_STATE = Topic(
     JointState,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", *RECORDED),
+    ("force_torque", "planning", "operator", *RECORDED),
     "the encoders",
     250.0,
 )
 WRENCH_RAW = Topic(
-    "ft/raw", RawWrenchBatch, Kind.STREAM, "hardware", ("force_torque", "planning", *RECORDED), "the sensor", 100.0
+    "ft/raw",
+    RawWrenchBatch,
+    Kind.STREAM,
+    "hardware",
+    ("force_torque", "planning", "operator", *RECORDED),
+    "the sensor",
+    100.0,
 )
 CAMERA_CALIBRATION = Topic(
-    "camera/calibration", CameraCalibration, Kind.STATE, "hardware", RECORDED, "what the cameras are"
+    "camera/calibration", CameraCalibration, Kind.STATE, "hardware", ("operator", *RECORDED), "what the cameras are"
 )
-IMAGE_LEFT = Topic("camera/left/image", Image, Kind.EVENT, "hardware", ("vision", *RECORDED), "left picture")
-IMAGE_RIGHT = Topic("camera/right/image", Image, Kind.EVENT, "hardware", ("vision", *RECORDED), "right picture")
+IMAGE_LEFT = Topic(
+    "camera/left/image", Image, Kind.EVENT, "hardware", ("vision", "operator", *RECORDED), "left picture"
+)
+IMAGE_RIGHT = Topic(
+    "camera/right/image", Image, Kind.EVENT, "hardware", ("vision", "operator", *RECORDED), "right picture"
+)
 TRUTH = Topic(
     "simulation/truth",
     SimulationTruth,
@@ -197,7 +207,7 @@ ADMITTANCE_MOVE = Command(
     "arm/admittance_move", AdmittanceMove, MotionOutcome, "hardware", ("planning", "operator"), "push in, yielding"
 )
 DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning", "operator"), "hold still and average")
-STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning",), "end whatever moves")
+STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning", "operator"), "end whatever moves")
 SET_PAYLOAD = Command(
     "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
 )
@@ -209,7 +219,7 @@ LEASE_BEAT = Topic(
     "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
 )
 LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", RECORDED, "who holds the arm")
-CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision",), "take a pair")
+CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
 RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
 
 # vision ---------------------------------------------------------------------------------------------------------------

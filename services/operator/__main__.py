@@ -10,6 +10,7 @@ import typer
 from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
+from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
 from services.operator.keys_table import keys
 from services.operator.report.cli import report
@@ -29,6 +30,7 @@ app = typer.Typer(
 app.command()(assemble)
 app.command()(withdraw)
 app.add_typer(bench_app, name="bench")
+app.add_typer(cell_app, name="cell")
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(report)
 app.command()(results)

@@ -47,6 +47,8 @@ from crosspih_common.messages import (
     WithdrawResult,
 )
 from crosspih_common.service.lifecycle import DEFAULT_CELL
+from deploy.launcher.state import default_run_root
+from services.operator.cell_check.first import check_before_first
 from services.operator.scoring import TrialFigures, score
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
@@ -142,6 +144,16 @@ class Session:
         """Before anything is asked of it: one clock ticks, one cell. Raises CommandRefused `cell_unfit`."""
         require_one_clock(self.bus)
 
+    def require_checked_cell(self) -> None:
+        """Before the first assembly since the cell was started: the gentle part of `crosspih cell check`.
+
+        Raises CommandRefused `cell_unfit`, with what is wrong and how to mend it.
+        """
+        tick = self._clock.wait_for(lambda _: True, 5.0)
+        if tick is not None:
+            folder = default_run_root() / self.cell.workcell.name
+            check_before_first(self.bus, self.cell.workcell, tick.boot_id, folder)
+
     def follow_events(
         self,
         on_phase: Callable[[AssemblyPhase], None],
@@ -190,6 +202,7 @@ class Session:
         truth: SimulationTruth | None = None
         if not self.simulated:
             seed = None
+            self.require_checked_cell()
         if seed is not None:
             truth = self.reset(ResetCell(seed=seed))
         name = f"assembly-{strategy.value}" + ("" if seed is None else f"-seed{seed}")

@@ -67,6 +67,6 @@ def contradiction(seen: Pose, seen_covariance: ArrayLike, found: Pose, found_cov
         f"what was felt contradicts what was seen: T2 is {lateral * 1e3:.3g} mm and {np.rad2deg(tilt):.3g} degrees "
         f"from vision's pose, whose difference should be known to {sd_lateral * 1e3:.2g} mm and "
         f"{np.rad2deg(sd_tilt):.2g} degrees (sd); squared distance {squared:.0f}, bound {BOUND:.1f}. Look at how the "
-        "cameras are mounted (cell.camera, `crosspih calibrate refine`) and how the sensor is (cell.force_torque), and "
-        "run `crosspih cell check`"
+        "cameras are mounted (cell.camera, `crosspih calibrate refine`) and how the sensor is (cell.force_torque), "
+        "and run `crosspih cell check`"
     )

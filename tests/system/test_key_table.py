@@ -19,7 +19,7 @@ from crosspih_common.refusals import REFUSALS
 from crosspih_common.wrench import IMPLAUSIBLE
 
 ROOT = Path(__file__).resolve().parents[2]
-READS, ASKS = ("latest", "subscribe", "hear", "tap"), ("call", "ask")
+READS, ASKS = ("latest", "hearing", "subscribe", "hear", "tap"), ("call", "ask")
 BUS_METHODS = (*READS, *ASKS, "publisher", "serve")
 # where a key comes as an argument: the recorder's tap on every topic, planning's port and the arm's own `_serve`, whose
 # callers are counted
