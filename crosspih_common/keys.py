@@ -164,7 +164,7 @@ JOINT_STATE = Topic(
     JointState,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", *RECORDED),
+    ("force_torque", "planning", "operator", *RECORDED),
     "the encoders",
     250.0,
 )
@@ -208,7 +208,7 @@ LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("plan
 LEASE_BEAT = Topic(
     "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
 )
-LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", RECORDED, "who holds the arm")
+LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ("operator", *RECORDED), "who holds the arm")
 CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision",), "take a pair")
 RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
 

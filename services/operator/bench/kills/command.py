@@ -38,10 +38,12 @@ class Row(BaseModel):
     complaints: list[str]
 
 
-def _limits(content: dict[str, Any]) -> Limits:
+def _limits(content: dict[str, Any], speed: str) -> Limits:
     limits = (content.get("hardware") or {}).get("limits") or {}
     return Limits(
-        force_cap_n=float(limits.get("force_cap_n", 60.0)), holder_timeout_s=float(limits.get("holder_timeout_s", 0.1))
+        force_cap_n=float(limits.get("force_cap_n", 60.0)),
+        holder_timeout_s=float(limits.get("holder_timeout_s", 0.1)),
+        realtime=speed == "realtime",
     )
 
 
@@ -113,7 +115,7 @@ def kills(
         for case in planned:
             overrides = {**case.overrides, "recorder": {"directory": recordings}}
             content = cell_content(base_cell_text(), Condition(name="kills", overrides=overrides))
-            limits.append(_limits(content))
+            limits.append(_limits(content, speed))
             tasks.append(
                 CellTask(
                     case.name, content, end_service, case.model_dump(mode="json"), (*NEEDED, "recorder"), speed=speed
@@ -127,8 +129,9 @@ def kills(
             seen, case = Observed.model_validate(result), planned[index]
             wrong = complaints(case, seen, limits[index])
             found[index] = Row(speed=speed, case=case, observed=seen, complaints=wrong)
-            for complaint in wrong:
-                progress.say(f"{case.name}: {complaint}", "red")
+            progress.say(
+                f"{case.name}: {_ended(seen)}{'; ' if wrong else ''}{'; '.join(wrong)}", "red" if wrong else ""
+            )
 
         pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))
         try:

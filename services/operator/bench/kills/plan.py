@@ -9,12 +9,12 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from crosspih_common.messages import AssemblyPhase, Phase
+from crosspih_common.messages import AssemblyPhase, Phase, Strategy
 
 SERVICES = ("planning", "vision", "inference", "force_torque", "hardware", "recorder")
 COMPUTING = ("vision", "inference", "force_torque")
 PHASES = (Phase.LOCATING, Phase.APPROACHING, Phase.PUSHING, Phase.TOUCHING, Phase.SEATED)
-# The hole is seen some millimetres off: the first push presses on the rim, and touches must follow.
+# the hole is seen some millimetres off: the first push presses on the rim
 SEEN_OFF: dict[str, Any] = {"vision": {"extra_noise": {"lateral_m": 0.004}}}
 MOVING_RAD_S = 0.05
 # |F| of contact, N, that is waited for before the signal is sent
@@ -49,9 +49,14 @@ class Case(BaseModel):
         return f"{self.service} {self.ending.value} {self.phase.value}"
 
     @property
+    def strategy(self) -> Strategy:
+        """One that comes to that phase: without vision the hole is always touched."""
+        return Strategy.FORCE_ALONE if self.phase is Phase.TOUCHING else Strategy.FUSED
+
+    @property
     def overrides(self) -> dict[str, Any]:
         """What the cell's file is to say, beside what it says."""
-        off = SEEN_OFF if self.phase in (Phase.PUSHING, Phase.TOUCHING) else {}
+        off = SEEN_OFF if self.phase is Phase.PUSHING else {}
         return {**off, "hardware": {"simulated": {"watch_contact": True}}}
 
 
