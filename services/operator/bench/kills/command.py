@@ -129,9 +129,7 @@ def kills(
             seen, case = Observed.model_validate(result), planned[index]
             wrong = complaints(case, seen, limits[index])
             found[index] = Row(speed=speed, case=case, observed=seen, complaints=wrong)
-            progress.say(
-                f"{case.name}: {_ended(seen)}{'; ' if wrong else ''}{'; '.join(wrong)}", "red" if wrong else ""
-            )
+            progress.say(f"{case.name}: {'; '.join([_ended(seen), *wrong])}", "red" if wrong else "")
 
         pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))
         try:

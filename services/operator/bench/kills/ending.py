@@ -22,7 +22,7 @@ from services.operator.session import NEEDED, RECORDER_DEADLINE_S, Session
 
 RIPE_DEADLINE_S = 120.0
 END_DEADLINE_S = 240.0
-STOPPED_FOR_S = 6.0  # a planner that hangs is let go on after so long, or once the arm has let go of it
+STOPPED_FOR_S = 6.0  # a planner that hangs goes on after so long, its link then cut, or once the arm let go of it
 RESTART_DEADLINE_S = 120.0
 _POLL_S = 0.05
 
@@ -89,10 +89,10 @@ class _Run:
             asker.join(END_DEADLINE_S)
             return self._observed(watch.since_signal_s(), moving, force_n)
         finally:
-            if self._case.service != "planning" and self._case.ending is Ending.STOP:
+            if self._case.ending is Ending.STOP:
+                # the next case wants one that has nothing left to do
                 os.kill(pid, signal.SIGKILL)
-            if self._case.service != "planning" or self._case.ending is Ending.KILL:
-                self._wait_restarted(pid)
+            self._wait_restarted(pid)
 
     def _ask(self) -> None:
         try:

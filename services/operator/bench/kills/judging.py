@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from crosspih_common.bus import LEASE_MS
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import Failure
+from crosspih_common.messages import Failure, StopReason
 from services.operator.bench.kills.plan import COMPUTING, Case, Ending
 
 LOOK_BACK_S = 0.02
@@ -14,6 +15,7 @@ AT_END_RAD = 2e-5
 STOP_S = 0.2  # of the cell's clock, from the instant in which the holder counts as gone
 NAMED_S = 1.0  # of the wall's clock
 WAITED_S = 3.0  # that an arm whose time stands still waits for a beat, of the wall's clock
+LINK_S = LEASE_MS * 1e-3  # after which the link of one that hangs is cut, where it does not only compute
 ALLOWED = 1.1  # times the cap
 
 
@@ -26,11 +28,18 @@ class Limits(BaseModel):
     holder_timeout_s: float
     realtime: bool
 
-    def named_s(self, case: Case) -> float:
-        """By when the loss is to be named. A planner that hangs is missed by its beats alone, and at full speed an arm
-        stands still for some seconds first, until the next one is due on the wall's clock."""
-        waits = case.service == "planning" and case.ending is Ending.STOP and not self.realtime
-        return NAMED_S + (WAITED_S if waits else 0.0)
+    def named_s(self, case: Case, stop_reason: str) -> float:
+        """By when the loss is to be named, s on the wall's clock.
+
+        A planner that hangs while the arm moves is missed by its beats; at full speed an arm stands still for some
+        seconds first, until the next one is due on the wall's clock. Where nothing moves, and for arm and recorder,
+        the link alone says so, which a busy machine must not cut.
+        """
+        if case.ending is Ending.KILL or case.service in COMPUTING:
+            return NAMED_S
+        if stop_reason == StopReason.HOLDER_LOST.value:
+            return NAMED_S + (0.0 if self.realtime else WAITED_S)
+        return NAMED_S + LINK_S
 
 
 class Observed(BaseModel):
@@ -90,8 +99,8 @@ def complaints(case: Case, seen: Observed, limits: Limits) -> list[str]:
         found.append(f"pressed with {seen.peak_n:.0f} N, the cap is {limits.force_cap_n:g} N")
     if seen.named_s is None:
         found.append("nobody named the loss")
-    elif seen.named_s > limits.named_s(case):
-        found.append(f"named after {seen.named_s:.1f} s, want {limits.named_s(case):g} s")
+    elif seen.named_s > (allowed_s := limits.named_s(case, seen.stop_reason)):
+        found.append(f"named after {seen.named_s:.1f} s, want {allowed_s:g} s")
     if seen.ended_s is None:
         return [*found, "the assembly did not end"]
     if case.service == "planning":
@@ -113,8 +122,8 @@ def _planner_gone(case: Case, seen: Observed, limits: Limits) -> list[str]:
     if case.ending is Ending.KILL:
         if not seen.asker_told:
             found.append("whoever asked for the assembly was not told")
-    elif not seen.inserted:
-        # it came back, and has to deal with an arm that let go of it
+    elif not seen.inserted and not seen.asker_told:
+        # it came back before its link was cut, and has to deal with an arm that let go of it
         found += _orderly_end(seen, needs_peg_out=True, want=(Failure.ARM_STOPPED, Failure.SERVICE_LOST))
     return found
 
