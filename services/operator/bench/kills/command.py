@@ -132,9 +132,12 @@ def kills(
             progress.say(f"{case.name}: {'; '.join([_ended(seen), *wrong])}", "red" if wrong else "")
 
         pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))
+        lost: dict[int, str] = {}
         try:
             with progress:
                 lost = run_in_cells(tasks, pool, on_result, progress)
+        except KeyboardInterrupt:
+            console.print("interrupted: what was seen so far")
         finally:
             pool.close()
     rows = [found[index] for index in sorted(found)]
