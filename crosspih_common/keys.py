@@ -218,7 +218,7 @@ LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("plan
 LEASE_BEAT = Topic(
     "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
 )
-LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", RECORDED, "who holds the arm")
+LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ("operator", *RECORDED), "who holds the arm")
 CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
 RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
 

@@ -7,6 +7,7 @@ from services.operator.bench.caps.command import caps
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
 from services.operator.bench.engines import engines
+from services.operator.bench.kills.command import kills
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
 from services.operator.bench.states import states
@@ -22,3 +23,4 @@ app.command()(vision)
 app.command()(refine)
 app.command()(engines)
 app.command()(caps)
+app.command()(kills)

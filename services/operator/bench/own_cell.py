@@ -35,7 +35,7 @@ class CellTask:
 
     `work(session, payload)` runs in the worker's process: a function of a module, with a result that can be pickled.
     `content` is the cell's file as a mapping; tasks with equal contents and services share a stack. With `calibrate`
-    the F/T sensor is calibrated when the stack has come up, always from the same seed.
+    the F/T sensor is calibrated when the stack has come up, always from the same seed. `speed` is max or realtime.
     """
 
     label: str
@@ -44,11 +44,12 @@ class CellTask:
     payload: Any
     services: tuple[str, ...] = NEEDED
     calibrate: bool = True
+    speed: str = "max"
 
     def same_cell(self, other: CellTask | None) -> bool:
         """Whether both can be done in one cell."""
-        return other is not None and (self.content, self.services, self.calibrate) == (
-            other.content, other.services, other.calibrate,
+        return other is not None and (self.content, self.services, self.calibrate, self.speed) == (
+            other.content, other.services, other.calibrate, other.speed,
         )  # fmt: skip
 
 
@@ -68,7 +69,7 @@ def content_for(content: dict[str, Any], name: str, folder: Path) -> dict[str, A
 
 
 class OwnCell:
-    """One stack at the cell's own full speed, from `start` to `close`. It sets the process's CROSSPIH_ variables.
+    """One stack at the task's speed, from `start` to `close`. It sets the process's CROSSPIH_ variables.
 
     A helper process holds a pipe from this one: should this one be killed, it stops the stack.
     """
@@ -99,7 +100,9 @@ class OwnCell:
         load_cell(path)
         root = str(Path(deploy.__file__).resolve().parent.parent)
         endpoint = f"tcp/127.0.0.1:{_free_port()}"
-        os.environ.update(CROSSPIH_CELL=str(path), CROSSPIH_ENDPOINT=endpoint, CROSSPIH_SPEED="max")
+        os.environ.update(CROSSPIH_CELL=str(path), CROSSPIH_ENDPOINT=endpoint, CROSSPIH_SPEED=self._task.speed)
+        # where the work finds the stack's state
+        os.environ["CROSSPIH_RUN_DIR"] = str(self._folder / "run")
         os.environ["PYTHONPATH"] = os.pathsep.join(
             dict.fromkeys([root, *os.environ.get("PYTHONPATH", root).split(":")])
         )
@@ -110,8 +113,8 @@ class OwnCell:
         start_stack(self._request, True, START_DEADLINE_S)
         self._session = session = Session()
         session.wait_for_services(START_DEADLINE_S, self._task.services)
-        if "hardware" in self._task.services and session.speed() != "max":
-            raise NoService("hardware: the cell came up in real time, wanted max")
+        if "hardware" in self._task.services and session.speed() != self._task.speed:
+            raise NoService(f"hardware: the cell came up at {session.speed()}, wanted {self._task.speed}")
         if self._task.calibrate:
             session.reset(ResetCell(seed=CALIBRATION_SEED))
             session.calibrate_ft(CALIBRATION_DWELL_S)
