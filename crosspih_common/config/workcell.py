@@ -62,6 +62,11 @@ class Workcell(Section):
     home_joints_rad: Joints = NAMED_ARMS["xb4"].home_rad
     # elasticity between the encoders and the links; about 100 N/mm at the tool in front of the hole
     joint_stiffness_nm_rad: Joints = NAMED_ARMS["xb4"].stiffness_nm_rad
+    contact_stiffness_n_m: float | None = Field(
+        default=None, ge=1e3, le=1e9,
+        description="of one contact point of peg and hole, along its normal: how soft peg, plate and what holds them "
+        "are, in series. None: the arm alone gives way",
+    )  # fmt: skip
     gravity_base_m_s2: Vector3 = (0.0, 0.0, -9.81)
     force_torque: SensorSection = SensorSection()
     # dry friction to expect between peg and hole; the estimator measures it from the touches
@@ -127,9 +132,20 @@ class Workcell(Section):
         return self.arm().pose_base_flange(joints_rad) @ self.pose_flange_peg()
 
     def compliance_peg(self, joints_rad: Array | tuple[float, ...]) -> Array:
+        """(6, 6): `arm_compliance_peg` and a contact that gives way, in series, where one is declared.
+
+        It is what brings a peg that touches at one point to where it would stand against a rigid plate: the contact's
+        spring moves it along the force, wherever the point is. Several points side by side give way less.
+        """
+        compliance = self.arm_compliance_peg(joints_rad)
+        if self.contact_stiffness_n_m is not None:
+            compliance[:3, :3] += np.eye(3) / self.contact_stiffness_n_m
+        return compliance
+
+    def arm_compliance_peg(self, joints_rad: Array | tuple[float, ...]) -> Array:
         """(6, 6): the twist of the peg frame (x, y, z, rx, ry, rz, in the peg frame) a unit wrench on the peg makes.
 
-        C = J K^-1 J^T with the Jacobian of the peg frame's origin (Salisbury 1980).
+        C = J K^-1 J^T with the Jacobian of the peg frame's origin (Salisbury 1980): the arm alone.
         """
         jacobian = self.arm().jacobian(joints_rad, self.pose_flange_peg())
         rotation = self.pose_base_peg(joints_rad).rotation

@@ -8,6 +8,7 @@ import numpy as np
 
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose, rotation_to_error_angles
+from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import ADVISE_INSERTION, ESTIMATE, NETWORK, NEXT_TOUCH, SEATED
 from crosspih_common.messages import (
     AdviseInsertion,
@@ -31,6 +32,7 @@ from services.inference.estimator import (
     BoreWalls,
     EstimatorSettings,
     PosePrior,
+    PressSettings,
     TouchObservation,
     TouchVerdict,
     advise_insertion,
@@ -55,7 +57,10 @@ class InferenceShell:
         self._tables = PairTables.of(self._peg, self._hole)
         # what the bore holds: all but the depth, and of a round peg the turn neither
         self._held = 5 if BoreWalls.of(self._peg, self._hole).turn_fixed else 4
+        contact_n_m = self._workcell.contact_stiffness_n_m
+        self._press_settings = PressSettings.of(contact_n_m)
         self._settings = EstimatorSettings(
+            gap_sd_m=EstimatorSettings.gap_sd_of(contact_n_m),
             friction_mean=self._workcell.friction_expected,
             friction_sd=config.friction_sd,
             samples=config.samples,
@@ -79,9 +84,14 @@ class InferenceShell:
             pose_base_peg=touch.pose_base_peg.pose(),
             wrench_peg=np.asarray(touch.wrench),
             wrench_sd=np.asarray(touch.wrench_sd),
-            compliance_peg=self._workcell.compliance_peg(touch.joints_rad),
+            compliance_peg=self._compliance(touch),
             motion_direction_base=direction / np.linalg.norm(direction),
         )
+
+    def _compliance(self, touch: Touch) -> Array:
+        """Of a touch with the contact's own; in the bore several contacts press, and each is a spring of its own."""
+        workcell = self._workcell
+        return (workcell.arm_compliance_peg if touch.seated else workcell.compliance_peg)(touch.joints_rad)
 
     def _prior(self, prior: PriorMessage) -> PosePrior:
         return PosePrior(
@@ -123,7 +133,9 @@ class InferenceShell:
     ) -> PoseErrorEstimate:
         """Nothing but presses against the bore, the peg in it: many contacts at once, but all linear."""
         try:
-            found = pressed_estimate(self._peg, self._hole, self._prior(request.prior), observations)
+            found = pressed_estimate(
+                self._peg, self._hole, self._prior(request.prior), observations, self._press_settings
+            )
         except ValueError as error:
             raise CommandRefused("not_seated", str(error)) from None
         return PoseErrorEstimate(
@@ -181,7 +193,7 @@ class InferenceShell:
             np.asarray(request.prior.covariance).reshape(6, 6),
             pose_base_peg,
             np.asarray(request.wrench),
-            self._workcell.compliance_peg(request.joints_rad),
+            self._workcell.arm_compliance_peg(request.joints_rad),
         )
         return PoseErrorEstimate(
             pose_base_hole=PoseData.of(pose),
@@ -204,7 +216,7 @@ class InferenceShell:
             np.asarray(request.belief.covariance).reshape(6, 6),
             request.pose_base_peg.pose(),
             np.asarray(request.wrench),
-            self._workcell.compliance_peg(request.joints_rad),
+            self._workcell.arm_compliance_peg(request.joints_rad),
             self._workcell.friction_expected if request.friction is None else request.friction,
             request.push_force_n,
             request.force_limit_n,

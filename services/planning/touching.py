@@ -22,12 +22,15 @@ from crosspih_common.messages import (
     floats,
 )
 from crosspih_common.messages.base import Vector6
+from services.planning.gentle import OBSERVE_S, Gentle
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 
 RELAXATIONS = 3
 AT_REST_N = 3.0
 AT_REST_NM = 0.15
+LATERAL_DAMPING_N_S_M = 2000.0  # of a push in a cell that is soft enough for it
+ROTATIONAL_DAMPING_NM_S_RAD = 20.0
 FreeAir = tuple[Vector6, PoseData] | None
 
 
@@ -47,17 +50,22 @@ def push(run: Run, pose_base_hole: Pose, force_n: float | None = None) -> bool:
     tip = pose_base_hole.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, shape.tip_m]))
     depth = hole.chamfer_m + shape.taper_length_m + run.workcell.insertion_depth_m + run.config.extra_depth_m
     travel = float(depth - tip[2])
+    force_n = force_n or run.config.push_force_n
+    gentle = Gentle.at(run.workcell, run.joints_rad)
+    speed_m_s = gentle.push_speed_m_s(run.config, force_n)
     run.pushes += 1
     run.tell(Phase.PUSHING, f"compliant push {run.pushes}", travel_mm=travel * 1e3)
     outcome = run.ports.ask(
         ADMITTANCE_MOVE,
         AdmittanceMove(
             direction_base=floats(pose_base_hole.rotation[:, 2]),
-            speed_m_s=run.config.push_speed_m_s,
+            speed_m_s=speed_m_s,
             travel_m=travel,
-            axial_force_n=force_n or run.config.push_force_n,
+            axial_force_n=force_n,
+            lateral_damping_n_s_m=gentle.lateral_damping_n_s_m(LATERAL_DAMPING_N_S_M),
+            rotational_damping_nm_s_rad=gentle.rotational_damping_nm_s_rad(ROTATIONAL_DAMPING_NM_S_RAD),
             stall_s=run.config.push_stall_s,
-            timeout_s=run.config.push_timeout_s,
+            timeout_s=min(60.0, run.config.push_timeout_s * run.config.push_speed_m_s / speed_m_s),
         ),
     )
     run.account(outcome)
@@ -90,13 +98,16 @@ def touch_from(
     travel_m = travel_m or run.config.touch_travel_m
     touch: Touch | None = None
     free: FreeAir = None
-    for speed, part_m in ((run.config.probe_speed_m_s, slow_travel_m), (speed_m_s, travel_m - slow_travel_m)):
+    gentle = Gentle.at(run.workcell, run.joints_rad)
+    slowly_m_s, speed_m_s = gentle.probe_speed_m_s(run.config), gentle.touch_speed_m_s(run.config, speed_m_s)
+    for speed, part_m in ((slowly_m_s, slow_travel_m), (speed_m_s, travel_m - slow_travel_m)):
         if part_m <= 0.0:
             continue
         command = GuardedMove(
             direction_base=floats(direction),
             speed_m_s=speed,
-            creep_speed_m_s=run.config.touch_creep_m_s,
+            creep_speed_m_s=gentle.creep_m_s(run.config),
+            observe_s=OBSERVE_S,
             force_threshold_n=threshold_n,
             travel_limit_m=part_m,
             retreat_m=run.config.touch_clearance_m,
@@ -124,7 +135,7 @@ def touch_from(
 
 
 def deflected(run: Run, touch: Touch) -> Pose:
-    """Where the peg truly was in a touch, `pose_base_peg`: joints and wrist give way to the wrench."""
+    """Where the peg truly was in a touch, `pose_base_peg`: joints, wrist and contact give way to the wrench."""
     twist = run.workcell.compliance_peg(touch.joints_rad) @ np.asarray(touch.wrench)
     return touch.pose_base_peg.pose() @ Pose.from_rotvec(twist[3:], twist[:3])
 
@@ -134,7 +145,8 @@ def press(run: Run, pose_base_peg_start: Pose, direction: Array) -> None:
     command = GuardedMove(
         direction_base=floats(direction),
         speed_m_s=run.config.press_speed_m_s,
-        creep_speed_m_s=run.config.press_creep_m_s,
+        creep_speed_m_s=Gentle.at(run.workcell, run.joints_rad).press_creep_m_s(run.config),
+        observe_s=OBSERVE_S,
         force_threshold_n=run.config.press_force_n,
         travel_limit_m=run.config.press_travel_m,
     )
@@ -186,7 +198,7 @@ def relax(run: Run) -> tuple[MotionOutcome, ContactReading]:
         wrench = np.asarray(reading.wrench)
         if left == 0 or (np.linalg.norm(wrench[:3]) < AT_REST_N and np.linalg.norm(wrench[3:]) < AT_REST_NM):
             break
-        twist = run.workcell.compliance_peg(outcome.joints_rad) @ wrench
+        twist = run.workcell.arm_compliance_peg(outcome.joints_rad) @ wrench
         try:
             run.slide_to(run.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), run.config.press_speed_m_s)
         except AssemblyFailed as refused:

@@ -298,3 +298,15 @@ def test_only_the_engine_asked_for_is_imported(name: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@EVERY
+@pytest.mark.parametrize("stiffness_n_m", [3e4, 3e5])
+def test_a_contact_that_gives_way_has_the_stiffness_it_was_given(name: str, stiffness_n_m: float) -> None:
+    with opened(name, SimulatedConfig(contact_stiffness_n_m=stiffness_n_m)) as engine:
+        start = touching(engine, np.zeros(3), np.array([0.03, 0.03]))
+        end = start @ Pose.from_translation([0.0, 0.0, 2e-4])
+        sensed = press(engine, start @ Pose.from_translation([0.0, 0.0, -2e-4]), end, hold=200)
+        strongest_n = max(float(np.linalg.norm(contact.force_base_n)) for contact in engine.contacts())
+        assert strongest_n == pytest.approx(stiffness_n_m * engine.deepest_penetration_m(), rel=0.05)
+        assert float(sensed[-100:, :3].std(axis=0).max()) < 0.05

@@ -67,6 +67,10 @@ class PosePrior:
         return cls(pose_base_hole, np.diag(np.square(sd)), tail_degrees)
 
 
+GAP_SD_M = 3e-5
+SHARED_N = 2.0  # of the force of a touch: what may be carried by another point than is thought
+
+
 @dataclass(frozen=True, slots=True)
 class EstimatorSettings:
     """How far the model is trusted: errors that come on top of the noise of a reading.
@@ -79,7 +83,7 @@ class EstimatorSettings:
     posterior, in each of its rounds, until they are worth wanted_draws independent ones.
     """
 
-    gap_sd_m: float = 3e-5
+    gap_sd_m: float = GAP_SD_M
     force_floor_n: float = 0.03
     moment_floor_nm: float = 0.0015
     relative_floor: float = 0.002
@@ -96,6 +100,13 @@ class EstimatorSettings:
     draws: int = 160
     rounds: int = 5
     wanted_draws: float = 60.0
+
+    @staticmethod
+    def gap_sd_of(contact_stiffness_n_m: float | None) -> float:
+        """The gap's sd, m, where contacts give way: one point or two share what a usual touch presses with."""
+        if contact_stiffness_n_m is None:
+            return GAP_SD_M
+        return float(np.hypot(GAP_SD_M, SHARED_N / contact_stiffness_n_m))
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,6 +49,11 @@ class PressSettings:
     lever_m: float = 0.02
     gate: float = 9.0
 
+    @classmethod
+    def of(cls, contact_stiffness_n_m: float | None) -> PressSettings:
+        """For walls that give way as declared; None: rigid ones."""
+        return cls() if contact_stiffness_n_m is None else cls(wall_stiffness_n_m=min(2e6, contact_stiffness_n_m))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PressedEstimate:

@@ -173,7 +173,7 @@ def _assembly(recording: Recording, workcell: Workcell, content: dict[str, Any])
             touch.pose_base_peg.pose(),
             back @ np.asarray(touch.wrench),
             np.asarray(touch.wrench_sd),
-            workcell.compliance_peg(touch.joints_rad),
+            (workcell.arm_compliance_peg if touch.seated else workcell.compliance_peg)(touch.joints_rad),
             direction / np.linalg.norm(direction),
         )
 

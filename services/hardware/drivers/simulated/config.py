@@ -64,6 +64,10 @@ class SimulatedConfig(Section):
         default="realtime", description="max: the cell's clock runs only while a command does"
     )
     friction_coefficient: float = Field(default=0.1, ge=0.0, le=1.0, description="peg against hole")
+    contact_stiffness_n_m: float | None = Field(
+        default=None, ge=1e4, le=1e6,
+        description="of every contact point, along its normal; points side by side add up. None: rigid",
+    )  # fmt: skip
     # of each joint against its own critical damping; see engines/protocol.py for what it costs and buys
     joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
     period_s: float = Field(default=0.001, ge=0.001, le=0.02, description="of the arm's cycle, in whole milliseconds")

@@ -77,7 +77,7 @@ def joints_at_hole(workcell: Workcell) -> Array:
 
 def lateral_stiffness_n_m(workcell: Workcell) -> float:
     """How hard the arm holds the peg sideways at the rim: the geometric mean of the two lateral directions, N/m."""
-    compliance = workcell.compliance_peg(joints_at_hole(workcell))
+    compliance = workcell.arm_compliance_peg(joints_at_hole(workcell))
     to_rim = np.eye(6)
     to_rim[:3, 3:] = -skew([0.0, 0.0, 0.5 * (workcell.peg.shape().tip_m + workcell.peg.shape().taper_start_m)])
     lateral = (to_rim @ compliance @ to_rim.T)[:2, :2]

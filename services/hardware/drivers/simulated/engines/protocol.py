@@ -21,6 +21,7 @@ from crosspih_common.geometry.pose import Array
 
 STEP_NS = 1_000_000
 STEP_S = 1e-3
+CONTACT_DAMPING_S = 2e-3  # of a contact that gives way: its damping over its stiffness
 
 
 @dataclass(frozen=True, slots=True)

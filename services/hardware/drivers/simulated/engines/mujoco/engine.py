@@ -10,8 +10,8 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
-from services.hardware.drivers.simulated.engines.mujoco.world import HOLE, PEG, world_xml
-from services.hardware.drivers.simulated.engines.protocol import ContactPoint
+from services.hardware.drivers.simulated.engines.mujoco.world import HOLE, PEG, soften, world_xml
+from services.hardware.drivers.simulated.engines.protocol import CONTACT_DAMPING_S, ContactPoint
 from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
 
 
@@ -28,6 +28,9 @@ class Physics:
         self._model = mujoco.MjModel.from_xml_string(
             world_xml(bodies, peg, hole, config.friction_coefficient, workcell.gravity_base_m_s2)
         )
+        if config.contact_stiffness_n_m is not None:
+            stiffness_n_m = config.contact_stiffness_n_m
+            soften(self._model, stiffness_n_m, CONTACT_DAMPING_S * stiffness_n_m)
         self._data = mujoco.MjData(self._model)
         self._peg_geoms = frozenset(int(self._model.geom(f"{PEG}{index}").id) for index in range(len(peg)))
         self._mocap = int(self._model.body(HOLE).mocapid[0])

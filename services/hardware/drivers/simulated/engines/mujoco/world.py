@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import mujoco
 import numpy as np
 
 from crosspih_common.geometry import Pose
@@ -28,6 +29,7 @@ from services.hardware.drivers.simulated.engines.protocol import STEP_S
 
 PEG, HOLE, SENSOR = "peg", "hole", "sensor"
 _CONTACT = f'condim="3" solref="{3.0 * STEP_S} 1" solimp="0.95 0.99 0.0001"'
+_SOFT_IMPEDANCE = 0.1
 
 
 def world_xml(
@@ -51,6 +53,20 @@ def world_xml(
         f'<worldbody><body name="{HOLE}" mocap="true">{_geoms(HOLE, len(hole))}</body>{_arm(arm, len(peg))}</worldbody>'
         f'<contact>{pairs}</contact><sensor><force site="{SENSOR}"/><torque site="{SENSOR}"/></sensor></mujoco>'
     )
+
+
+def soften(model: mujoco.MjModel, stiffness_n_m: float, damping_n_s_m: float) -> None:
+    """Contact points that give way, along their normal, by a spring and a damper.
+
+    With an impedance d that is the same at every depth, and the inverse mass w of the peg's body as MuJoCo takes it for
+    all its contacts, a contact at rest carries s r / ((1 - d) w) at the overlap r, where -s is the first number of
+    `solref`. It also resists like a mass of d / ((1 - d) w), which a small d keeps small. Friction stays as hard as it
+    is in the rigid cell.
+    """
+    per_newton = (1.0 - _SOFT_IMPEDANCE) * float(model.body(PEG).invweight0[0])
+    model.pair_solref[:] = -stiffness_n_m * per_newton, -damping_n_s_m * per_newton
+    model.pair_solimp[:, :3] = _SOFT_IMPEDANCE, _SOFT_IMPEDANCE, 1e-4
+    model.pair_solreffriction[:] = 3.0 * STEP_S / _SOFT_IMPEDANCE, 1.0
 
 
 def _words(values: Iterable[float]) -> str:

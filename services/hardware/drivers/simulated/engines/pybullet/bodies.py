@@ -111,6 +111,15 @@ def set_peg_friction(body: int, joints: int, friction: float, client: int) -> No
             raise RuntimeError(f"the simulator kept friction {got} on peg piece {link}, wanted {friction}")
 
 
+def soften(blocks: list[int], stiffness_n_m: float, damping_n_s_m: float, client: int) -> None:
+    """Contact points of the fixture's bodies that give way: the peg's side stays hard, and Bullet takes the pair as
+    two springs in series, k = 1 / (1 / k1 + 1 / k2), whose damping adds up."""
+    for block in blocks:
+        pybullet.changeDynamics(
+            block, -1, contactStiffness=stiffness_n_m, contactDamping=damping_n_s_m, physicsClientId=client
+        )
+
+
 def _with_margin(shape: int, client: int) -> int:
     dummy = pybullet.createMultiBody(0.0, shape, physicsClientId=client)
     pybullet.changeDynamics(dummy, -1, collisionMargin=MARGIN_M, physicsClientId=client)

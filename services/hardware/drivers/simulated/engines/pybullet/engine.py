@@ -11,7 +11,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import ConvexPiece
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
-from services.hardware.drivers.simulated.engines.protocol import STEP_S, ContactPoint
+from services.hardware.drivers.simulated.engines.protocol import CONTACT_DAMPING_S, STEP_S, ContactPoint
 from services.hardware.drivers.simulated.engines.pybullet import bodies
 from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
 
@@ -65,7 +65,10 @@ class Physics:
         self._arm = bodies.add_arm(self._bodies, self._pieces, client)
         # The friction of a pair is the product of the two.
         bodies.set_peg_friction(self._arm, len(self._joints), self._config.friction_coefficient, client)
-        bodies.add_hole(self._blocks, pose_base_hole, 1.0, client)
+        blocks = bodies.add_hole(self._blocks, pose_base_hole, 1.0, client)
+        contact_n_m = self._config.contact_stiffness_n_m
+        if contact_n_m is not None:
+            bodies.soften(blocks, contact_n_m, CONTACT_DAMPING_S * contact_n_m, client)
         mass = np.array(
             pybullet.calculateMassMatrix(self._arm, self._nominal_joints_rad.tolist(), physicsClientId=client)
         )
