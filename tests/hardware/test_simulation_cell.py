@@ -234,7 +234,7 @@ def test_reset_places_the_peg_and_refuses_to_place_it_inside_the_fixture(cell: H
 
 
 def test_compensation_uses_the_payload_it_is_given(cell: HostedCell) -> None:
-    goal = nearest(WORKCELL.arm(), WORKCELL.arm().pose_base_flange(HOME + 0.3), HOME)
+    goal = nearest(WORKCELL.arm(), WORKCELL.arm().pose_base_flange(HOME + 0.25), HOME)
     without = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal, seconds=3.0)))
     cell.arm.set_payload(
         SetPayload(
