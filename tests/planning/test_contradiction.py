@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import Failure
+from services.hardware.drivers.simulated.config import SimulatedConfig, TruthConfig
 from services.operator.scoring import score
 from services.operator.show import summary
 from services.planning.contradiction import BOUND, contradiction, nearest_turn, squared_distance
@@ -103,5 +105,18 @@ def test_an_assembly_tells_when_vision_and_touch_contradict(tmp_path: Path) -> N
         figures = score(cell.cell.workcell, result, None, wall_s=1.0, recording=None)
         assert figures.warnings == result.warnings
         assert any("warning" in str(cell_) for cell_ in summary(figures).columns[0]._cells)
+    finally:
+        cell.close()
+
+
+def test_an_inverted_sensor_is_refused_before_it_can_mislead(tmp_path: Path) -> None:
+    """It was once called a success, T2 half a degree off: its weight points up, and the calibration sees that."""
+    truth = TruthConfig(ft_factors=(-1.0,) * 6)
+    cell = CellInMemory(tmp_path, simulated=SimulatedConfig(truth=truth))
+    try:
+        cell.reset(1)
+        result = cell.assemble()
+        assert not result.inserted and result.failure is Failure.NOT_CALIBRATED
+        assert "cell.force_torque.reports" in result.failure_detail
     finally:
         cell.close()
