@@ -87,6 +87,7 @@ def test_what_is_in_order(service: str, changes: dict[str, object]) -> None:
         ("vision", {"peak_n": 67.0}, "pressed with 67 N"),
         ("vision", {"named_s": 1.5}, "named after 1.5 s"),
         ("vision", {"named_s": None}, "nobody named"),
+        ("vision", {"named_s": None, "ended_s": None}, "nobody named"),
         ("vision", {"ended_s": None}, "did not end"),
         ("vision", {"failure": Failure.NOT_CONVERGED}, "ended as not_converged, want service_lost"),
         ("vision", {"backed_off": False}, "not backed off"),
