@@ -23,7 +23,7 @@ class PlanningConfig(Section):
     touch_speed_m_s: float = Field(default=0.01, gt=0.0, le=0.1)
     touch_creep_m_s: float = Field(default=0.001, gt=0.0, le=0.02)
     # stiff cells are touched more slowly (gentle.py), so that no more is added to what stops a touch
-    touch_adds_n: float = Field(default=15.0, gt=0.0, description="by the creep while it is observed, at the most")
+    touch_adds_n: float = Field(default=18.0, gt=0.0, description="by the creep while it is observed, at the most")
     touch_reaction_n: float = Field(default=15.0, gt=0.0, description="before a touch hears of the force, at the most")
     touch_threshold_n: float = Field(default=5.0, gt=0.0)
     touch_travel_m: float = Field(default=0.045, gt=0.0, description="felt nothing on this way: the hole is not there")

@@ -34,7 +34,7 @@ def test_the_default_cell_goes_at_its_configured_speeds() -> None:
     found = gentle(cell())
     assert found.probe_speed_m_s(CONFIG) == CONFIG.probe_speed_m_s
     assert found.touch_speed_m_s(CONFIG, CONFIG.touch_speed_m_s) == CONFIG.touch_speed_m_s
-    assert found.creep_m_s(CONFIG) == pytest.approx(CONFIG.touch_creep_m_s, rel=0.05)
+    assert found.creep_m_s(CONFIG) == CONFIG.touch_creep_m_s
     assert found.press_creep_m_s(CONFIG) == CONFIG.press_creep_m_s
     assert found.push_speed_m_s(CONFIG, CONFIG.push_force_n) == CONFIG.push_speed_m_s
     assert found.rotational_damping_nm_s_rad(20.0) == 20.0
