@@ -286,6 +286,7 @@ class ArmController:
         while not self._closing.is_set():
             with self._turn.idle():
                 self._execution.hold_still(self._runner.period_s)
+                self.holder.drop_expired(self._runner.now_ns)
 
     @contextmanager
     def _command(self) -> Iterator[None]:

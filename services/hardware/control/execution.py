@@ -8,8 +8,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Generator
 
+import numpy as np
+
 from crosspih_common.messages import StopReason
-from services.hardware.control.backing_off import back_off
+from services.hardware.control.backing_off import LOOK_S, back_off
 from services.hardware.control.config import LimitsConfig
 from services.hardware.control.cycle import Reading, Reference
 from services.hardware.control.effort import Effort
@@ -147,12 +149,23 @@ class Execution:
         runner = self._runner
         said = f"no beat of its holder for {self._holder.timeout_s:g} s: stopped"
         self.brake()
-        reading = runner.advance(runner.still())
-        if reading.force_n > SMALL_LOAD[0] or reading.moment_nm > SMALL_LOAD[1]:
-            said += f", and went back the way it came, out of {reading.force_n:.1f} N"
+        force_n, moment_nm = self._felt_at_rest()
+        if force_n > SMALL_LOAD[0] or moment_nm > SMALL_LOAD[1]:
+            said += f", and went back the way it came, out of {force_n:.1f} N"
             self.back_off()
         self._holder.drop(runner.now_ns)
         return Ending(StopReason.HOLDER_LOST, said)
+
+    def _felt_at_rest(self) -> tuple[float, float]:
+        """|F|, N, and |M|, Nm: what is felt right after braking is inertia, not contact."""
+        count = max(3, round(LOOK_S / self._runner.period_s))
+        felt = []
+        for _ in range(count):
+            reading = self._runner.advance(self._runner.still())
+            self._felt(reading)
+            felt.append(reading.contact)
+        mean = np.mean(felt[-max(1, count // 3) :], axis=0)
+        return float(np.linalg.norm(mean[:3])), float(np.linalg.norm(mean[3:]))
 
     def _cannot_go_on(self) -> Ending | None:
         runner, config = self._runner, self._config

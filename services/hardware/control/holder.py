@@ -115,6 +115,14 @@ class Holder:
             self._cycle_at_s, self._cycle_ns = wall_s, now_ns
             return bool(self._lease) and self._silent_s >= self.timeout_s
 
+    def drop_expired(self, now_ns: int) -> None:
+        """Between motions: let go of a holder whose beats have stayed away, and say so."""
+        with self._changed:
+            if not self._lease or not self._expired():
+                return
+            state = self._clear(now_ns)
+        self.on_change(state)
+
     def drop(self, now_ns: int) -> None:
         """The holder is gone: motion needs the lease to be taken anew."""
         with self._changed:
