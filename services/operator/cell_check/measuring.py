@@ -216,9 +216,9 @@ class Measurer:
             return checks
         checks.append(presence.check_clock(within))
         checks.append(streams.check_joint_rate(states))
-        checks.append(streams.check_stamps("arm/joint_state", [one.stamp_ns for one in states], start, end))
+        checks.append(streams.check_stamps(JOINT_STATE.path, [one.stamp_ns for one in states], start, end))
         checks.append(streams.check_joint_outcome(states, outcome))
-        on_clock = streams.check_stamps("ft/raw", [one.stamp_ns for one in batches], start, end)
+        on_clock = streams.check_stamps(WRENCH_RAW.path, [one.stamp_ns for one in batches], start, end)
         checks += [on_clock, streams.check_wrench_period(batches)]
         if not fails([on_clock]):
             checks.append(streams.check_wrench_outcome(batches, outcome))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.keys import JOINT_STATE
 from crosspih_common.messages import JointState, MotionOutcome, RawWrenchBatch
 from services.operator.cell_check.presence import UNIX_NS
 from services.operator.cell_check.verdict import Check, failed, passed
@@ -115,7 +116,7 @@ def check_joint_outcome(states: Sequence[JointState], outcome: MotionOutcome) ->
         return passed(name, f"{off:.1e} rad apart at the most")
     ratio = float(np.linalg.norm(streamed) / max(float(np.linalg.norm(told)), 1e-9))
     if _like_degrees(ratio) or _like_degrees(1.0 / max(ratio, 1e-9)):
-        which = "arm/joint_state" if ratio > 1.0 else "the outcome"
+        which = JOINT_STATE.path if ratio > 1.0 else "the outcome"
         return failed(name, f"{which} is 57.3 times the other: degrees", "radians everywhere (`joints_rad`)")
     return failed(name, f"{off:.3g} rad apart", "both are the encoders (the motor side) at the outcome's stamp")
 
