@@ -77,7 +77,7 @@ class Runner:
         self.now_ns = state.stamp_ns
         self.joints_rad = np.array(state.positions_rad, dtype=float)
         self.speeds_rad_s = np.zeros(len(self.joints_rad))
-        self.measured_rad = self.joints_rad
+        self.measured_rad, self._measured_rad_s = self.joints_rad, self.speeds_rad_s
         self.pose_base_peg = self.forward(self.joints_rad)
         self._wrench.read()
         self._raw = np.zeros(6)
@@ -121,11 +121,8 @@ class Runner:
 
     def _remember_joints(self) -> None:
         self._joint_state = JointState(
-            stamp_ns=self.now_ns, joints_rad=floats(self.measured_rad), speeds_rad_s=floats(self._measured_speeds())
+            stamp_ns=self.now_ns, joints_rad=floats(self.measured_rad), speeds_rad_s=floats(self._measured_rad_s)
         )
-
-    def _measured_speeds(self) -> Array:
-        return self.speeds_rad_s
 
     def still(self) -> Reference:
         """Stay where the reference is."""
@@ -145,7 +142,7 @@ class Runner:
         if not reference.retracing and reference.joints_rad is not self.joints_rad:
             self.trail.follow(reference.joints_rad)
         self.joints_rad, self.speeds_rad_s = reference.joints_rad, reference.speeds_rad_s
-        self.measured_rad = state.positions_rad
+        self.measured_rad, self._measured_rad_s = state.positions_rad, state.speeds_rad_s
         if reference.pose_base_peg is not None:
             self.pose_base_peg = reference.pose_base_peg
             self._reload()
