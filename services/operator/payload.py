@@ -7,13 +7,15 @@ from contextlib import contextmanager
 
 from crosspih_common.holding import ArmLease, hold_arm
 from crosspih_common.keys import FT_CALIBRATION, SET_PAYLOAD
-from crosspih_common.messages import SetPayload
+from crosspih_common.messages import ResetCell, SetPayload
 from services.operator.session import Session
 
 
 @contextmanager
 def ready_arm(session: Session, purpose: str) -> Iterator[ArmLease]:
-    """Hold the arm for a block, told what the last calibration found; calibrated where there was none.
+    """Hold the arm of a simulated cell for a block, at home and told what the last calibration found.
+
+    It is calibrated where it never was.
 
     Raises CommandRefused `held`, and as `Bus.call`.
     """
@@ -21,6 +23,8 @@ def ready_arm(session: Session, purpose: str) -> Iterator[ArmLease]:
     if calibration is None:
         calibration = session.calibrate_ft(0.25)
     with hold_arm(session.bus, purpose) as lease:
+        # a payload is judged by what the sensor reads at rest, which is no payload's where the last contact still presses
+        session.reset(ResetCell(seed=0))
         lease.ask(
             SET_PAYLOAD,
             SetPayload(

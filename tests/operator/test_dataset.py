@@ -87,7 +87,7 @@ def test_a_stopped_collection_goes_on(session: Session, tmp_path: Path, monkeypa
     monkeypatch.setattr(collecting, "open_executor", lambda *arguments: OneCell(session, most[0]))
     command = ["dataset", "collect", "--poses", "3", "--seed", "20", "--out", str(tmp_path / "set")]
     stopped = CliRunner().invoke(app, command)
-    assert stopped.exit_code == 130
+    assert stopped.exit_code == 130, stopped.output
     assert read_contacts(tmp_path / "set").integers("seed").tolist() == [20, 21]
     # one is left: a cell that may do two is asked for one
     most[0] = 1
