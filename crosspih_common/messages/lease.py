@@ -36,7 +36,7 @@ class LeaseGiven(Message):
 
 
 class LeaseBeat(Message):
-    """The holder still lives."""
+    """The holder still lives. Those of the arm itself name no lease: see docs/safety.md."""
 
     lease: str
     holder: str

@@ -11,14 +11,17 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.messages import LeaseState
 
 BEATS_A_TIMEOUT = 5
+CUT_OFF_S = 0.5  # of the arm's own loop, without any beat at all
 WAIT_S = 3.0  # for a beat, of a cell whose time stands still meanwhile
 
 
 class Holder:
     """The lease. The arm's loop asks `lost` in every cycle of a motion.
 
-    Time counts only while this process itself keeps up: on a stalled machine the beats wait in the same queue. A
-    simulated cell that runs faster than the wall's clock stands still until the holder's next beat has come.
+    In real time the arm beats beside its holder, and hears itself the same way. The holder is silent only for as long
+    as the arm's own beats come and its do not: on a stalled machine both wait in the same queue. Where not even the
+    arm's own come for `CUT_OFF_S` it is cut off, and nobody holds it. A simulated cell that runs faster than the wall's
+    clock stands still until the holder's next beat has come.
     """
 
     def __init__(self, timeout_s: float, realtime: bool) -> None:
@@ -34,6 +37,8 @@ class Holder:
         self._silent_s = 0.0
         self._cycle_at_s = 0.0
         self._cycle_ns = 0
+        self._own_beats = 0  # since the holder's last one
+        self._own_at_s = 0.0
         self.on_change: Callable[[LeaseState], object] = lambda state: None
 
     @property
@@ -73,8 +78,17 @@ class Holder:
         with self._changed:
             if lease and lease == self._lease:
                 self._beats += 1
+                self._own_beats, self._silent_s = 0, 0.0
                 self._beat_at_s = time.monotonic()
                 self._changed.notify_all()
+
+    def own_beat(self) -> None:
+        """The arm hears its own beat, sent every `beat_s`; those that come in a heap count as one."""
+        with self._changed:
+            wall_s = time.monotonic()
+            if wall_s - self._own_at_s >= 0.5 * self.beat_s:
+                self._own_beats += 1
+                self._own_at_s, self._silent_s = wall_s, 0.0
 
     def require(self, lease: str) -> None:
         """Raises CommandRefused no_lease when that is not the present lease."""
@@ -94,7 +108,7 @@ class Holder:
         with self._changed:
             self._seen_beats, self._seen_ns = self._beats, now_ns
             self._silent_s, self._cycle_at_s = 0.0, time.monotonic()
-            self._cycle_ns = now_ns
+            self._cycle_ns, self._own_beats = now_ns, 0
 
     def lost(self, now_ns: int) -> bool:
         """Once a cycle: whether the holder is gone. Never of a motion that nobody holds the lease for."""
@@ -106,6 +120,11 @@ class Holder:
                 self._seen_beats, self._seen_ns, self._silent_s = self._beats, now_ns, 0.0
             elif self._realtime:
                 self._silent_s += min(wall_s - self._cycle_at_s, (now_ns - self._cycle_ns) * 1e-9)
+                heard_us_only = self._own_beats * self.beat_s >= 0.999 * self.timeout_s
+                if heard_us_only and wall_s - self._beat_at_s >= self.timeout_s:
+                    return True
+                if self._silent_s > max(CUT_OFF_S, self.timeout_s):
+                    return True
             elif now_ns - self._seen_ns > 1e9 * self.timeout_s:
                 beats = self._beats
                 if not self._changed.wait_for(lambda: self._beats != beats or not self._lease, WAIT_S):
@@ -113,7 +132,7 @@ class Holder:
                 else:
                     self._seen_beats, self._seen_ns = self._beats, now_ns
             self._cycle_at_s, self._cycle_ns = wall_s, now_ns
-            return bool(self._lease) and self._silent_s >= self.timeout_s
+            return not self._realtime and self._silent_s >= self.timeout_s
 
     def drop_expired(self, now_ns: int) -> None:
         """Between motions: let go of a holder whose beats have stayed away, and say so."""

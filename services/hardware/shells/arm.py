@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import uuid
 from collections.abc import Callable
 from typing import TypeVar
 
 from crosspih_common.bus import Bus
 from crosspih_common.bus.bus import NOW_LANE
+from crosspih_common.errors import BusError
 from crosspih_common.keys import (
     ADMITTANCE_MOVE,
     CLOCK,
@@ -64,6 +67,11 @@ class ArmShell:
         lease.publish(arm.holder.state())
         arm.holder.on_change = lease.publish
         bus.hear(LEASE_BEAT, self._beat)
+        self._closing = threading.Event()
+        self._beating: threading.Thread | None = None
+        if realtime:
+            self._beating = threading.Thread(target=self._beat_beside, name="own-beats", daemon=True)
+            self._beating.start()
         bus.serve(LEASE_TAKE, self._take, lane=NOW_LANE)
         bus.serve(LEASE_GIVE, self._give, lane=NOW_LANE)
         self._serve(FOLLOW, arm.follow)
@@ -104,7 +112,24 @@ class ArmShell:
         )
 
     def _beat(self, beat: LeaseBeat) -> None:
-        self._arm.holder.beat(beat.lease)
+        if beat.holder == self._bus.service and not beat.lease:
+            self._arm.holder.own_beat()
+        else:
+            self._arm.holder.beat(beat.lease)
+
+    def _beat_beside(self) -> None:
+        """The arm's own beats, heard as its holder's are: so that a busy machine can be told from a silent holder."""
+        beats, own = self._bus.publisher(LEASE_BEAT), LeaseBeat(lease="", holder=self._bus.service)
+        while not self._closing.wait(self._arm.holder.beat_s):
+            if self._arm.holder.state().holder:
+                with contextlib.suppress(BusError):
+                    beats.publish(own)
+
+    def close(self) -> None:
+        """Beat no more."""
+        self._closing.set()
+        if self._beating is not None:
+            self._beating.join()
 
     def _take(self, request: TakeLease) -> LeaseGranted:
         holder = self._arm.holder

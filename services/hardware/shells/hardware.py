@@ -14,9 +14,10 @@ class HardwareShell:
 
     def __init__(self, cell: HostedCell, context: ServiceContext) -> None:
         self._cell = cell
+        self._arm: ArmShell | None = None
         bus = context.bus
         if cell.has_arm:
-            arm = ArmShell(cell.arm, bus, cell.realtime, cell.has_simulation)
+            arm = self._arm = ArmShell(cell.arm, bus, cell.realtime, cell.has_simulation)
             if cell.has_simulation:
                 SimulationShell(cell.simulation, cell.arm, arm, bus)
         if cell.has_camera:
@@ -25,4 +26,6 @@ class HardwareShell:
 
     def close(self) -> None:
         """Stop all motion and let go of the devices."""
+        if self._arm is not None:
+            self._arm.close()
         self._cell.close()
