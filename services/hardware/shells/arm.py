@@ -8,7 +8,7 @@ import uuid
 from collections.abc import Callable
 from typing import TypeVar
 
-from crosspih_common.bus import Bus
+from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.bus.bus import NOW_LANE
 from crosspih_common.errors import BusError
 from crosspih_common.keys import (
@@ -118,12 +118,20 @@ class ArmShell:
             self._arm.holder.beat(beat.lease)
 
     def _beat_beside(self) -> None:
-        """The arm's own beats, heard as its holder's are: so that a busy machine can be told from a silent holder."""
-        beats, own = self._bus.publisher(LEASE_BEAT), LeaseBeat(lease="", holder=self._bus.service)
-        while not self._closing.wait(self._arm.holder.beat_s):
-            if self._arm.holder.state().holder:
-                with contextlib.suppress(BusError):
-                    beats.publish(own)
+        """The arm's own beats, heard as its holder's are: so that a busy machine can be told from a silent holder.
+
+        They go through the router and back, over a session of their own: what a session publishes it hears at once.
+        """
+        own = LeaseBeat(lease="", holder=self._bus.service)
+        with contextlib.ExitStack() as stack, contextlib.suppress(BusError):
+            bus = self._bus
+            if bus.endpoint is not None:
+                bus = stack.enter_context(Bus(open_zenoh(bus.endpoint), bus.cell, bus.service))
+            beats = bus.publisher(LEASE_BEAT)
+            while not self._closing.wait(self._arm.holder.beat_s):
+                if self._arm.holder.state().holder:
+                    with contextlib.suppress(BusError):
+                        beats.publish(own)
 
     def close(self) -> None:
         """Beat no more."""
