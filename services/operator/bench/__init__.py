@@ -3,6 +3,7 @@
 import typer
 
 from services.operator.bench.assembly import assembly
+from services.operator.bench.busy import busy
 from services.operator.bench.caps.command import caps
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
@@ -24,3 +25,4 @@ app.command()(refine)
 app.command()(engines)
 app.command()(caps)
 app.command()(kills)
+app.command()(busy)
