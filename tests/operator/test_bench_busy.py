@@ -10,13 +10,18 @@ from crosspih_common.messages import Failure
 from services.operator.bench.busy import BusyResult, busy_processes, ended, table_of
 from services.operator.scoring import TrialFigures
 
+UNKNOWN = (
+    "vision_error_mm", "vision_error_deg", "vision_tilt_deg", "vision_depth_mm", "final_error_mm", "final_error_deg",
+    "final_depth_mm", "insertion_depth_mm", "recording", "report",
+)  # fmt: skip
+
 
 def _figures(**changes: object) -> TrialFigures:
     known = {
         "seed": 3, "strategy": "fused", "inserted": False, "failure": None, "failure_detail": "", "backed_off": True,
         "motion_s": 1.0, "thinking_s": 1.0, "duration_s": 2.0, "wall_s": 4.0, "touches": 0, "presses": 0,
         "corrections": 0, "pushes": 0, "peak_force_n": 1.0, "peak_moment_nm": 0.1, "mean_force_n": 1.0,
-        "over_20_n_s": 0.0, "tip_path_m": 0.1, "mean_jerk_m_s3": 1.0, "challenge_score": 0.0,
+        "over_20_n_s": 0.0, **dict.fromkeys(UNKNOWN),
     }  # fmt: skip
     return TrialFigures.model_validate({**known, **changes})
 
