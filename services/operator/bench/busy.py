@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from statistics import median
 from typing import Annotated, Any
 
 import typer
@@ -19,7 +20,7 @@ from crosspih_common.messages import Failure, Strategy
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.local_executor import usable_cores
 from services.operator.bench.options import AsJson, told
-from services.operator.bench.own_cell import CellTask
+from services.operator.bench.own_cell import SPEEDS, CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
 from services.operator.bench.trials import base_cell_text
@@ -27,13 +28,13 @@ from services.operator.scoring import TrialFigures
 from services.operator.session import NEEDED, Session
 from services.operator.statistics import wilson95
 
-SPEEDS = ("realtime", "max")
 # how an assembly ends that the lease or a service's link has stopped, though all of them were alive
 STOPPED = (Failure.ARM_STOPPED.value, Failure.SERVICE_LOST.value)
+NO_RESULT = "no_result"
 
 
 class Ended(BaseModel):
-    """How one assembly ended. `stopped`: by the lease or for a service that was taken for lost."""
+    """How one assembly ended. `stopped`: by the lease, for a service that was taken for lost, or without any result."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -42,7 +43,7 @@ class Ended(BaseModel):
     stopped: bool
     failure: str | None
     detail: str
-    wall_s: float
+    wall_s: float | None
 
 
 class BusyResult(BaseModel):
@@ -81,15 +82,24 @@ def busy_processes(count: int) -> Iterator[None]:
 
 
 def assemble_once(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
-    """The work of a CellTask: one trial, whatever its end; an end that says a service is lost counts as it is."""
-    figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), False)
-    return figures.model_dump()
+    """The work of a CellTask: one trial, whatever its end, as an Ended in plain data. One that gives no result counts
+    as stopped, and is not tried again."""
+    seed = payload["seed"]
+    try:
+        figures, _ = session.trial(seed, Strategy(payload["strategy"]), False)
+    except CrosspihError as error:
+        no_result = Ended(
+            seed=seed, inserted=False, stopped=True, failure=NO_RESULT, detail=f"{type(error).__name__}: {error}",
+            wall_s=None,
+        )  # fmt: skip
+        return no_result.model_dump()
+    return ended(seed, figures).model_dump()
 
 
-def ended(figures: TrialFigures) -> Ended:
+def ended(seed: int, figures: TrialFigures) -> Ended:
     """What counts here of a trial."""
     return Ended(
-        seed=figures.seed or 0,
+        seed=seed,
         inserted=figures.inserted,
         stopped=figures.failure in STOPPED,
         failure=figures.failure,
@@ -100,8 +110,8 @@ def ended(figures: TrialFigures) -> Ended:
 
 def table_of(result: BusyResult) -> Table:
     """Counts and times."""
-    walls = sorted(one.wall_s for one in result.assemblies)
-    count = len(walls)
+    walls = [one.wall_s for one in result.assemblies if one.wall_s is not None]
+    count = len(result.assemblies)
     low, high = wilson95(result.stopped, count)
     table = Table(title=f"{count} assemblies at {result.speed}, {result.busy_processes} busy processes beside them")
     table.add_column("")
@@ -110,7 +120,8 @@ def table_of(result: BusyResult) -> Table:
     table.add_row("inserted", f"{result.inserted} of {count}")
     table.add_row("stopped by the lease, or by a service taken for lost", f"{result.stopped} of {count}")
     table.add_row("95 % Wilson interval of that", f"{low:.1%} to {high:.1%}")
-    table.add_row("wall time, s, median and longest", f"{walls[count // 2]:.1f} / {walls[-1]:.1f}")
+    if walls:
+        table.add_row("wall time, s, median and longest", f"{median(walls):.1f} / {max(walls):.1f}")
     for failure, times in Counter(one.failure for one in result.assemblies if not one.inserted).items():
         table.add_row(f"ended as {failure}", str(times))
     return table
@@ -144,7 +155,7 @@ def busy(
         progress.taken_over(len(tasks), 0)
 
         def on_result(index: int, result: Any) -> None:
-            one = found[index] = ended(TrialFigures.model_validate(result))
+            one = found[index] = Ended.model_validate(result)
             if not one.inserted:
                 progress.say(f"seed {one.seed}: {one.failure} {one.detail}", "red")
 

@@ -23,6 +23,7 @@ from crosspih_common.messages import ResetCell
 from deploy.launcher import LauncherError, StackRequest, StateDirectory, start_stack, stop_stack
 from services.operator.session import NEEDED, Session
 
+SPEEDS = ("realtime", "max")  # that a stack can be started at
 START_DEADLINE_S = 120.0
 CALIBRATION_SEED = 0
 CALIBRATION_DWELL_S = 0.25

@@ -19,13 +19,12 @@ from services.operator.bench.kills.ending import end_service
 from services.operator.bench.kills.judging import Limits, Observed, complaints
 from services.operator.bench.kills.plan import PHASES, SERVICES, Case, Ending, cases
 from services.operator.bench.options import AsJson, Cells, told
-from services.operator.bench.own_cell import CellTask
+from services.operator.bench.own_cell import SPEEDS, CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
 from services.operator.bench.trials import base_cell_text
 from services.operator.session import NEEDED
 
-SPEEDS = ("realtime", "max")
 WIDTH = 170
 
 
