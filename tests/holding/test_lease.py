@@ -57,11 +57,14 @@ def bus(endpoint: str, spawn: Callable[..., ServiceProcess], tmp_path: Path) -> 
 
 @pytest.fixture
 def holder(bus: Bus) -> Iterator[HolderProcess]:
-    """Another process that holds the arm and has it dwell."""
+    """Another process that holds the arm and has it dwell: the arm was asked when this begins."""
     assert bus.endpoint is not None
+    asked = bus.latest(DWELL.request_echo)
     started = HolderProcess(bus.endpoint)
     try:
         assert started.says() == "held"
+        # "held" is said before the first dwell: a holder stopped in between leaves no motion to break off
+        assert asked.wait_for(lambda _: True, DEADLINE_S) is not None
         yield started
     finally:
         started.end()
