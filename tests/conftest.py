@@ -1,4 +1,5 @@
-"""Fixtures for tests over real processes: a router on a free port, and services beside it."""
+"""How the tests are shared out to two workers; fixtures for tests over real processes: a router on a free port, and
+services beside it."""
 
 from __future__ import annotations
 
@@ -16,6 +17,12 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadGroupScheduling, Scheduling
+
+# before NumPy and torch are loaded: workers beside each other have one core each, and so have the services they start
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 # the same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -25,6 +32,28 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 ROOT = Path(__file__).resolve().parent.parent
 START_S = 30.0
 END_S = 10.0
+
+
+class _ByFile(LoadGroupScheduling):
+    """`--dist loadgroup`, and what has no group is kept together by its file: its fixtures are made once."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return super()._split_scope(nodeid).split("::")[0]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
+    """Files in the order of `pytest_collection_modifyitems`, not by their number of tests."""
+    if config.getoption("dist") != "loadgroup":
+        return None
+    config.option.loadscopereorder = False
+    return _ByFile(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Groups first. The largest is `processes`: what starts processes and waits for them with a deadline runs one
+    after another in one worker, while the other one computes."""
+    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
 
 
 class ServiceProcess:

@@ -33,6 +33,8 @@ from services.operator.bench.trials import (
 from services.operator.bench.worker import Outcome
 from services.operator.session import Session
 
+pytestmark = pytest.mark.xdist_group("processes")
+
 SILENT = CellsProgress(None)
 
 
