@@ -34,11 +34,11 @@ START_S = 30.0
 END_S = 10.0
 
 
-class _ByFile(LoadGroupScheduling):
+class _ByFile(LoadGroupScheduling):  # type: ignore[misc]  # xdist has no types
     """`--dist loadgroup`, and what has no group is kept together by its file: its fixtures are made once."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return super()._split_scope(nodeid).split("::")[0]
+        return str(super()._split_scope(nodeid)).split("::")[0]
 
 
 @pytest.hookimpl(optionalhook=True)
