@@ -34,7 +34,7 @@ results: env ## every table and figure of docs/results.md; hours, and a stopped 
 	@$(BIN)/crosspih results $(ARGS)
 
 test: env ## run the tests in two workers; ARGS='-n 0 tests/bus' runs one folder in this process
-	@$(BIN)/python -m pytest -n 2 --dist loadgroup $(ARGS)
+	@$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 
 lint: env ## style and common errors
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check .

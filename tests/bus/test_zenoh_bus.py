@@ -23,8 +23,6 @@ from crosspih_common.messages import (
 )
 from tests.conftest import Router, ServiceProcess
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 ZEROS = (0.0,) * 6
 DEADLINE_S = 10.0
 

@@ -13,8 +13,6 @@ from deploy.launcher.conditions import Phase
 from deploy.launcher.health import Health
 from tests.deploy.harness import NOTIFY, SERVE, Stacks, is_alive, wait_until
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 PYTHON = [sys.executable, "-S", "-c"]
 # Prints the pid of a child of its own, and neither of them ends when asked to.
 STUBBORN = [

@@ -19,8 +19,6 @@ from crosspih_common.keys import DWELL, LEASE, STOP
 from crosspih_common.messages import Dwell, LeaseState, MotionOutcome, StopMotion, StopReason
 from tests.conftest import ROOT, ServiceProcess
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 CELL = "cell1"
 DEADLINE_S = 60.0
 TIMEOUT_S = 1.0

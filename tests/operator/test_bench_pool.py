@@ -33,8 +33,6 @@ from services.operator.bench.trials import (
 from services.operator.bench.worker import Outcome
 from services.operator.session import Session
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 SILENT = CellsProgress(None)
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from mcap.reader import make_reader
 
@@ -40,8 +39,6 @@ from crosspih_common.messages import (
     StopRecording,
 )
 from crosspih_common.recording import read_recording
-
-pytestmark = pytest.mark.xdist_group("processes")
 
 DEADLINE_S = 20.0
 CELL = "rec1"

@@ -14,8 +14,6 @@ from crosspih_common.keys import FT_CALIBRATION, STATUS
 from crosspih_common.messages import ServiceState, ServiceStatus
 from tests.conftest import ServiceProcess
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 DEADLINE_S = 20.0
 Spawn = Callable[..., ServiceProcess]
 

@@ -15,8 +15,6 @@ import pytest
 from tests.conftest import ROOT, ServiceProcess
 from tests.system.running_cell import wait_until
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 DEADLINE_S = 180.0
 
 

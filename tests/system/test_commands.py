@@ -16,8 +16,6 @@ from services.operator.__main__ import app
 from services.operator.session import Session
 from tests.system.running_cell import SERVICES, KillOnPhase, RunningCell
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 NAMED_BY_CONTRACT = {
     "seed",
     "strategy",

@@ -31,8 +31,6 @@ from services.vision.refusals import VisionRefusal
 from services.vision.shell import stereo_model
 from tests.conftest import ServiceProcess
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 CAMERA = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plain_camera.py"
 CELL = "cell1"
 DEADLINE_S = 20.0

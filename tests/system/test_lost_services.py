@@ -16,8 +16,6 @@ from crosspih_common.messages import AssemblyPhase, Dwell, Event, Failure, Motio
 from services.operator.session import Session
 from tests.system.running_cell import DEADLINE_S, KillOnPhase, RunningCell, wait_until
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 SEED = 1000
 
 

@@ -22,8 +22,6 @@ from services.operator.scoring import TrialFigures
 from services.operator.session import Session
 from tests.system.running_cell import RunningCell
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 SEED = 1000
 PICTURES = ("camera/left/image", "camera/right/image", "vision/annotated/left", "vision/annotated/right")
 STREAMS = ("clock", "arm/joint_state", "ft/raw", "force_torque/wrench", "simulation/truth")

@@ -19,8 +19,6 @@ from crosspih_common.refusals import REFUSALS
 from services.hardware.drivers.simulated.config import ForceTorqueConfig
 from tests.conftest import ServiceProcess
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 CLIENT = Path(__file__).with_name("plain_client.py")
 
 

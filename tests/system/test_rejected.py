@@ -11,8 +11,6 @@ from crosspih_common.messages import CellClock, Event, RawWrenchBatch, ServiceSt
 from services.operator.session import Session
 from tests.system.running_cell import DEADLINE_S, RunningCell
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 # (what is sent, its label, what the event must name)
 GARBAGE = (b"\xff\x00 not JSON", label_with_seq(RawWrenchBatch, 0), "crosspih.RawWrenchBatch/1")
 FOREIGN = (encode(CellClock(boot_id="x", realtime=False)), label_with_seq(CellClock, 0), "crosspih.CellClock/1")

@@ -11,8 +11,6 @@ from services.operator.__main__ import app
 from tests.deploy.harness import is_alive
 from tests.system.running_cell import SERVICES, RunningCell, wait_until
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 
 def test_down_leaves_no_process(tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as environment:

@@ -11,8 +11,6 @@ import pytest
 from services.operator.session import Session
 from tests.system.running_cell import RunningCell
 
-pytestmark = pytest.mark.xdist_group("processes")
-
 BARE = "hardware:\n  driver: tests.system.bare_driver:open_devices\n"
 OF_THE_TRUTH = ("vision_error_mm", "vision_error_deg", "final_error_mm", "final_error_deg", "challenge_score", "seed")
 
