@@ -34,8 +34,8 @@ START_S = 30.0
 END_S = 10.0
 
 
-# Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while the
-# other one computes, so that no two cells run beside each other.
+# Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while
+# the other one computes, so that no two cells run beside each other.
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_stack.py",
