@@ -1,4 +1,5 @@
-"""Fixtures for tests over real processes: a router on a free port, and services beside it."""
+"""How the tests are shared out to two workers; fixtures for tests over real processes: a router on a free port, and
+services beside it."""
 
 from __future__ import annotations
 
@@ -16,6 +17,12 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling, Scheduling
+
+# before NumPy and torch are loaded: workers beside each other have one core each, and so have the services they start
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 # the same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -25,6 +32,54 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 ROOT = Path(__file__).resolve().parent.parent
 START_S = 30.0
 END_S = 10.0
+
+
+# Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while
+# the other one computes, so that no two cells run beside each other.
+WITH_PROCESSES = frozenset([
+    "tests/bus/test_zenoh_bus.py",
+    "tests/deploy/test_stack.py",
+    "tests/holding/test_lease.py",
+    "tests/operator/test_bench_pool.py",
+    "tests/recorder/test_recording_over_processes.py",
+    "tests/service/test_lifecycle.py",
+    "tests/system/test_cell_check.py",
+    "tests/system/test_commands.py",
+    "tests/system/test_examples.py",
+    "tests/system/test_lost_services.py",
+    "tests/system/test_one_assembly.py",
+    "tests/system/test_plain_zenoh_client.py",
+    "tests/system/test_rejected.py",
+    "tests/system/test_stop.py",
+    "tests/system/test_without_simulator.py",
+])  # fmt: skip
+STARTERS = frozenset(["bare", "router", "spawn", "stacks"])
+
+
+class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
+    """`--dist loadfile`, but what starts processes is one group."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = str(super()._split_scope(nodeid))
+        return "processes" if file in WITH_PROCESSES else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
+    """Files in the order of `pytest_collection_modifyitems`, not by their number of tests."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    config.option.loadscopereorder = False
+    return _ByFile(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What starts processes comes first: it takes longest. Fails on a file that starts some and is not in the list."""
+    files = {item: item.nodeid.split("::")[0] for item in items}
+    items.sort(key=lambda item: files[item] not in WITH_PROCESSES)
+    for item, file in files.items():
+        if STARTERS & set(getattr(item, "fixturenames", ())) and file not in WITH_PROCESSES:
+            raise pytest.UsageError(f"{file} starts processes: add it to WITH_PROCESSES in tests/conftest.py")
 
 
 class ServiceProcess:
