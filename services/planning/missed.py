@@ -31,7 +31,10 @@ class MissedServices:
             self._change, WAITING, name="planning:missed", on_error=lambda error: None
         )
         context.bus.also_close(self._changes)
-        context.bus.watch_alive(lambda service, alive: self._changes.offer((service, alive)) and None)
+        context.bus.watch_alive(self._on_alive)
+
+    def _on_alive(self, service: str, alive: bool) -> None:
+        self._changes.offer((service, alive))
 
     def name(self, service: str, why: str) -> None:
         """Say that it is gone, where that was not said yet."""
