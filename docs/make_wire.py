@@ -22,7 +22,7 @@ from crosspih_common import keys, messages
 from crosspih_common.bus.bus import HISTORY, NOW_LANE
 from crosspih_common.bus.clock import AHEAD_NS
 from crosspih_common.bus.codec import label_of
-from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, HEARTBEAT_S, LEASE_MS
+from crosspih_common.bus.zenoh_transport import ALIVE_BEATS, ALIVE_LEASE_MS, DEFAULT_ENDPOINT, HEARTBEAT_S, LEASE_MS
 from crosspih_common.messages import GuardedMove, Message
 from crosspih_common.refusals import REFUSALS
 from services.operator.contract.schema import image_proto, types
@@ -228,6 +228,8 @@ def page() -> str:
         root=keys.ROOT,
         endpoint=DEFAULT_ENDPOINT,
         lease_ms=LEASE_MS,
+        alive_lease_ms=ALIVE_LEASE_MS,
+        alive_beats=ALIVE_BEATS,
         heartbeat_ms=f"{HEARTBEAT_S * 1000:g}",
         ahead_s=f"{AHEAD_NS / 1e9:g}",
         cache=HISTORY[keys.Kind.STATE],

@@ -2,12 +2,11 @@
 
 from crosspih_common.bus.bus import Bus, Latest, Publisher
 from crosspih_common.bus.memory import MemoryHub
-from crosspih_common.bus.zenoh_transport import COMPUTING_LEASE_MS, DEFAULT_ENDPOINT, LEASE_MS, open_zenoh
+from crosspih_common.bus.zenoh_transport import ALIVE_LEASE_MS, DEFAULT_ENDPOINT, open_zenoh
 
 __all__ = [
-    "COMPUTING_LEASE_MS",
+    "ALIVE_LEASE_MS",
     "DEFAULT_ENDPOINT",
-    "LEASE_MS",
     "Bus",
     "Latest",
     "MemoryHub",

@@ -63,7 +63,7 @@ class Transport(Protocol):
         """Call the handler with every query."""
 
     def declare_alive(self, key: str) -> Closeable:
-        """Show that this process lives, until it is closed or dies."""
+        """Show that this process lives, until it is closed, dies or hangs."""
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Call with (key, True) for each that lives or comes, (key, False) for each that goes."""

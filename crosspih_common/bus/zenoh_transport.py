@@ -23,12 +23,15 @@ from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, No
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
-# Without a sign of life for so long a link counts as cut: a stopped process is then as gone as a killed one, its token
-# taken back and what it was asked ended. (A killed one is gone within milliseconds, by its socket.)
+# Without a sign of life for so long a link counts as cut: what a stopped process was asked is then ended, as that of a
+# killed one is within milliseconds, by its socket. Long, for a link that a busy machine cuts in error may cost an
+# assembly.
 LEASE_MS = 5000
-# of a service that only computes: it is asked again, so that a link cut in error, on a machine that is busy beyond
-# reason (seen at a load of 21 on two cores), costs a moment and not the assembly
-COMPUTING_LEASE_MS = 800
+# A service's liveliness token has a session of its own, over which nothing else goes: it is taken back when nothing was
+# heard for so long, and given again by itself. That a busy machine does so in error costs a line in the log, no more.
+ALIVE_LEASE_MS = 800
+ALIVE_BEATS = 16  # in each such lease; sent by Zenoh's own threads, which no Python code holds up
+ALIVE_CONNECT_S = 10.0
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
@@ -52,7 +55,9 @@ def router_config(endpoint: str) -> zenoh.Config:
     return config
 
 
-def client_config(endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS) -> zenoh.Config:
+def client_config(
+    endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS, beats_a_lease: int = 4
+) -> zenoh.Config:
     """A client of the router at an endpoint; comes back by itself when the router was restarted."""
     config = zenoh.Config()
     settings: dict[str, Any] = {
@@ -62,6 +67,7 @@ def client_config(endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE
         "connect/exit_on_failure": True,
         "scouting/multicast/enabled": False,
         "transport/link/tx/lease": lease_ms,
+        "transport/link/tx/keep_alive": beats_a_lease,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
     for name, value in settings.items():
@@ -69,21 +75,21 @@ def client_config(endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE
     return config
 
 
-def open_zenoh(
-    endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0, lease_ms: int = LEASE_MS
-) -> ZenohTransport:
-    """Connect to the router; without a sign of life for `lease_ms` it takes this process for gone.
+def open_zenoh(endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0) -> ZenohTransport:
+    """Connect to the router. Raises BusUnreachable when none answers in time."""
+    return ZenohTransport(_open_session(endpoint, connect_timeout_s), endpoint)
 
-    Raises BusUnreachable when none answers in time.
-    """
+
+def _open_session(
+    endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS, beats_a_lease: int = 4
+) -> zenoh.Session:
     try:
-        session = zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms))
+        return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease))
     except zenoh.ZError as error:
         raise BusUnreachable(
             f"no router answers at {endpoint} within {connect_timeout_s:g} s; start the stack with `crosspih up` "
             f"or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
         ) from None
-    return ZenohTransport(session, endpoint)
 
 
 class _Declared:
@@ -129,6 +135,7 @@ class ZenohTransport:
     def __init__(self, session: zenoh.Session, endpoint: str) -> None:
         self.endpoint: str | None = endpoint
         self._session = session
+        self._alive_session: zenoh.Session | None = None  # opened with the first token
         self._lock = threading.Lock()
         self._closed = False
         _open.add(self)
@@ -209,8 +216,14 @@ class ZenohTransport:
         return _Declared(self._session.declare_queryable(key, lambda query: handler(_ZenohQuery(query)), complete=True))
 
     def declare_alive(self, key: str) -> Closeable:
-        """A liveliness token. See Transport."""
-        return _Declared(self._session.liveliness().declare_token(key))
+        """A liveliness token, on a session of its own. Raises BusUnreachable. See Transport."""
+        assert self.endpoint is not None
+        with self._lock:
+            if self._closed:
+                raise BusClosed(f"{key}: the bus is closed")
+            if self._alive_session is None:
+                self._alive_session = _open_session(self.endpoint, ALIVE_CONNECT_S, ALIVE_LEASE_MS, ALIVE_BEATS)
+            return _Declared(self._alive_session.liveliness().declare_token(key))
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Tokens coming and going. See Transport."""
@@ -226,8 +239,10 @@ class ZenohTransport:
             if self._closed:
                 return
             self._closed = True
-        with contextlib.suppress(zenoh.ZError):
-            self._session.close()
+        for session in (self._alive_session, self._session):
+            with contextlib.suppress(zenoh.ZError):
+                if session is not None:
+                    session.close()
 
 
 def _close_all() -> None:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Protocol
 
-from crosspih_common.bus import COMPUTING_LEASE_MS, DEFAULT_ENDPOINT, LEASE_MS, Bus, open_zenoh
+from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import BusError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS
@@ -97,13 +97,8 @@ def run_service(
     name: str,
     build: Callable[[ServiceContext], Closeable | None],
     argv: Sequence[str] | None = None,
-    *,
-    only_computes: bool = False,
 ) -> int:
-    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status.
-
-    `only_computes`: what it is asked can be asked again, so that it may be taken for gone as soon as it hangs.
-    """
+    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status."""
     arguments = _arguments(name, argv)
     stop = threading.Event()
 
@@ -114,8 +109,7 @@ def run_service(
         signal.signal(number, on_signal)
     try:
         cell = load_cell(arguments.cell)
-        lease_ms = COMPUTING_LEASE_MS if only_computes else LEASE_MS
-        transport = open_zenoh(arguments.endpoint, lease_ms=lease_ms)
+        transport = open_zenoh(arguments.endpoint)
     except CrosspihError as error:
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         return 1

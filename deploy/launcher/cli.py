@@ -8,7 +8,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,7 @@ from deploy.launcher.errors import LauncherError, NotUpError
 from deploy.launcher.foreground import supervise
 from deploy.launcher.logfile import LogTail, merged
 from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, start_stack, stop_stack
-from deploy.launcher.state import DEFAULT_PROJECT, RUN_DIR_VARIABLE, StateDirectory
+from deploy.launcher.state import DEFAULT_PROJECT, RUN_DIR_VARIABLE, StackState, StateDirectory
 from deploy.launcher.supervisor import STOP_TIMEOUT_S
 
 _FOLLOW_S = 0.1
@@ -75,10 +75,22 @@ def ps(
     run_dir: RunDir = None,
 ) -> None:
     """Show the services, their health and their restarts; exit status 1 if the stack is not up."""
+    show_stack(as_json, project, run_dir)
+
+
+def show_stack(
+    as_json: bool,
+    project: str,
+    run_dir: Path | None,
+    add_notes: Callable[[StackState], StackState] = lambda state: state,
+) -> None:
+    """What `ps` does; `add_notes` puts what the launcher does not know into the notes. Raises typer.Exit."""
     with _one_line_errors():
         directory = StateDirectory(project, run_dir)
         stale_pid = directory.clean_if_stale()
         state = directory.read()
+        if state is not None and not state.finished:
+            state = add_notes(state)
         if as_json:
             nothing = {"project": project, "up": False, "services": []}
             print(json.dumps({**state.model_dump(mode="json"), "up": not state.finished} if state else nothing))
@@ -140,8 +152,8 @@ def down(project: Project = DEFAULT_PROJECT, run_dir: RunDir = None) -> None:
         stop_stack(project, run_dir)
 
 
-def register(app: typer.Typer) -> None:
-    """Add ``up``, ``ps``, ``logs`` and ``down`` to ``app``."""
+def register(app: typer.Typer, ps: Callable[..., None] = ps) -> None:
+    """Add ``up``, ``ps``, ``logs`` and ``down`` to ``app``; ``ps`` may be one that knows more."""
     for command in (up, ps, logs, down):
         app.command()(command)
 

@@ -15,4 +15,4 @@ def build(context: ServiceContext) -> ForceTorqueShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("force_torque", build, only_computes=True))
+    sys.exit(run_service("force_torque", build))

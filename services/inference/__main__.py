@@ -15,4 +15,4 @@ def build(context: ServiceContext) -> InferenceShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("inference", build, only_computes=True))
+    sys.exit(run_service("inference", build))

@@ -15,6 +15,7 @@ from services.operator.dataset import app as dataset_app
 from services.operator.keys_table import keys
 from services.operator.report.cli import report
 from services.operator.results import results
+from services.operator.signs_of_life import ps
 from services.operator.train import train
 from services.operator.withdraw import withdraw
 
@@ -37,7 +38,7 @@ app.command()(results)
 app.add_typer(dataset_app, name="dataset")
 app.command()(train)
 app.command()(keys)
-register_launcher(app)
+register_launcher(app, ps)
 
 
 def main() -> None:

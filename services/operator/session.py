@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
+from crosspih_common.bus.workers import Pump
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import CrosspihError, NoService
 from crosspih_common.holding.soundness import require_one_clock
@@ -38,6 +39,7 @@ from crosspih_common.messages import (
     Phase,
     PosePrior,
     ResetCell,
+    Severity,
     SimulationTruth,
     StartRecording,
     StopRecording,
@@ -57,6 +59,13 @@ WITHDRAW_DEADLINE_S = 300.0
 RESET_DEADLINE_S = 120.0  # a busy machine builds a scene slowly
 RECORDER_DEADLINE_S = 60.0
 BACK_OFF_DEADLINE_S = 30.0
+# who else is lost the planner says
+PLANNER_LOST = Event(
+    service="operator",
+    severity=Severity.WARNING,
+    code="service_lost",
+    text="planning is gone: no sign of life from it (its liveliness token went)",
+)
 
 
 def cell_path() -> str:
@@ -84,6 +93,10 @@ def endpoint() -> str:
     return os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT
 
 
+def _offer(pump: Pump[Event]) -> None:
+    pump.offer(PLANNER_LOST)
+
+
 class Session:
     """The operator's place on the bus."""
 
@@ -91,6 +104,7 @@ class Session:
         self.cell: CellFile = load_cell(cell_path())
         self.bus = Bus(open_zenoh(endpoint(), connect_timeout_s), self.cell.workcell.name, "operator")
         self._alive: set[str] = set()
+        self._on_planner_lost: Callable[[], None] = lambda: None
         self._changed = threading.Condition()
         self.bus.watch_alive(self._on_alive)
         self._truth = self.bus.latest(TRUTH)
@@ -105,8 +119,11 @@ class Session:
 
     def _on_alive(self, service: str, alive: bool) -> None:
         with self._changed:
+            was_alive = service in self._alive
             (self._alive.add if alive else self._alive.discard)(service)
             self._changed.notify_all()
+        if service == "planning" and was_alive and not alive:
+            self._on_planner_lost()
 
     def alive(self) -> set[str]:
         """The services that live now."""
@@ -164,6 +181,9 @@ class Session:
         self.bus.subscribe(PHASE, on_phase)
         self.bus.subscribe(TOUCH, on_touch)
         self.bus.subscribe(EVENTS, on_event)
+        pump: Pump[Event] = Pump(on_event, 64, name="operator:planner", on_error=lambda error: None)
+        self.bus.also_close(pump)
+        self._on_planner_lost = lambda: _offer(pump)
 
     def reset(self, command: ResetCell) -> SimulationTruth:
         """A new trial in the simulated cell."""

@@ -74,7 +74,7 @@ class BusPorts:
                 begun = self._boot_id is not None and self._heed_abort
                 sent_for_good = moves and (begun or now - started > RETRY_S)
                 if sent_for_good or isinstance(error, CommandTimeout) or now > give_up_at:
-                    raise AssemblyFailed(Failure.SERVICE_LOST, f"{command.server}: {error}") from None
+                    raise AssemblyFailed(Failure.SERVICE_LOST, f"{command.server}: {error}", command.server) from None
                 self._shell.closing.wait(RETRY_S)
                 continue
             except CommandRefused as refusal:
@@ -100,11 +100,7 @@ class BusPorts:
             raise AssemblyFailed(Failure.ARM_STOPPED, f"the arm cannot be held again: {error}") from None
 
     def _tell_lost(self, command: Command[RequestT, ReplyT], error: BusError) -> None:
-        self._shell.context.event(
-            Severity.WARNING,
-            "service_lost",
-            f"{command.server} is gone while it was asked ({command.path}): {error}",
-        )
+        self._shell.missed.name(command.server, f"while it was asked ({command.path}): {error}")
 
     def _remember_cell(self) -> None:
         tick = self._shell.clock.value()
@@ -115,7 +111,7 @@ class BusPorts:
     def _require_same_cell(self) -> None:
         tick = self._shell.clock.value()
         if self._heed_abort and self._boot_id is not None and tick is not None and tick.boot_id != self._boot_id:
-            raise AssemblyFailed(Failure.SERVICE_LOST, "hardware: it was started again during the assembly")
+            raise AssemblyFailed(Failure.SERVICE_LOST, "hardware: it was started again during the assembly", "hardware")
 
     def ft_calibration(self) -> FtCalibration | None:
         """As last published; waits a little for a service that has just started."""

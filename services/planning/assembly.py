@@ -58,9 +58,9 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
         home(run)
         use_calibration(run)
         belief = STRATEGIES[request.strategy](run)
-        final = _seated_pose(run, belief)
+        final, lost = _seated_pose(run, belief)
         depth = _depth_m(run, final.pose_base_hole.pose())
-        warnings = _warnings(run, final)
+        warnings = lost + _warnings(run, final)
         run.tell(Phase.DONE, "inserted", insertion_depth_mm=depth * 1e3)
         return Finished(run, final, None, "", False, depth, warnings)
     except AssemblyFailed as error:
@@ -93,8 +93,18 @@ def _warnings(run: Run, final: PoseErrorEstimate) -> tuple[str, ...]:
     return () if said is None else (said,)
 
 
-def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
-    """T2: the seated peg's own pose, then better than the clearance by pressing against four walls of the bore."""
+def _stays_in(error: AssemblyFailed) -> bool:
+    """Whether what ended the pressing leaves the seated peg where it is: all but a lost arm, and an abort."""
+    if error.failure is Failure.SERVICE_LOST:
+        return error.lost not in ("", "hardware")
+    return error.failure in STAYS_IN
+
+
+def _seated_pose(run: Run, belief: PosePrior) -> tuple[PoseErrorEstimate, tuple[str, ...]]:
+    """T2: the seated peg's own pose, then better than the clearance by pressing against four walls of the bore.
+
+    With it what is to be warned of: a service that was lost after the peg was in.
+    """
     outcome, reading = relax(run)
     seated = run.ports.ask(
         SEATED,
@@ -104,8 +114,19 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
     )
     found = seated
     if run.known is not None:
-        return seated  # it was known better than the clearance before: nothing is to be felt
-    ended = False
+        return seated, ()  # it was known better than the clearance before: nothing is to be felt
+    ended, warnings = False, list[str]()
+
+    def end(stopped: AssemblyFailed) -> None:
+        if not _stays_in(stopped):
+            raise stopped
+        run.tell(Phase.SEATED, f"no more pressing: {stopped.detail}")
+        if stopped.failure is Failure.SERVICE_LOST:
+            warnings.append(
+                f"{stopped.lost} was lost once the peg was in, which stays in; T2 is what was known by then: "
+                f"{stopped.detail}"
+            )
+
     for press_round in range(PRESS_ROUNDS):
         known = len(run.presses)
         try:
@@ -114,10 +135,8 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
                 _align(run, found.pose_base_hole.pose())
             _press_walls(run)
         except AssemblyFailed as stopped:
-            if stopped.failure not in STAYS_IN:
-                raise
+            end(stopped)
             ended = True
-            run.tell(Phase.SEATED, f"no more pressing: {stopped.detail}")
         except CommandRefused as refusal:
             ended = True
             run.tell(Phase.SEATED, f"no more pressing: {refusal}")
@@ -127,14 +146,18 @@ def _seated_pose(run: Run, belief: PosePrior) -> PoseErrorEstimate:
                 break
             continue
         prior = PosePrior(pose_base_hole=seated.pose_base_hole, covariance=seated.covariance)
-        felt = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=presses))
+        try:
+            felt = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=presses))
+        except AssemblyFailed as stopped:
+            end(stopped)
+            break
         if any(use.used for use in felt.rests_on):
             found = felt
         if ended or all(use.used and use.residual_sigma < WELL_EXPLAINED_SIGMA for use in felt.rests_on):
             break
-    if found is seated:
+    if found is seated and not warnings:
         run.tell(Phase.ESTIMATING, "the walls felt do not fit one pose: the seat alone counts")
-    return found
+    return found, tuple(warnings)
 
 
 def _press_walls(run: Run) -> None:

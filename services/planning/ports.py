@@ -15,9 +15,10 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 class AssemblyFailed(Exception):
     """The assembly cannot go on; the peg must now be backed off."""
 
-    def __init__(self, failure: Failure, detail: str) -> None:
+    def __init__(self, failure: Failure, detail: str, lost: str = "") -> None:
         super().__init__(f"{failure.value}: {detail}")
         self.failure, self.detail = failure, detail
+        self.lost = lost  # the service, of SERVICE_LOST
 
 
 class Ports(Protocol):

@@ -44,6 +44,7 @@ from services.planning.assembly import assemble
 from services.planning.calibrating import calibrate
 from services.planning.config import PlanningConfig
 from services.planning.leaving import home
+from services.planning.missed import MissedServices
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.withdrawing import withdraw_peg
@@ -60,6 +61,7 @@ class PlanningShell:
         self._running = False
         self.calibration = self.bus.latest(FT_CALIBRATION)
         self.clock = self.bus.latest(CLOCK, TICKS_KEPT)
+        self.missed = MissedServices(context)
         pulse_of(self.bus)  # begins to start, so that the first assembly need not wait for it
         self._last_hole: Pose | None = None  # as the last assembly found or believed it
         self.phases = self.bus.publisher(PHASE)
@@ -90,7 +92,8 @@ class PlanningShell:
                 self.closing.wait(RETRY_S)
         self._running = True
         try:
-            yield lease
+            with self.missed.told():
+                yield lease
         finally:
             self._running = False
             lease.give()

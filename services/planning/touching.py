@@ -152,10 +152,13 @@ def press(run: Run, pose_base_peg_start: Pose, direction: Array) -> None:
     )
     outcome = run.ports.ask(GUARDED_MOVE, command)
     run.account(outcome)
-    pressed = _felt(run, outcome, None, seated=True)
-    if pressed is not None:
-        run.presses.append(pressed)
-    run.slide_to(pose_base_peg_start, run.config.press_speed_m_s)
+    try:
+        pressed = _felt(run, outcome, None, seated=True)
+        if pressed is not None:
+            run.presses.append(pressed)
+    finally:
+        # also where nobody is left to say what was felt: the peg is not left pressing
+        run.slide_to(pose_base_peg_start, run.config.press_speed_m_s)
 
 
 def _felt(run: Run, outcome: GuardedMoveOutcome, free: FreeAir, seated: bool = False) -> Touch | None:

@@ -15,4 +15,4 @@ def build(context: ServiceContext) -> VisionShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("vision", build, only_computes=True))
+    sys.exit(run_service("vision", build))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -163,6 +165,49 @@ def test_a_server_killed_while_it_thinks_ends_the_wait(pair: tuple[Bus, Bus], en
                 assert time.monotonic() < until
         killer.join(DEADLINE_S)
     wait_until(lambda: "vision" not in alive, "its token goes")
+
+
+ANSWERER = """
+import sys, threading
+from crosspih_common.bus import Bus, open_zenoh
+from crosspih_common.errors import CommandRefused
+from crosspih_common.keys import LOCATE
+with Bus(open_zenoh(sys.argv[1]), "c", "vision") as bus:
+    def answer(request):
+        print("asked", flush=True)
+        sys.stdin.readline()
+        raise CommandRefused("no_cross", "nothing there")
+    bus.serve(LOCATE, answer)
+    bus.declare_alive()
+    print("up", flush=True)
+    threading.Event().wait()
+"""
+
+
+def test_a_server_that_hangs_loses_its_token_and_nothing_else(pair: tuple[Bus, Bus], endpoint: str) -> None:
+    """SIGSTOP until its token is gone: the token comes back, and what it was asked is answered."""
+    _, planning = pair
+    heard: list[bool] = []
+    planning.watch_alive(lambda service, here: heard.append(here) if service == "vision" else None)
+    command = [sys.executable, "-c", ANSWERER, endpoint]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdin is not None and server.stdout is not None
+        try:
+            assert server.stdout.readline() == "up\n"
+            wait_until(lambda: heard == [True], "the server lives")
+            with ThreadPoolExecutor(1) as pool:
+                answer = pool.submit(planning.call, LOCATE, LocateHole(), 60.0)
+                assert server.stdout.readline() == "asked\n"
+                server.send_signal(signal.SIGSTOP)
+                wait_until(lambda: heard == [True, False], "its token goes")
+                server.send_signal(signal.SIGCONT)
+                wait_until(lambda: heard == [True, False, True], "its token comes back")
+                server.stdin.write("\n")
+                server.stdin.flush()
+                with pytest.raises(CommandRefused, match="nothing there"):
+                    answer.result(DEADLINE_S)
+        finally:
+            server.kill()
 
 
 def test_everyone_comes_back_after_the_router_died(

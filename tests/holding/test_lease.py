@@ -111,6 +111,37 @@ def test_a_holder_that_is_gone_loses_the_arm(bus: Bus, holder: HolderProcess, nu
                 assert said == StopReason.HOLDER_LOST.value
 
 
+@pytest.fixture
+def link(bus: Bus) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A link to the router that can be cut, and its endpoint."""
+    assert bus.endpoint is not None
+    host, _, port = bus.endpoint.removeprefix("tcp/").partition(":")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.holding.stoppable_link", host, port], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    yield process, f"tcp/127.0.0.1:{process.stdout.readline().strip()}"
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_a_holder_whose_link_is_cut_loses_the_arm(bus: Bus, link: tuple[subprocess.Popen[str], str]) -> None:
+    """The holder runs on, and so do its beats: nothing of them comes through."""
+    process, endpoint = link
+    states, asked, outcomes = bus.latest(LEASE), bus.latest(DWELL.request_echo), bus.latest(DWELL.reply_echo)
+    holder = HolderProcess(endpoint)
+    try:
+        assert holder.says() == "held"
+        assert asked.wait_for(lambda _: True, DEADLINE_S) is not None
+        process.send_signal(signal.SIGSTOP)
+        lost = outcomes.wait_for(lambda outcome: outcome.stop_reason is StopReason.HOLDER_LOST, DEADLINE_S)
+        assert lost is not None and lost.duration_s < 9.0
+        assert states.wait_for(lambda state: not state.holder, DEADLINE_S) is not None
+    finally:
+        holder.end()
+
+
 def test_an_arm_that_let_go_can_be_held_anew(bus: Bus) -> None:
     with hold_arm(bus, "first") as lease:
         lease.take()  # by the same process, which gave up the first lease unsaid

@@ -134,6 +134,10 @@ class CellInMemory:
         self.phases.clear()
         return self.bus.call(ASSEMBLE, Assemble(assembly_id="test", strategy=strategy, known=known), 300.0)
 
+    def lose(self, service: str) -> None:
+        """One service dies, for good."""
+        next(context for context in self.contexts if context.name == service).bus.close()
+
     def close(self) -> None:
         """End everything."""
         for shell in self._shells:

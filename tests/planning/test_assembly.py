@@ -93,6 +93,31 @@ def test_a_push_that_does_not_enter_is_mended_by_touching(folder: Path) -> None:
         cell.close()
 
 
+@pytest.mark.parametrize("lost", ["inference", "force_torque"])
+def test_a_service_lost_once_the_peg_is_in_leaves_it_in(folder: Path, lost: str) -> None:
+    """It dies for good while the walls are pressed: what is known by then counts, and the result says so."""
+    cell = CellInMemory(folder)
+    try:
+        cell.reset(6)
+
+        def lose(phase: AssemblyPhase) -> None:
+            if phase.phase is Phase.SEATED and phase.text.startswith("pressing against"):
+                cell.on_phase = lambda later: None
+                cell.lose(lost)
+
+        cell.on_phase = lose
+        result = cell.assemble()
+        assert result.inserted and not result.backed_off
+        assert [warning for warning in result.warnings if warning.startswith(f"{lost} was lost once the peg was in")]
+        assert_good_pose(cell, result)
+        truth = cell.truth()
+        depth = insertion_depth_m(cell.cell.workcell, truth.pose_base_peg.pose(), truth.pose_base_hole.pose())
+        assert depth > cell.cell.workcell.insertion_depth_m
+        assert np.linalg.norm(truth.wrench_contact[:3]) < 5.0  # not left pressing against a wall
+    finally:
+        cell.close()
+
+
 def test_a_cap_that_stops_the_pressing_leaves_the_peg_in(folder: Path) -> None:
     """Presses so hard that the arm's cap ends them: what the seat tells counts, and the peg is not taken out again."""
     planning = PlanningConfig(service_patience_s=0.5, press_force_n=23.0, press_creep_m_s=0.003, max_overloads=1)

@@ -52,7 +52,7 @@ def test_an_assembly_outlives_a_service_that_only_computes(
 
 
 def test_a_service_that_hangs_is_noticed_and_waited_for(cell: RunningCell, session: Session) -> None:
-    """SIGSTOP while it thinks: its link is cut, the planner says so, and goes on once it is back."""
+    """SIGSTOP while it thinks: its token goes, the planner says so, and goes on once it is back."""
     stopped: list[int] = []
     told: list[str] = []
 
@@ -71,7 +71,7 @@ def test_a_service_that_hangs_is_noticed_and_waited_for(cell: RunningCell, sessi
     session.bus.subscribe(PHASE, stop_once)
     session.bus.subscribe(EVENTS, go_on)
     assert_inserts(session, SEED + 2)
-    assert told and told[0].startswith("vision is gone while it was asked")
+    assert told and told[0].startswith("vision is gone in the middle of an assembly")
 
 
 def test_hardware_that_is_lost_in_motion_ends_the_assembly_by_name(cell: RunningCell, session: Session) -> None:

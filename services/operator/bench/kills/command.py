@@ -37,12 +37,11 @@ class Row(BaseModel):
     complaints: list[str]
 
 
-def _limits(content: dict[str, Any], speed: str) -> Limits:
+def _limits(content: dict[str, Any]) -> Limits:
     limits = (content.get("hardware") or {}).get("limits") or {}
     return Limits(
         force_cap_n=float(limits.get("force_cap_n", 60.0)),
         holder_timeout_s=float(limits.get("holder_timeout_s", 0.1)),
-        realtime=speed == "realtime",
     )
 
 
@@ -114,7 +113,7 @@ def kills(
         for case in planned:
             overrides = {**case.overrides, "recorder": {"directory": recordings}}
             content = cell_content(base_cell_text(), Condition(name="kills", overrides=overrides))
-            limits.append(_limits(content, speed))
+            limits.append(_limits(content))
             tasks.append(
                 CellTask(
                     case.name, content, end_service, case.model_dump(mode="json"), (*NEEDED, "recorder"), speed=speed

@@ -15,7 +15,7 @@ from crosspih_common.keys import ASSEMBLE, RECORD_START
 from crosspih_common.messages import Assemble, AssemblyResult, ResetCell, StartRecording
 from deploy.launcher import ServiceState, StateDirectory
 from deploy.launcher.health import Health
-from services.operator.bench.kills.judging import Observed, stopped_after_s
+from services.operator.bench.kills.judging import NAMED_S, Observed, stopped_after_s
 from services.operator.bench.kills.plan import Case, Ending, begins, ripe
 from services.operator.bench.kills.watching import Watch
 from services.operator.session import NEEDED, RECORDER_DEADLINE_S, Session
@@ -24,6 +24,7 @@ RIPE_DEADLINE_S = 120.0
 END_DEADLINE_S = 240.0
 STOPPED_FOR_S = 6.0  # a planner that hangs goes on after so long, its link then cut, or once the arm let go of it
 RESTART_DEADLINE_S = 120.0
+NAMED_LATE_S = 1.0  # waited on, so that a late word is told from none
 _POLL_S = 0.05
 
 
@@ -87,7 +88,10 @@ class _Run:
                 if self._case.ending is Ending.STOP:
                     os.kill(pid, signal.SIGCONT)
             asker.join(END_DEADLINE_S)
-            return self._observed(watch.since_signal_s(), moving, force_n)
+            ended_s = watch.since_signal_s()
+            # one that hangs may be missed only after the assembly, which did not need it
+            watch.wait(lambda: watch.named is not None, max(NAMED_S + NAMED_LATE_S - ended_s, 0.0))
+            return self._observed(ended_s, moving, force_n)
         finally:
             if self._case.ending is Ending.STOP:
                 # the next case wants one that has nothing left to do

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from crosspih_common.bus import LEASE_MS
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import Failure, StopReason
+from crosspih_common.messages import Failure
 from services.operator.bench.kills.plan import COMPUTING, Case, Ending
 
 LOOK_BACK_S = 0.02
 AT_END_RAD = 2e-5
 STOP_S = 0.2  # of the cell's clock, from the instant in which the holder counts as gone
 NAMED_S = 1.0  # of the wall's clock
-WAITED_S = 3.0  # that an arm whose time stands still waits for a beat, of the wall's clock
-LINK_S = LEASE_MS * 1e-3  # after which the link of one that hangs is cut, where it does not only compute
 ALLOWED = 1.1  # times the cap
 
 
@@ -26,20 +23,6 @@ class Limits(BaseModel):
 
     force_cap_n: float
     holder_timeout_s: float
-    realtime: bool
-
-    def named_s(self, case: Case, stop_reason: str) -> float:
-        """By when the loss is to be named, s on the wall's clock.
-
-        A planner that hangs while the arm moves is missed by its beats; at full speed an arm stands still for some
-        seconds first, until the next one is due on the wall's clock. Where nothing moves, and for arm and recorder,
-        the link alone says so, which a busy machine must not cut.
-        """
-        if case.ending is Ending.KILL or case.service in COMPUTING:
-            return NAMED_S
-        if stop_reason == StopReason.HOLDER_LOST.value:
-            return NAMED_S + (0.0 if self.realtime else WAITED_S)
-        return NAMED_S + LINK_S
 
 
 class Observed(BaseModel):
@@ -97,13 +80,10 @@ def complaints(case: Case, seen: Observed, limits: Limits) -> list[str]:
     found = []
     if seen.peak_n > ALLOWED * limits.force_cap_n:
         found.append(f"pressed with {seen.peak_n:.0f} N, the cap is {limits.force_cap_n:g} N")
-    allowed_s = limits.named_s(case, seen.stop_reason)
     if seen.named_s is None:
-        # one that hangs, and was not needed before the assembly ended, need not have been missed yet
-        if seen.ended_s is None or seen.ended_s > allowed_s:
-            found.append("nobody named the loss")
-    elif seen.named_s > allowed_s:
-        found.append(f"named after {seen.named_s:.1f} s, want {allowed_s:g} s")
+        found.append("nobody named the loss")
+    elif seen.named_s > NAMED_S:
+        found.append(f"named after {seen.named_s:.2f} s, want {NAMED_S:g} s")
     if seen.ended_s is None:
         return [*found, "the assembly did not end"]
     if case.service == "planning":
