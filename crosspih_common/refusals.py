@@ -33,6 +33,7 @@ REFUSALS: dict[str, str] = {
     "size": "the motion would take longer than the cell allows",
     "collision": "a part of the arm would come too near to something of cell.surroundings; the text names both",
     "implausible_payload": "the payload does not fit what the sensor reads at rest, its range, or gravity",
+    "no_payload": "a move that goes by force, before arm/set_payload: set the payload first (`crosspih calibrate ft`)",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     # simulation
