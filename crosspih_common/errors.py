@@ -15,11 +15,15 @@ from __future__ import annotations
 
 
 class CrosspihError(Exception):
-    """Something crosspih expected might go wrong, did."""
+    """Something crosspih expected might go wrong, did. `code` is how a service refuses that met it on its way."""
+
+    code: str = "internal"
 
 
 class ConfigError(CrosspihError):
     """A configuration file says something that cannot be; names the field and the mend."""
+
+    code = "config"
 
 
 class BusError(CrosspihError):
@@ -29,17 +33,25 @@ class BusError(CrosspihError):
 class BusUnreachable(BusError):
     """No router answers at the endpoint."""
 
+    code = "bus_unreachable"
+
 
 class ContractError(BusError):
     """A sample is not what its key promises: wrong type, wrong version, or fields that do not validate."""
+
+    code = "bad_answer"
 
 
 class NoService(BusError):
     """Nobody serves the command, or whoever did vanished without a word."""
 
+    code = "no_service"
+
 
 class CommandTimeout(BusError):
     """The service did not answer within the deadline."""
+
+    code = "command_timeout"
 
 
 class BusClosed(BusError):

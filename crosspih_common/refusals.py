@@ -14,10 +14,11 @@ REFUSALS: dict[str, str] = {
     "busy": "another motion or assembly is being carried out; nothing was queued, ask again when it has ended",
     "stopping": "the service was stopped while it carried the command out; it may be half done",
     "internal": "a defect in the service; the text holds the exception",
-    "NoService": "a service that was asked in turn is not there",
-    "CommandTimeout": "a service that was asked in turn did not answer in time",
-    "BusUnreachable": "the router was lost while another service was asked",
-    "ConfigError": "the cell's file says something that cannot be",
+    "no_service": "a service that was asked in turn is not there",
+    "command_timeout": "a service that was asked in turn did not answer in time",
+    "bad_answer": "a service that was asked in turn answered with something that is not what its key promises",
+    "bus_unreachable": "the router was lost while another service was asked",
+    "config": "the cell's file says something that cannot be",
     # arm
     "not_finite": "a number is not finite, or a quaternion is zero",
     "direction": "a direction has no length",
@@ -33,6 +34,7 @@ REFUSALS: dict[str, str] = {
     "size": "the motion would take longer than the cell allows",
     "collision": "a part of the arm would come too near to something of cell.surroundings; the text names both",
     "implausible_payload": "the payload does not fit what the sensor reads at rest, its range, or gravity",
+    "no_payload": "a move that goes by force, before arm/set_payload: set the payload first (`crosspih calibrate ft`)",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     # simulation

@@ -260,21 +260,22 @@ class Bus:
                     raise CommandRefused(
                         "size", f"{key}: the request has {len(query.payload)} bytes, {MAX_REQUEST_BYTES} are allowed"
                     )
-                request = decode(command.request, query.payload, query.label, key)
+                try:
+                    request = decode(command.request, query.payload, query.label, key)
+                except ContractError as error:
+                    self._reject(key, str(error))
+                    raise CommandRefused("contract", str(error)) from None
                 self.traffic.count(key, "received")
                 self.clock.observe(request.stamp_ns)
                 requests.publish(request)
                 reply = replies.publish(handler(request))
                 return Answer(encode(reply), label_of(command.reply), is_error=False)
-            except ContractError as error:
-                self._reject(key, str(error))
-                refusal = CommandRefused("contract", str(error))
             except CommandRefused as error:
                 refusal = error
             except BusClosed:
                 refusal = CommandRefused("stopping", f"{self.service} was stopped while it carried this out")
             except CrosspihError as error:
-                refusal = CommandRefused(type(error).__name__, str(error))
+                refusal = CommandRefused(error.code, str(error))
             except Exception as error:
                 # a defect in a handler must reach the asker and the log, and must not end the service
                 refusal = CommandRefused("internal", f"{type(error).__name__}: {error}")

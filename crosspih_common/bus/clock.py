@@ -25,7 +25,8 @@ class BusClock:
         """Learn a stamp; with `boot_id`, a tick of the clock itself. A new boot id starts the clock anew.
 
         Between ticks any message's stamp moves the clock, but not one that is far ahead of the newest tick: what a
-        service said before the cell was started again is still told to those who come late.
+        service said before the cell was started again is still told to those who come late. Before the first tick
+        nothing else moves it: whose stamp that is cannot be told.
         """
         with self._lock:
             if boot_id is not None:
@@ -33,6 +34,6 @@ class BusClock:
                     self._boot_id = boot_id
                     self._now_ns = self._tick_ns = stamp_ns
                 self._tick_ns = max(self._tick_ns, stamp_ns)
-            elif self._boot_id and stamp_ns > self._tick_ns + AHEAD_NS:
+            elif not self._boot_id or stamp_ns > self._tick_ns + AHEAD_NS:
                 return
             self._now_ns = max(self._now_ns, stamp_ns)

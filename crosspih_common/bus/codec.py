@@ -100,8 +100,14 @@ def _decode_image(payload: bytes, seq: int) -> Image:
     try:
         message.ParseFromString(payload)
         channels = {"mono8": 1, "rgb8": 3}[message.encoding]
+        row, step = message.width * channels, message.step
+        if step < row or len(message.data) != step * message.height:
+            raise ValueError(
+                f"step {step} and {len(message.data)} bytes of data do not fit {message.height} rows of {row} bytes"
+            )
         shape = (message.height, message.width) if channels == 1 else (message.height, message.width, 3)
-        pixels = np.frombuffer(message.data, dtype=np.uint8).reshape(shape)
+        # a driver may pad its rows to a multiple of some bytes
+        pixels = np.frombuffer(message.data, dtype=np.uint8).reshape(message.height, step)[:, :row].reshape(shape)
     except (DecodeError, KeyError, ValueError) as error:
         raise ContractError(f"{IMAGE_TYPE}: is not an image that crosspih reads (mono8 or rgb8): {error}") from None
     return Image(message.frame_id, pixels, stamp_ns=message.timestamp.ToNanoseconds(), seq=seq)

@@ -22,7 +22,7 @@ class Fixture:
     `lower_m` and `upper_m` (3,) are the box that covers the plate at every pose the prior allows. The peg is at work
     where its tip is within `working_radius_m` of the nominal axis and not behind the box, and its axis within
     `WORKING_TILT_RAD` of the nominal one. `stand_radius_m` is that of an upright column under the plate, the
-    prior's range included; None where there is none.
+    prior's range included; None where there is none. `half_ranges` (6,) are the prior's, m and rad.
     """
 
     pose_base_hole: Pose
@@ -32,6 +32,7 @@ class Fixture:
     plate_lower_m: Array
     plate_upper_m: Array
     stand_radius_m: float | None
+    half_ranges: Array
 
     @classmethod
     def of(cls, workcell: Workcell) -> Fixture:
@@ -49,7 +50,7 @@ class Fixture:
         opens_down = float(pose.rotation[:, 2] @ upwards(workcell)) > np.cos(np.pi / 4)
         if stand is not None:
             stand += float(np.linalg.norm(ranges[:3] + turned_by_m(centre := (lower + upper) / 2, centre, ranges[3:])))
-        return cls(pose, lower - grown, upper + grown, radius, lower, upper, None if opens_down else stand)
+        return cls(pose, lower - grown, upper + grown, radius, lower, upper, None if opens_down else stand, ranges)
 
     def at_work(self, pose_base_peg: Pose, tip_m: float) -> bool:
         """Whether a peg, its tip at (0, 0, `tip_m`) in the peg frame, is in the working zone."""
@@ -57,6 +58,19 @@ class Fixture:
         x, y, z = pose_hole_peg.apply([0.0, 0.0, tip_m])
         aligned = pose_hole_peg.rotation[2, 2] > np.cos(WORKING_TILT_RAD)
         return bool(aligned and np.hypot(x, y) <= self.working_radius_m and z <= self.upper_m[2])
+
+    def distances_m(self, points_base_m: Array) -> Array:
+        """Distances (...) of points (..., 3) from wherever the plate may be, 0 there and behind its front.
+
+        Finer than the box: the front is nearer to the arm the farther a point is from the axis, by the plate's turn.
+        """
+        lateral, depth, turn = self.half_ranges[0], self.half_ranges[2], self.half_ranges[3]
+        half = self.plate_upper_m[0] * (1.0 + turn) + lateral
+        x, y, z = np.moveaxis(self.pose_base_hole.inverse().apply(points_base_m), -1, 0)
+        across = np.maximum(np.maximum(np.abs(x), np.abs(y)) - half, 0.0)
+        lean = turn * np.minimum(np.abs(x) + np.abs(y), 2.0 * half)
+        before = np.maximum(-z - depth - lean, 0.0)
+        return np.asarray(np.hypot(across, before))
 
     def before_m(self, points_base_m: Array) -> float:
         """How far points (k, 3) are before the plane of the box's front; negative where one is behind it."""

@@ -61,6 +61,18 @@ def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
     return {**cell, "peg": {**peg, "outline": str(path.parent / outline)}}
 
 
+def with_files_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
+    """The raw section `cell` of the file at `path`, all files that it names looked for from the folder of that file."""
+    return with_mesh_files_beside(path, with_urdf_beside(path, _outline_beside(path, cell)))
+
+
+def standing_alone(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """A cell file's content that means the same wherever it is written: the files that it names by absolute paths."""
+    if not isinstance(cell := content.get("cell"), dict):
+        return content
+    return {**content, "cell": with_files_beside(path.resolve(), cell)}
+
+
 def load_cell(path: str | Path) -> CellFile:
     """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
     path = Path(path)
@@ -85,8 +97,7 @@ def load_cell(path: str | Path) -> CellFile:
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
     try:
-        section = with_urdf_beside(path, _outline_beside(path, content.get("cell") or {}))
-        workcell = Workcell.model_validate(with_mesh_files_beside(path, section))
+        workcell = Workcell.model_validate(with_files_beside(path, content.get("cell") or {}))
     except ValidationError as error:
         raise _explain(path, "cell", error) from None
     return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

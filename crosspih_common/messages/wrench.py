@@ -9,7 +9,7 @@ from crosspih_common.messages.contact import ContactState
 
 
 class RawWrenchBatch(Message):
-    """Some milliseconds of the sensor, one sample every `period_ns`; `stamp_ns` is the first sample's time.
+    """The samples of some 10 ms, as many as the sensor gives, one each `period_ns`; `stamp_ns` is the first one's time.
 
     The numbers are the sensor's own, in its units, axes and sign: `cell.force_torque` in the cell's file says how they
     are to be read, and whoever reads them does that.

@@ -54,9 +54,13 @@ class HostedCell:
     def __init__(self, devices: Devices, workcell: Workcell, config: HardwareConfig) -> None:
         self._devices = devices
         self.realtime = devices.realtime
+        self.assumed: tuple[str, ...] = ()  # settings of `hardware.limits` that nobody gave, taken strictly
         self._controller: ArmController | None = None
         if devices.joints is not None and devices.wrench is not None:
-            self._controller = ArmController(workcell, config.limits, devices.joints, devices.wrench, devices.realtime)
+            landing, self.assumed = config.limits.landing(devices.landing)
+            self._controller = ArmController(
+                workcell, config.limits, landing, devices.joints, devices.wrench, devices.realtime
+            )
         self._camera: HostedCamera | None = None
         if devices.camera is not None:
             self._camera = HostedCamera(devices.camera, self._controller, devices.simulation is not None)

@@ -39,6 +39,14 @@ class WrenchSamples:
     wrenches: Array
 
 
+@dataclass(frozen=True, slots=True)
+class Landing:
+    """What a tip that hits a hard plate is stopped by, and what stops with it: it presses with v sqrt(k m)."""
+
+    moved_mass_kg: float
+    contact_stiffness_n_m: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoCapture:
     """A pair of pictures, each (height, width) grey or (height, width, 3) RGB, and when they were exposed."""
@@ -109,7 +117,8 @@ class Simulation(Protocol):
 class Devices:
     """The devices that one process has opened; None is what another process has.
 
-    `realtime` is False only for a simulated cell whose time stands still between commands.
+    `realtime` is False only for a simulated cell whose time stands still between commands. `landing` is what the driver
+    of the arm knows of its mass and contacts; the cell's file goes before it (`hardware.limits`).
     """
 
     joints: JointDevice | None = None
@@ -117,4 +126,5 @@ class Devices:
     camera: CameraDevice | None = None
     simulation: Simulation | None = None
     realtime: bool = True
+    landing: Landing | None = None
     close: Callable[[], None] = lambda: None

@@ -12,6 +12,7 @@ from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
 from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
+from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
 from services.operator.report.cli import report
 from services.operator.results import results
@@ -29,7 +30,7 @@ app = typer.Typer(
     help="Autonomous peg-in-hole assembly: run it, measure it, look at what happened.",
 )
 app.command()(assemble)
-app.command()(withdraw)
+app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
 app.add_typer(cell_app, name="cell")
 app.add_typer(calibrate_app, name="calibrate")

@@ -15,6 +15,7 @@ from crosspih_common.config.drawing import CROSS, OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from deploy.launcher import LauncherError
+from services.operator.for_cell import CELL_HELP
 from services.operator.pegs import cell_with_peg
 from services.operator.refine import refine
 from services.operator.report import make_report
@@ -22,8 +23,6 @@ from services.operator.scoring import TrialFigures
 from services.operator.session import using_cell
 from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
-
-CELL_HELP = "The cell's file; that of CROSSPIH_CELL when left out."
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
 calibrate_app.command()(refine)
@@ -54,7 +53,9 @@ def _assemble(
             console.print("a round peg: nothing it touches tells how it is turned about its axis", highlight=False)
         story = Story(console)
         session.follow_events(story.phase, story.touch, story.event)
-        figures, result = session.trial(seed, strategy, record, on_begin=story.begin, known=known)
+        figures, result = session.trial(
+            seed, strategy, record, on_begin=story.begin, known=known, on_check=story.checking
+        )
         truth = session.truth() if session.simulated else None
     if figures.recording is not None:
         page = Path(figures.recording).with_suffix(".html")

@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from crosspih_common.config import CellFile, load_cell
+from crosspih_common.config.cell import standing_alone
 from crosspih_common.config.drawing import PegDrawing, peg_section
 from crosspih_common.errors import BusUnreachable, ConfigError
 from services.operator.session import Session, cell_path, endpoint
@@ -28,7 +29,8 @@ def content_with_peg(cell: CellFile, peg: str) -> dict[str, Any] | None:
     own = cell.workcell.peg
     if section == {"outline": own.outline} or PegDrawing.model_validate(section) == own:
         return None
-    content: dict[str, Any] = {name: value or {} for name, value in yaml.safe_load(cell.text).items()}
+    content: dict[str, Any] = {name: value or {} for name, value in (yaml.safe_load(cell.text) or {}).items()}
+    content = standing_alone(cell.path, content)
     content["cell"] = {**content.get("cell", {}), "peg": section}
     force_torque = dict(content.get("force_torque", {}))
     kept = Path(str(force_torque.get("calibration_file", CALIBRATION_FILE)))

@@ -12,6 +12,7 @@ import yaml
 from rich.console import Console
 
 from crosspih_common.config import load_cell
+from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.refined_cell import refined_table, residual_lines, run_refine, write_cell
@@ -41,5 +42,5 @@ def refine(
             for line in [*residual_lines(result), *result["notes"]]:
                 shown.print(line, highlight=False, markup=False)
         if out is not None:
-            write_cell(out, yaml.safe_load(base.text) or {}, result, path.name)
+            write_cell(out, standing_alone(path, yaml.safe_load(base.text) or {}), result, path.name)
             console.print(f"cell: {out}", highlight=False)

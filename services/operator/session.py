@@ -161,15 +161,15 @@ class Session:
         """Before anything is asked of it: one clock ticks, one cell. Raises CommandRefused `cell_unfit`."""
         require_one_clock(self.bus)
 
-    def require_checked_cell(self) -> None:
+    def require_checked_cell(self, say: Callable[[str], None] = lambda text: None) -> None:
         """Before the first assembly since the cell was started: the gentle part of `crosspih cell check`.
 
-        Raises CommandRefused `cell_unfit`, with what is wrong and how to mend it.
+        `say` is told each of its steps. Raises CommandRefused `cell_unfit`, with what is wrong and how to mend it.
         """
         tick = self._clock.wait_for(lambda _: True, 5.0)
         if tick is not None:
             folder = default_run_root() / self.cell.workcell.name
-            check_before_first(self.bus, self.cell.workcell, tick.boot_id, folder)
+            check_before_first(self.bus, self.cell.workcell, tick.boot_id, folder, say)
 
     def follow_events(
         self,
@@ -212,17 +212,18 @@ class Session:
         record: bool,
         on_begin: Callable[[int], None] = lambda now_ns: None,
         known: PosePrior | None = None,
+        on_check: Callable[[str], None] = lambda text: None,
     ) -> tuple[TrialFigures, AssemblyResult]:
         """One assembly, scored: reset, record, assemble, stop recording. A cell without a simulator is not reset, and
         what needs its truth is left out of the figures.
 
         `on_begin` is called with the cell's time when the assembly starts. `known` is where the hole is, for the
-        strategy known_pose.
+        strategy known_pose. `on_check` is told each step of the first check of a cell that is not simulated.
         """
         truth: SimulationTruth | None = None
         if not self.simulated:
             seed = None
-            self.require_checked_cell()
+            self.require_checked_cell(on_check)
         if seed is not None:
             truth = self.reset(ResetCell(seed=seed))
         name = f"assembly-{strategy.value}" + ("" if seed is None else f"-seed{seed}")

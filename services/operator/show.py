@@ -39,6 +39,10 @@ class Story:
         """From now on tell; what comes late from before is passed over."""
         self._start_ns, self.telling = now_ns, True
 
+    def checking(self, step: str) -> None:
+        """A step of the first check of a cell, before the assembly begins."""
+        self._console.print(f"[dim]first check of this cell: {escape(step)}[/dim]", highlight=False)
+
     def phase(self, phase: AssemblyPhase) -> None:
         """One step."""
         if not self.telling or self._start_ns is None or phase.stamp_ns <= self._start_ns:

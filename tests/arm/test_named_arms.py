@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
+from scipy.spatial.transform import Rotation
 
 from crosspih_common.arm import NAMED_ARMS, ArmModel, named_arm, panda, ur5e, xb4
 from crosspih_common.geometry import Pose
@@ -48,6 +49,54 @@ def test_the_ur5e_agrees_with_the_makers_ros_description() -> None:
         pinocchio.framesForwardKinematics(model, data, joints)
         witness = pose_base_ros.matrix() @ data.oMf[model.getFrameId("tool0")].homogeneous
         assert ur5e().pose_base_flange(joints).matrix() == pytest.approx(witness, abs=1e-9)
+
+
+# x y z, m, and roll pitch yaw, rad, of each joint's frame in the one before: Universal Robots,
+# Universal_Robots_ROS2_Description, config/ur5e/default_kinematics.yaml (commit 2221ec0, BSD-3-Clause)
+UR5E_AS_PUBLISHED = (
+    ("shoulder", (0.0, 0.0, 0.1625), (0.0, 0.0, 0.0)),
+    ("upper_arm", (0.0, 0.0, 0.0), (1.570796327, 0.0, 0.0)),
+    ("forearm", (-0.425, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ("wrist_1", (-0.3922, 0.0, 0.1333), (0.0, 0.0, 0.0)),
+    ("wrist_2", (0.0, -0.0997, -2.044881182297852e-11), (1.570796327, 0.0, 0.0)),
+    ("wrist_3", (0.0, 0.09959999999999999, -2.042830148012698e-11), (1.570796326589793, np.pi, np.pi)),
+)
+# place of each joint's body in the one before, its turn about y, and the joint's axis: DeepMind, mujoco_menagerie,
+# universal_robots_ur5e/ur5e.xml (commit 1b428b0, BSD-3-Clause), whose lengths are whole millimetres
+UR5E_OF_MENAGERIE = (
+    ((0.0, 0.0, 0.163), 0.0, "z"),
+    ((0.0, 0.138, 0.0), QUARTER, "y"),
+    ((0.0, -0.131, 0.425), 0.0, "y"),
+    ((0.0, 0.0, 0.392), QUARTER, "y"),
+    ((0.0, 0.127, 0.0), 0.0, "z"),
+    ((0.0, 0.0, 0.1), 0.0, "y"),
+)
+HALF_TURN = Rotation.from_euler("z", np.pi)  # of its base against the controller's
+
+
+def test_the_ur5e_agrees_with_its_makers_numbers_put_together_by_scipy_alone() -> None:
+    """From base_link_inertia, half a turn from base_link and so the controller's base, to the flange's frame, tool0."""
+    for joints in random_joints(ur5e(), 50):
+        rotation, place = Rotation.identity(), np.zeros(3)
+        for (_, shift_m, turn_rad), angle in zip(UR5E_AS_PUBLISHED, joints, strict=True):
+            place = place + rotation.apply(shift_m)
+            rotation = rotation * Rotation.from_euler("xyz", turn_rad) * Rotation.from_euler("z", angle)
+        pose = ur5e().pose_base_flange(joints)
+        assert pose.translation_m == pytest.approx(place, abs=1e-8)
+        assert pose.rotation == pytest.approx(rotation.as_matrix(), abs=1e-8)
+
+
+def test_the_ur5e_agrees_with_the_menageries_but_for_its_rounding() -> None:
+    """Its flange is 0.1 m ahead along the last joint's axis, y. 0.5, 0.7, 0.2, 0.3 and 0.4 mm are rounded away."""
+    for joints in random_joints(ur5e(), 50):
+        rotation, place = HALF_TURN, np.zeros(3)
+        for (shift_m, turn_rad, axis), angle in zip(UR5E_OF_MENAGERIE, joints, strict=True):
+            place = place + rotation.apply(shift_m)
+            rotation = rotation * Rotation.from_euler("y", turn_rad) * Rotation.from_euler(axis, angle)
+        place = place + rotation.apply([0.0, 0.1, 0.0])
+        pose = ur5e().pose_base_flange(joints)
+        assert np.linalg.norm(pose.translation_m - place) < 2.1e-3
+        assert pose.rotation[:, 2] == pytest.approx(rotation.apply([0.0, 1.0, 0.0]), abs=1e-9)
 
 
 def test_the_panda_agrees_with_pybullets_own() -> None:

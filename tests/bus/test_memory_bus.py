@@ -58,7 +58,7 @@ def _collect(bus: Bus, count: int) -> tuple[list[JointState], threading.Event]:
 
 def test_every_sample_arrives_in_order_numbered_and_stamped(hardware: Bus, planning: Bus) -> None:
     got, enough = _collect(planning, 50)
-    hardware.clock.observe(123)
+    hardware.clock.observe(123, "boot")
     publisher = hardware.publisher(JOINT_STATE)
     for _ in range(50):
         publisher.publish(JointState(joints_rad=ZEROS, speeds_rad_s=ZEROS))

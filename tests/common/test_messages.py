@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -125,3 +126,20 @@ def test_joints_are_as_many_as_the_arm_has() -> None:
         JointState(joints_rad=seven, speeds_rad_s=(0.0,) * 6)
     with pytest.raises(ValidationError, match="accelerations_rad_s2 has 7 numbers, joints_rad has 6"):
         JointKnot(time_s=0.0, joints_rad=(0.0,) * 6, accelerations_rad_s2=seven)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("padding", [0, 5])
+def test_rows_with_padding_are_read_without_it(channels: int, padding: int) -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (4, 7) if channels == 1 else (4, 7, 3), dtype=np.uint8)
+    row = 7 * channels
+    message = RawImage(width=7, height=4, encoding="mono8" if channels == 1 else "rgb8", step=row + padding)
+    padded = np.hstack([pixels.reshape(4, row), np.full((4, padding), 77, dtype=np.uint8)])
+    message.data = padded.tobytes()
+    back = decode(Image, message.SerializeToString(), label_of(Image), "k")
+    assert np.array_equal(back.pixels, pixels)
+    for step, data in ((row - 1, message.data), (row + padding, message.data[:-1]), (0, message.data)):
+        message.step, message.data = step, data
+        with pytest.raises(ContractError, match=f"step {step} "):
+            decode(Image, message.SerializeToString(), label_of(Image), "k")
+        message.data = padded.tobytes()

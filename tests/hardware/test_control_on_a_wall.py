@@ -27,9 +27,12 @@ OPTIONS = MappingProxyType({"weight_n": 8.0, "stiffness_n_m": 1e5, "wall_z_m": T
 CAP_N = 60.0
 
 
+LANDING = MappingProxyType({"moved_mass_kg": 8.0, "contact_stiffness_n_m": 5e6})
+
+
 def on_the_wall(**limits: float) -> HostedCell:
     config = HardwareConfig.model_validate(
-        {"driver": "docs.examples.spring_wall:open_devices", "options": dict(OPTIONS), "limits": limits}
+        {"driver": "docs.examples.spring_wall:open_devices", "options": dict(OPTIONS), "limits": {**LANDING, **limits}}
     )
     cell = open_cell(WORKCELL, config, realtime=False, wanted=WALL)
     cell.arm.set_payload(

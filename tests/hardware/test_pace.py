@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.hardware.control.pace import Pace, slowed
+from services.hardware.control.pace import slowed
 
 
 @settings(max_examples=60, deadline=None)
@@ -32,5 +32,6 @@ def test_it_slows_down_in_time_and_comes_to_the_end(
 
 
 def test_what_needs_no_slowing_is_left_as_it_is() -> None:
-    at, rates, touching = Pace.as_asked().samples(0.0105, 0.001)
+    nothing = slowed(np.array([0.0, 0.0105]), np.ones(2), np.full(2, 5.0), np.zeros(2, dtype=bool))
+    at, rates, touching = nothing.samples(0.0105, 0.001)
     assert len(at) == 11 and at[-1] == 0.0105 and np.all(rates == 1.0) and np.all(touching == 0.0)

@@ -13,10 +13,20 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import AdmittanceMove, MoveLinear, PathKnot, PoseData, ResetCell, StopReason, floats
+from crosspih_common.messages import (
+    AdmittanceMove,
+    MoveLinear,
+    PathKnot,
+    PoseData,
+    ResetCell,
+    SetPayload,
+    StopReason,
+    floats,
+)
 from services.hardware.config import HardwareConfig
 from services.hardware.control.effort import smoothness
 from services.hardware.control.search_path import SearchPath
+from services.hardware.drivers.simulated.config import ForceTorqueConfig
 from services.hardware.drivers.simulated.engines.protocol import STEP_S
 from services.hardware.hosting import HostedCell, open_cell
 
@@ -28,6 +38,13 @@ turns = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
 @pytest.fixture(scope="module")
 def cell() -> Iterator[HostedCell]:
     opened = open_cell(WORKCELL, HardwareConfig(), realtime=False)
+    ft = ForceTorqueConfig()
+    opened.arm.set_payload(
+        SetPayload(
+            bias=ft.bias, weight_n=9.81 * ft.payload_kg, centroid_ft_m=ft.payload_centroid_m,
+            gravity_base=(0.0, 0.0, -1.0),
+        )
+    )  # fmt: skip
     yield opened
     opened.close()
 
@@ -75,7 +92,7 @@ def test_a_search_in_free_air_goes_its_path_and_ends_with_it(cell: HostedCell) -
     )
     outcome = cell.arm.admittance_move(command)
     assert outcome.stop_reason is StopReason.COMPLETED
-    assert outcome.duration_s == pytest.approx(2.0, abs=0.03)  # it tares first
+    assert outcome.duration_s == pytest.approx(2.0, abs=0.03)
     centre = np.asarray(command.centre_peg_m)
     moved = start.inverse() @ outcome.pose_base_peg.pose()
     assert np.allclose(moved.apply(centre) - centre, [0.005, 0.004, 2e-4], atol=2e-5)

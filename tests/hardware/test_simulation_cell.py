@@ -162,6 +162,12 @@ def test_unreachable_and_nan_and_directionless_commands_are_refused(cell: Hosted
 
 
 def test_a_guarded_move_in_free_air_reaches_its_limit(cell: HostedCell) -> None:
+    cell.arm.set_payload(
+        SetPayload(
+            bias=FT.bias, weight_n=9.81 * FT.payload_kg, centroid_ft_m=FT.payload_centroid_m,
+            gravity_base=(0.0, 0.0, -1.0),
+        )
+    )  # fmt: skip
     outcome = cell.arm.guarded_move(GuardedMove(direction_base=(0.0, 0.0, -2.0), speed_m_s=0.05, travel_limit_m=0.02))
     assert outcome.stop_reason is StopReason.TRAVEL_LIMIT
     assert outcome.travel_m == pytest.approx(0.02, abs=2e-6)

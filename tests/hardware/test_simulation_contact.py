@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 from crosspih_common.config import Workcell
+from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import (
@@ -245,16 +246,23 @@ def test_the_same_seed_and_commands_give_the_same_trial_to_the_last_bit() -> Non
         second.close()
 
 
-def test_a_cell_that_does_not_know_its_payload_yet_still_feels_contact_only() -> None:
+def test_no_move_goes_by_force_before_the_payload_is_known() -> None:
     cell = open_cell(WORKCELL, HardwareConfig(), realtime=False)
     try:
         place(cell, (0.02, 0.02), 0.002)
-        outcome = touch(cell, retreat_m=0.002)
-        assert outcome.stop_reason is StopReason.CONTACT
-        assert outcome.travel_first_contact_m == pytest.approx(0.002, abs=1e-5)
-        place(cell, (0.0, 0.0), 0.001)
-        push = cell.arm.admittance_move(AdmittanceMove(direction_base=floats(AXIS_BASE), speed_m_s=0.02, travel_m=0.02))
-        assert push.stop_reason is StopReason.SEATED
-        assert push.peak_force_n < 2.0
+        into = cell.arm.joint_state()
+        presses: tuple[Callable[[], object], ...] = (
+            lambda: touch(cell),
+            lambda: cell.arm.admittance_move(
+                AdmittanceMove(direction_base=floats(AXIS_BASE), speed_m_s=0.02, travel_m=0.02)
+            ),
+        )
+        for press in presses:
+            with pytest.raises(CommandRefused, match="crosspih calibrate ft") as refusal:
+                press()
+            assert refusal.value.code == "no_payload"
+        assert cell.arm.joint_state() == into
+        know_payload(cell)
+        assert touch(cell, retreat_m=0.002).stop_reason is StopReason.CONTACT
     finally:
         cell.close()

@@ -5,8 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
+from typer.testing import CliRunner
 
+from crosspih_common.config import load_cell
 from crosspih_common.service.lifecycle import DEFAULT_CELL
+from services.operator.__main__ import app
+from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.trials import base_cell_text
 from services.operator.session import cell_path, using_cell
 
 
@@ -21,3 +27,36 @@ def test_a_named_file_counts_while_it_is_used(monkeypatch: pytest.MonkeyPatch) -
     assert cell_path() == "mine.yaml"
     with using_cell(None):
         assert cell_path() == "mine.yaml"
+
+
+@pytest.mark.parametrize("command", ["bench assembly", "bench caps", "bench kills", "withdraw", "dataset collect"])
+def test_a_command_names_its_cell_as_assemble_does(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CROSSPIH_CELL", raising=False)
+    said = CliRunner().invoke(app, [*command.split(), "--cell", "no-such.yaml"])
+    assert said.exit_code == 1 and "no-such.yaml" in said.output, said.output
+    assert cell_path() == DEFAULT_CELL
+
+
+def test_a_cell_written_elsewhere_still_finds_the_files_beside_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An arm's URDF, a peg's drawing and a mesh, named from the folder of the file, which is not where we are."""
+    lab, other = tmp_path / "lab", tmp_path / "other"
+    lab.mkdir()
+    other.mkdir()
+    (lab / "arm.urdf").write_text(Path("tests/arm/data/ur5e.urdf").read_text(encoding="utf-8"), encoding="utf-8")
+    (lab / "peg.svg").write_text(Path("docs/drawings/flower.svg").read_text(encoding="utf-8"), encoding="utf-8")
+    cell = {
+        "arm": {"urdf": "arm.urdf", "base_link": "base_link", "tip_link": "tool0"},
+        "home_joints_rad": [-0.48, -1.94, -1.89, 0.85, 2.0, -2.06],
+        "joint_stiffness_nm_rad": [30000] * 6,
+        "peg": {"outline": "peg.svg"},
+        "surroundings": {"meshes": [{"name": "table", "file": "table.stl", "position_m": [0, 0, -1]}]},
+    }
+    (lab / "cell.yaml").write_text(yaml.safe_dump({"cell": cell}), encoding="utf-8")
+    monkeypatch.setenv("CROSSPIH_CELL", str(lab / "cell.yaml"))
+    content = cell_content(base_cell_text(), Condition(overrides={"hardware": {"engine": "mujoco"}}))
+    (other / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    first, again = load_cell(lab / "cell.yaml").workcell, load_cell(other / "cell.yaml").workcell
+    assert again.arm().joints == 6 and again.peg.shape().outline == first.peg.shape().outline
+    assert Path(again.surroundings.meshes[0].file) == lab / "table.stl"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -144,8 +145,8 @@ def spelled_codes() -> dict[str, set[str]]:
     return codes
 
 
-def named(error: type[CrosspihError]) -> set[str]:
-    return {error.__name__}.union(*(named(kind) for kind in error.__subclasses__()))
+def codes_of(error: type[CrosspihError]) -> set[str]:
+    return {error.code}.union(*(codes_of(kind) for kind in error.__subclasses__()))
 
 
 # codes that are worked out: what they can be. The bus answers a ContractError, a BusClosed and a refusal as itself.
@@ -158,7 +159,7 @@ WORKED_OUT = {
     "Failure.SERVICE_LOST.value": {Failure.SERVICE_LOST.value},
     "IMPLAUSIBLE": {IMPLAUSIBLE},
     "UNFIT": {UNFIT},
-    "type(error).__name__": {"NoService", "CommandTimeout", "BusUnreachable", "ConfigError"},
+    "error.code": {"no_service", "command_timeout", "bus_unreachable", "config", "bad_answer", "internal"},
 }
 
 
@@ -172,5 +173,6 @@ def test_every_refusal_is_in_the_table_and_none_else() -> None:
     assert REFUSALS.keys() - codes == set(), "nobody refuses so; take it out of crosspih_common/refusals.py"
 
 
-def test_what_the_bus_names_by_its_class_exists() -> None:
-    assert WORKED_OUT["type(error).__name__"] <= named(CrosspihError)
+def test_every_code_is_spelled_alike_and_every_error_that_the_bus_tells_on_has_one() -> None:
+    assert all(re.fullmatch(r"[a-z][a-z0-9_]*", code) for code in REFUSALS)
+    assert codes_of(CrosspihError) == WORKED_OUT["error.code"]

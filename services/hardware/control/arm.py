@@ -48,7 +48,7 @@ from services.hardware.control.runner import LAST_S, Runner
 from services.hardware.control.search_path import SearchPath
 from services.hardware.control.turn import Turn
 from services.hardware.control.zone import ContactZone, tip_pose
-from services.hardware.protocols import JointDevice, WrenchDevice
+from services.hardware.protocols import JointDevice, Landing, WrenchDevice
 
 _LINEAR_M_S2 = 2.0
 _LINEAR_RAD_S2 = 10.0
@@ -59,13 +59,14 @@ class ArmController:
     """The arm and the sensor in its wrist. Commands come from any thread, one at a time."""
 
     def __init__(
-        self, workcell: Workcell, config: LimitsConfig, joints: JointDevice, wrench: WrenchDevice, realtime: bool
-    ) -> None:
+        self, workcell: Workcell, config: LimitsConfig, landing: Landing, joints: JointDevice, wrench: WrenchDevice,
+        realtime: bool,
+    ) -> None:  # fmt: skip
         self._arm = joints.model
         self._pose_flange_peg = workcell.pose_flange_peg()
         self._pose_flange_tip = tip_pose(workcell)
         self._stiffness_nm_rad = np.asarray(workcell.joint_stiffness_nm_rad, float)
-        self._config = config
+        self._config, self._landing = config, landing
         self._joints = joints
         self._runner = Runner(joints, wrench, self._pose_flange_peg, workcell.sensor_mounting())
         self._mounting, self._payload_limits = workcell.sensor_mounting(), workcell.payload_limits()
@@ -145,7 +146,7 @@ class ArmController:
         return self._done(self._execution.run(Along(path, pace), limits), None, [note] if note else [])
 
     def guarded_move(self, command: GuardedMove) -> GuardedMoveOutcome:
-        """`travel_m` is how far it went before it retreated. Raises as `move_linear`, and speed_limit, cap."""
+        """`travel_m`: how far it went before it retreated. Raises as `move_linear`, speed_limit, cap, no_payload."""
         direction = unit_direction("direction_base", command.direction_base)
         with self._command():
             runner, limits = self._runner, self._limits()
@@ -159,8 +160,8 @@ class ArmController:
             )
             path.check_speed(max(command.speed_m_s, 0.05))
             self._refuse_collision(path.joints(PATH_KNOTS))
+            self._require_payload()
             motion = Guarded(path, command, runner.period_s, limits.braking_m_s2)
-            self._feel_nothing()
             outcome = self._done(self._execution.run(motion, limits), motion.travel_m, notes)
             found: dict[str, object] = {}
             if motion.free_raw is not None:
@@ -201,8 +202,8 @@ class ArmController:
             command = command.model_copy(update={"timeout_s": min(command.timeout_s * longer, self._config.motion_s)})
             self._refuse_collision(path.joints(PATH_KNOTS))
             path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s + search.fastest_m_s)
+            self._require_payload()
             motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search, runner.period_s)
-            self._feel_nothing()
             return self._done(self._execution.run(motion, limits), motion.travel_m, notes)
 
     def dwell(self, command: Dwell) -> MotionOutcome:
@@ -308,16 +309,18 @@ class ArmController:
 
     def _limits(self) -> TouchingLimits:
         return TouchingLimits.at(
-            self._config, self._arm, self._stiffness_nm_rad, self._runner.joints_rad, self._pose_flange_tip,
-            self._runner.period_s,
+            self._config, self._landing, self._arm, self._stiffness_nm_rad, self._runner.joints_rad,
+            self._pose_flange_tip, self._runner.period_s,
         )  # fmt: skip
 
-    def _feel_nothing(self) -> None:
-        """Without a known payload, moves that go by force first need something to tare by."""
-        last = self._runner.last_samples
-        if self._runner.payload is None and len(last) < (last.maxlen or 0):
-            self._execution.hold_still(LAST_S)
-            self._execution.restart()
+    def _require_payload(self) -> None:
+        """A tare would take a load that is already there for no contact. Raises CommandRefused no_payload."""
+        if self._runner.payload is None:
+            raise CommandRefused(
+                "no_payload",
+                "the arm does not know what hangs on its sensor, so a load that is there already would be missed; set "
+                "the payload first: `crosspih calibrate ft`, then arm/set_payload",
+            )
 
     def _done(self, ending: Ending, travel_m: float | None, notes: list[str]) -> MotionOutcome:
         runner, execution = self._runner, self._execution

@@ -23,6 +23,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import AdmittanceMove, GuardedMove
 from services.hardware.control.config import LimitsConfig
+from services.hardware.protocols import Landing
 
 CommandT = TypeVar("CommandT", GuardedMove, AdmittanceMove)
 
@@ -44,17 +45,17 @@ class TouchingLimits:
 
     @classmethod
     def at(
-        cls, config: LimitsConfig, model: ArmModel, stiffness_nm_rad: Array, joints_rad: Array, pose_flange_tip: Pose,
-        period_s: float,
+        cls, config: LimitsConfig, landing: Landing, model: ArmModel, stiffness_nm_rad: Array, joints_rad: Array,
+        pose_flange_tip: Pose, period_s: float,
     ) -> TouchingLimits:  # fmt: skip
         """With the arm's stiffness at the tip in its stiffest direction; joints (n,), their stiffness (n,)."""
         jacobian = model.jacobian(joints_rad, pose_flange_tip)[:3]
         compliance = jacobian @ np.diag(1.0 / np.asarray(stiffness_nm_rad, float)) @ jacobian.T
-        softest_m_n = float(np.linalg.eigvalsh(compliance)[0]) + 1.0 / config.contact_stiffness_n_m
+        softest_m_n = float(np.linalg.eigvalsh(compliance)[0]) + 1.0 / landing.contact_stiffness_n_m
         return cls(
             cap_n=config.force_cap_n,
             stiffness_n_m=1.0 / softest_m_n,
-            landing_n_s_m=float(np.sqrt(config.contact_stiffness_n_m * config.moved_mass_kg)),
+            landing_n_s_m=float(np.sqrt(landing.contact_stiffness_n_m * landing.moved_mass_kg)),
             delay_s=config.sensor_delay_s + _DELAY_CYCLES * period_s,
             braking_m_s2=config.braking_m_s2,
         )

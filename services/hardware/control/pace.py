@@ -29,11 +29,6 @@ class Pace:
     rates: Array
     touching_m_s: Array
 
-    @classmethod
-    def as_asked(cls) -> Pace:
-        """Nothing is slowed."""
-        return cls(np.zeros(1), np.ones(1), np.zeros(1))
-
     @property
     def slows(self) -> bool:
         """Whether any part of the path is gone slower than asked."""

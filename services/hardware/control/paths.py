@@ -166,10 +166,6 @@ class StraightPath:
         """Joints (count, n) at places evenly along the way."""
         return np.array([self.at(float(s))[0] for s in np.linspace(0.0, self.length, count)])
 
-    def fastest(self) -> float:
-        """The rate of s, 1/s, at which the first joint reaches its speed limit somewhere on the way."""
-        return float(np.min(self._limits.speed_rad_s / np.maximum(self._slope, 1e-12)))
-
     def check_speed(self, rate: float) -> None:
         """Refuse a rate of s (1/s) that some joint could not follow somewhere on the way."""
         need = self._slope * rate

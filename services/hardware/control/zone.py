@@ -1,7 +1,6 @@
 """Where the peg may meet the fixture: in front of the plate, wherever the cell's drawing lets the hole be.
 
-The zone is the plate, grown by what the hole's prior leaves open: its half ranges across and along the axis, and the
-turn of the plate about its middle. Its front is therefore nearer to the arm the farther a point is from the axis.
+The zone is that of `crosspih_common.collision.Fixture`, with which free ways are checked as well.
 """
 
 from __future__ import annotations
@@ -9,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from crosspih_common.arm import ArmModel
+from crosspih_common.collision import Fixture
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
 from services.hardware.control.pace import Pace, slowed
 from services.hardware.control.paths import JointTrajectory, LineInTime
 
@@ -27,23 +26,10 @@ class ContactZone:
     def __init__(self, workcell: Workcell, arm: ArmModel) -> None:
         self._arm = arm
         self._pose_flange_peg = workcell.pose_flange_peg()
-        prior, peg = workcell.hole_prior, workcell.peg.shape()
-        self._pose_hole_base = prior.pose_base_hole().inverse()
-        lateral, depth, turn = prior.half_range_lateral_m, prior.half_range_depth_m, prior.half_range_rotation_rad
-        plate = workcell.hole.shape(peg).plate_half_size_m
-        self._half_m = plate * (1.0 + turn) + lateral
-        self._depth_m, self._turn = depth, turn
+        self._fixture, peg = Fixture.of(workcell), workcell.peg.shape()
         self._points_peg_m = np.vstack(
             [peg.outline_m(height) for height in (peg.body_start_m, peg.taper_start_m, peg.tip_m)]
         )
-
-    def distance_m(self, points_base_m: Array) -> Array:
-        """Distances (...) of points (..., 3) from the zone, m; 0 inside."""
-        x, y, z = np.moveaxis(self._pose_hole_base.apply(points_base_m), -1, 0)
-        across = np.maximum(np.maximum(np.abs(x), np.abs(y)) - self._half_m, 0.0)
-        lean = self._turn * np.minimum(np.abs(x) + np.abs(y), 2.0 * self._half_m)
-        before = np.maximum(-z - self._depth_m - lean, 0.0)
-        return np.asarray(np.hypot(across, before))
 
     def pace(
         self, path: JointTrajectory | LineInTime, contact_m_s: float, braking_m_s2: float, clear_out_m_s: float
@@ -59,7 +45,7 @@ class ContactZone:
         moved = np.diff(points, axis=0)
         speeds = np.linalg.norm(moved, axis=2).max(axis=1) * (count / path.duration_s)
         speed = np.maximum(np.append(speeds, speeds[-1]), np.insert(speeds, 0, speeds[0]))
-        near = self.distance_m(points).min(axis=1)
+        near = self._fixture.distances_m(points).min(axis=1)
         allowed = np.sqrt(contact_m_s**2 + 2.0 * braking_m_s2 * near)
         axis = np.array([pose.rotation[:, 2] for pose in poses])[:-1]
         straight = moved.mean(axis=1)

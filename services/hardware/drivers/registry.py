@@ -87,6 +87,7 @@ def _take_over(found: Devices, opened: Devices, name: str, devices: set[str]) ->
             raise ConfigError(f"hardware.drivers.{device}: {name} opens no {device}; name another driver for it")
     if "arm" in devices:
         found.joints, found.simulation, found.realtime = opened.joints, opened.simulation, opened.realtime
+        found.landing = opened.landing
     if "force_torque" in devices:
         found.wrench = opened.wrench
     if "camera" in devices:

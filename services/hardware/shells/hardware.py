@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from crosspih_common.messages import Severity
 from crosspih_common.service import ServiceContext
+from services.hardware.control.config import STRICT_LANDING
 from services.hardware.hosting import HostedCell
 from services.hardware.shells.arm import ARM_LANE, ArmShell
 from services.hardware.shells.camera import CameraShell
@@ -20,6 +22,13 @@ class HardwareShell:
             arm = self._arm = ArmShell(cell.arm, bus, cell.realtime, cell.has_simulation)
             if cell.has_simulation:
                 SimulationShell(cell.simulation, cell.arm, arm, bus)
+            for name in cell.assumed:
+                context.event(
+                    Severity.WARNING,
+                    "strict_default",
+                    f"hardware.limits.{name}: not given; {getattr(STRICT_LANDING, name):g} is assumed, which makes "
+                    "whatever may touch slow; measure it (docs/safety.md) and set it in the cell's file",
+                )
         if cell.has_camera:
             # a simulated cell in the same process exposes on the arm's clock, between motions
             CameraShell(cell.camera, bus, ARM_LANE if cell.has_arm else "camera")

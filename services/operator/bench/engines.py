@@ -41,6 +41,18 @@ def table_of(result: EnginesResult) -> Table:
     return table
 
 
+def measured_by(program: str, steps: int, who: str) -> dict[str, dict[str, float]]:
+    """What a measuring program of the hardware service prints. Raises CrosspihError where it dies."""
+    done = subprocess.run(
+        [sys.executable, "-m", program, "--steps", str(steps)], capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        raise CrosspihError(f"{who}: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
+    # PyBullet greets on standard output
+    rates: dict[str, dict[str, float]] = json.loads(done.stdout.strip().splitlines()[-1])
+    return rates
+
+
 def engines(
     steps: Annotated[int, typer.Option(min=100, help="Steps a round; the best of four rounds counts.")] = 2000,
     as_json: AsJson = False,
@@ -48,13 +60,7 @@ def engines(
     """Measure how fast each installed physics engine is."""
     console = Console(stderr=True)
     with told(console):
-        done = subprocess.run(
-            [sys.executable, "-m", PROGRAM, "--steps", str(steps)], capture_output=True, text=True, check=False
-        )
-        if done.returncode != 0:
-            raise CrosspihError(f"bench engines: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
-        # PyBullet greets on standard output
-        result = EnginesResult(steps_s=json.loads(done.stdout.strip().splitlines()[-1]))
+        result = EnginesResult(steps_s=measured_by(PROGRAM, steps, "bench engines"))
         if as_json:
             print(result.model_dump_json())
         else:

@@ -12,6 +12,7 @@ from services.operator.bench.trials import TrialJob, TrialsEnded, TrialsStopped
 from services.operator.repeatability import Repeatability, repeatability
 from services.operator.scoring import TrialFigures
 from services.operator.session import Session
+from services.operator.show import Story
 from services.operator.stack import cell_session
 
 Done = list[tuple[TrialJob, TrialFigures]]
@@ -32,7 +33,7 @@ def on_the_running_stack(
             if not session.simulated:
                 withdrawals = []
             for job in track(jobs, description=jobs[0].strategy.value, console=console):
-                figures, _ = session.trial(job.seed, job.strategy, record)
+                figures, _ = session.trial(job.seed, job.strategy, record, on_check=Story(console).checking)
                 done.append((job, figures))
                 if withdrawals is not None and figures.inserted:
                     withdrawals.append(_withdrawn(session))

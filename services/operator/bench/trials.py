@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import Failure, PosePrior, Strategy
 from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_content
@@ -49,12 +51,20 @@ class TrialsStopped(TrialsEnded):
 
 
 def base_cell_text() -> str:
-    """The cell's file that conditions are made from: that of CROSSPIH_CELL, or the default. Raises ConfigError."""
-    path = cell_path()
+    """The cell's file that conditions are made from: that of CROSSPIH_CELL, or the default, such that it can be written
+    elsewhere. Raises ConfigError.
+    """
+    path = Path(cell_path())
     try:
-        return Path(path).read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from error
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: is not YAML: {error}") from None
+    alone = standing_alone(path, content) if isinstance(content, dict) else content
+    return text if alone == content else yaml.safe_dump(alone, sort_keys=False)
 
 
 def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:

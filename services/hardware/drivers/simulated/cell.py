@@ -19,7 +19,7 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.registry import chosen_engine, open_engine
 from services.hardware.drivers.simulated.scene.stereo import SimulatedStereoCamera
 from services.hardware.drivers.simulated.world import SimulatedJoints, SimulatedWrench, World
-from services.hardware.protocols import Devices
+from services.hardware.protocols import Devices, Landing
 
 OVERLAP_M = 2e-5
 
@@ -136,5 +136,6 @@ def open_devices(request: OpenRequest) -> Devices:
         camera=camera,
         simulation=trials,
         realtime=request.realtime,
+        landing=Landing(simulated.landing_mass_kg, simulated.landing_stiffness_n_m),
         close=close,
     )

@@ -68,6 +68,9 @@ class SimulatedConfig(Section):
         default=None, ge=1e4, le=1e6,
         description="of every contact point, along its normal; points side by side add up. None: rigid",
     )  # fmt: skip
+    # how hard the simulated peg lands, by `crosspih bench caps`: PyBullet takes a blow up within its step
+    landing_mass_kg: Positive = 7.3
+    landing_stiffness_n_m: Positive = 7.3e6
     # of each joint against its own critical damping; see engines/protocol.py for what it costs and buys
     joint_damping_ratio: float = Field(default=0.5, gt=0.0, le=1.5)
     period_s: float = Field(default=0.001, ge=0.001, le=0.02, description="of the arm's cycle, in whole milliseconds")

@@ -15,7 +15,7 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.holding import ArmLease, hold_arm
-from crosspih_common.keys import ADMITTANCE_MOVE, DWELL, FOLLOW, GUARDED_MOVE, MOVE_LINEAR, TRUTH
+from crosspih_common.keys import ADMITTANCE_MOVE, DWELL, FOLLOW, GUARDED_MOVE, MOVE_LINEAR, SET_PAYLOAD, TRUTH
 from crosspih_common.messages import (
     AdmittanceMove,
     Dwell,
@@ -26,6 +26,7 @@ from crosspih_common.messages import (
     MoveLinear,
     PoseData,
     ResetCell,
+    SetPayload,
     floats,
 )
 from services.operator.session import Session
@@ -103,7 +104,10 @@ def press_once(session: Session, lease: ArmLease, press: Press) -> Pressed:
         [press.tilt_rad, 0.0, 0.0], [BESIDE_M[0] - across, BESIDE_M[1], -workcell.peg.shape().tip_m - BEFORE_M]
     )
     placed = session.reset(ResetCell(seed=press.seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(start)))
-    lease.ask(DWELL, Dwell(duration_s=0.05), DEADLINE_S)
+    rest = lease.ask(DWELL, Dwell(duration_s=0.05), DEADLINE_S)
+    # free and never turned: what the sensor reads here is all that hangs on it
+    load = SetPayload(bias=rest.wrench_raw, weight_n=0.0, centroid_ft_m=(0.0, 0.0, 0.0), gravity_base=(0.0, 0.0, -1.0))
+    lease.ask(SET_PAYLOAD, load, DEADLINE_S)
     hole, peg = placed.pose_base_hole.pose(), placed.pose_base_peg.pose()
     direction = hole.rotation @ np.array([np.sin(press.oblique_rad), 0.0, np.cos(press.oblique_rad)])
     way_m = (BEFORE_M + BEYOND_M) / np.cos(press.oblique_rad)

@@ -1,0 +1,47 @@
+"""`crosspih bench cell`: what the simulated cell's own loop costs beside the bare physics engine."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.table import Table
+
+from services.operator.bench.engines import measured_by
+from services.operator.bench.options import AsJson, told
+
+PROGRAM = "services.hardware.rate"
+
+
+class CellResult(BaseModel):
+    """What `crosspih bench cell --json` prints: steps a second of CPU time, of the cell and its engine."""
+
+    model_config = ConfigDict(frozen=True)
+
+    steps_s: dict[str, dict[str, float]]
+
+
+def table_of(result: CellResult) -> Table:
+    """A row an engine, with the cell's share of the engine's rate."""
+    table = Table(title="a dwell in free air: steps of 1 ms a second of CPU time")
+    for column in ("engine", "cell", "engine alone", "cell / engine alone"):
+        table.add_column(column, justify="left" if column == "engine" else "right")
+    for engine, rates in result.steps_s.items():
+        share = rates["cell"] / rates["engine"]
+        table.add_row(engine, f"{rates['cell']:.0f}", f"{rates['engine']:.0f}", f"{share:.2f}")
+    return table
+
+
+def cell(
+    steps: Annotated[int, typer.Option(min=100, max=60000, help="Steps a round; the best of five counts.")] = 2000,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
+    with told(Console(stderr=True)):
+        result = CellResult(steps_s=measured_by(PROGRAM, steps, "bench cell"))
+        if as_json:
+            print(result.model_dump_json())
+        else:
+            Console().print(table_of(result))
