@@ -20,9 +20,9 @@ _JUMP = 2.0  # times the speed limit: a reset of a simulated cell, which is no w
 class Playback:
     """Steps from state to state, `period_s` at a time, until the recording ends or the arm is told to leave it.
 
-    After that the arm stands, and time goes on. A recorded stamp has the recorded state bit for bit; in between, where
-    the period is shorter than the recording's, positions are those of the cubic through both states with their speeds
-    (Hermite). Times are the recorded cell's, ns.
+    After that the arm stands, and time goes on without samples of the sensor. A recorded stamp has the recorded state
+    bit for bit; in between, where the period is shorter than the recording's, positions are those of the cubic through
+    both states with their speeds (Hermite). Times are the recorded cell's, ns.
     """
 
     def __init__(
@@ -98,19 +98,18 @@ class Playback:
         """
         if np.array_equal(positions_rad, self._told):
             return
-        if not self._stands:
-            then = self._state()
-            off = np.abs(positions_rad - then.positions_rad)
-            joint = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
-            if off[joint] <= self._tolerance_rad:
-                self.farthest_rad = max(self.farthest_rad, float(off[joint]))
-                self._told = np.array(positions_rad)
-                return
-            self.halt(
-                f"at {self.since_s(then.stamp_ns):.3f} s joint {joint + 1} was at {then.positions_rad[joint]:.4f} rad "
-                f"and is told to go to {positions_rad[joint]:.4f}, {off[joint]:.2g} off where {self._tolerance_rad:g} "
-                "are allowed"
-            )
+        then = self._here if self._stands else self._state()
+        off = np.abs(positions_rad - then.positions_rad)
+        joint = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
+        if off[joint] <= self._tolerance_rad:
+            self.farthest_rad = max(self.farthest_rad, float(off[joint]))
+            self._told = np.array(positions_rad)
+            return
+        self.halt(
+            f"at {self.since_s(then.stamp_ns):.3f} s joint {joint + 1} was at {then.positions_rad[joint]:.4f} rad "
+            f"and is told to go to {positions_rad[joint]:.4f}, {off[joint]:.2g} off where {self._tolerance_rad:g} "
+            "are allowed"
+        )
         raise CommandRefused(
             "not_recorded",
             f"a recording cannot be steered: {self._stands}; the arm stands. Start the cell again to play it anew, and "
