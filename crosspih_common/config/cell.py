@@ -61,6 +61,11 @@ def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
     return {**cell, "peg": {**peg, "outline": str(path.parent / outline)}}
 
 
+def with_files_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
+    """The raw section `cell` of the file at `path`: every file that it names is looked for from that file's folder."""
+    return with_mesh_files_beside(path, with_urdf_beside(path, _outline_beside(path, cell)))
+
+
 def load_cell(path: str | Path) -> CellFile:
     """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
     path = Path(path)
@@ -93,8 +98,7 @@ def cell_of_text(path: Path, text: str) -> CellFile:
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
     try:
-        section = with_urdf_beside(path, _outline_beside(path, content.get("cell") or {}))
-        workcell = Workcell.model_validate(with_mesh_files_beside(path, section))
+        workcell = Workcell.model_validate(with_files_beside(path, content.get("cell") or {}))
     except ValidationError as error:
         raise _explain(path, "cell", error) from None
     return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

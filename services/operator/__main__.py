@@ -13,6 +13,7 @@ from services.operator.bench import app as bench_app
 from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
 from services.operator.keys_table import keys
+from services.operator.replay.cli import replay
 from services.operator.report.cli import report
 from services.operator.results import results
 from services.operator.train import train
@@ -33,6 +34,7 @@ app.add_typer(bench_app, name="bench")
 app.add_typer(cell_app, name="cell")
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(report)
+app.command()(replay)
 app.command()(results)
 app.add_typer(dataset_app, name="dataset")
 app.command()(train)

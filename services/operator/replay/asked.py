@@ -1,0 +1,89 @@
+"""What was asked and answered in a recording, command by command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from crosspih_common.keys import (
+    ADVISE_INSERTION,
+    CAPTURE,
+    CLOCK,
+    ESTIMATE,
+    LOCATE,
+    NETWORK,
+    NEXT_TOUCH,
+    SEATED,
+    SEQUENCE_NETWORK,
+    Command,
+    Topic,
+)
+from crosspih_common.messages import Message
+from crosspih_common.recording import Recording
+
+# the services whose answers depend on nothing but the request and, for vision, the pictures that it then asks for
+COMMANDS: dict[str, tuple[Command[Any, Any], ...]] = {
+    "vision": (LOCATE,),
+    "inference": (ESTIMATE, NEXT_TOUCH, SEATED, NETWORK, SEQUENCE_NETWORK, ADVISE_INSERTION),
+}
+TOPICS: tuple[Topic[Any], ...] = (
+    CLOCK,
+    *(echo for command in (CAPTURE, *COMMANDS["vision"], *COMMANDS["inference"])
+      for echo in (command.request_echo, command.reply_echo)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """One request and its answer; None where none is recorded: it was refused, or the recording ended before.
+
+    `at_s` is the cell's time of the request since the recording began. `first_pair_s` is that of the first picture pair
+    that was taken for the answer, `pairs` how many were; None and 0 where none was.
+    """
+
+    command: Command[Any, Any]
+    at_s: float
+    request: Message
+    answer: Message | None
+    first_pair_s: float | None = None
+    pairs: int = 0
+
+
+def begun_ns(recording: Recording) -> int:
+    """The cell's time at which the recording began."""
+    ticks = [sample.stamp_ns for key in recording.keys_of(CLOCK) for sample in recording.samples[key]]
+    return ticks[0] if ticks else recording.span_ns()[0]
+
+
+def asked_of(recording: Recording, service: str, from_s: float) -> list[Asked]:
+    """What a service was asked from then on, in order.
+
+    A service answers one request after the other, so a request belongs to the reply that comes before the next one.
+    """
+    start_ns = begun_ns(recording)
+    pairs = recording.sent(CAPTURE.reply_echo)
+    found: list[tuple[int, Asked]] = []
+    for command in COMMANDS[service]:
+        requests, replies = recording.sent(command.request_echo), recording.sent(command.reply_echo)
+        ends = [*(entry.wall_ns for entry in requests[1:]), 1 << 63][: len(requests)]
+        for request, end_ns in zip(requests, ends, strict=True):
+            at_s = (request.value.stamp_ns - start_ns) * 1e-9
+            if at_s < from_s:
+                continue
+            reply = next((entry for entry in replies if request.wall_ns <= entry.wall_ns < end_ns), None)
+            until_ns = end_ns if reply is None else reply.wall_ns
+            taken = [entry.value for entry in pairs if request.wall_ns <= entry.wall_ns <= until_ns]
+            found.append(
+                (
+                    request.wall_ns,
+                    Asked(
+                        command,
+                        at_s,
+                        request.value,
+                        None if reply is None else reply.value,
+                        (taken[0].stamp_ns - start_ns) * 1e-9 if taken else None,
+                        len(taken),
+                    ),
+                )
+            )
+    return [asked for _, asked in sorted(found, key=lambda entry: entry[0])]
