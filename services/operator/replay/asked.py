@@ -19,7 +19,7 @@ from crosspih_common.keys import (
     Topic,
 )
 from crosspih_common.messages import Message
-from crosspih_common.recording import Recording
+from crosspih_common.recording import OVERTAKEN_NS, Recording
 
 # the services whose answers depend on nothing but the request and, for vision, the pictures that it then asks for
 COMMANDS: dict[str, tuple[Command[Any, Any], ...]] = {
@@ -38,7 +38,7 @@ class Asked:
     """One request and its answer; None where none is recorded: it was refused, or the recording ended before.
 
     `at_s` is the cell's time of the request since the recording began. `first_pair_s` is that of the first picture pair
-    that was taken for the answer, `pairs` how many were; None and 0 where none was.
+    that was taken for the answer, `pairs` how many were; None and 0 where none was or no answer says so.
     """
 
     command: Command[Any, Any]
@@ -58,32 +58,21 @@ def begun_ns(recording: Recording) -> int:
 def asked_of(recording: Recording, service: str, from_s: float) -> list[Asked]:
     """What a service was asked from then on, in order.
 
-    A service answers one request after the other, so a request belongs to the reply that comes before the next one.
+    Pictures belong to a request when they came after the answer before it and not after its own.
     """
     start_ns = begun_ns(recording)
     pairs = recording.sent(CAPTURE.reply_echo)
     found: list[tuple[int, Asked]] = []
     for command in COMMANDS[service]:
-        requests, replies = recording.sent(command.request_echo), recording.sent(command.reply_echo)
-        ends = [*(entry.wall_ns for entry in requests[1:]), 1 << 63][: len(requests)]
-        for request, end_ns in zip(requests, ends, strict=True):
+        before_ns = 0
+        for request, reply in recording.answered(command):
             at_s = (request.value.stamp_ns - start_ns) * 1e-9
-            if at_s < from_s:
-                continue
-            reply = next((entry for entry in replies if request.wall_ns <= entry.wall_ns < end_ns), None)
-            until_ns = end_ns if reply is None else reply.wall_ns
-            taken = [entry.value for entry in pairs if request.wall_ns <= entry.wall_ns <= until_ns]
-            found.append(
-                (
-                    request.wall_ns,
-                    Asked(
-                        command,
-                        at_s,
-                        request.value,
-                        None if reply is None else reply.value,
-                        (taken[0].stamp_ns - start_ns) * 1e-9 if taken else None,
-                        len(taken),
-                    ),
-                )
-            )
+            since_ns = max(before_ns + 1, request.wall_ns - OVERTAKEN_NS)
+            ended_ns = None if reply is None else reply.wall_ns
+            taken = [pair.value for pair in pairs if since_ns <= pair.wall_ns and ended_ns and pair.wall_ns <= ended_ns]
+            before_ns = max(before_ns, request.wall_ns if ended_ns is None else ended_ns)
+            if at_s >= from_s:
+                first_s = (taken[0].stamp_ns - start_ns) * 1e-9 if taken else None
+                answer = None if reply is None else reply.value
+                found.append((request.wall_ns, Asked(command, at_s, request.value, answer, first_s, len(taken))))
     return [asked for _, asked in sorted(found, key=lambda entry: entry[0])]

@@ -14,7 +14,7 @@ OF_THE_MOMENT = frozenset({"stamp_ns", "seq", "compute_s", "capture_wall_s", "ca
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A field that differs: of a list the entry that differs most, with its index. `by` is None of what is no number."""
+    """A field that differs: of a list the entry that differs most, with its index. `by` is for numbers."""
 
     field: str
     then: str

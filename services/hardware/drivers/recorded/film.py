@@ -149,7 +149,9 @@ def picture_track(recording: Recording) -> tuple[tuple[RecordedPair, ...], int]:
         {sample.stamp_ns: sample for key in recording.keys_of(topic) for sample in recording.samples[key]}
         for topic in (IMAGE_LEFT, IMAGE_RIGHT)
     ]
-    requests = recording.sent(CAPTURE.request_echo)
+    asked_for = {
+        reply.value.stamp_ns: request.value for request, reply in recording.answered(CAPTURE) if reply is not None
+    }
     pairs, lost = [], 0
     for reply in recording.sent(CAPTURE.reply_echo):
         stamp_ns = reply.value.stamp_ns
@@ -157,8 +159,7 @@ def picture_track(recording: Recording) -> tuple[tuple[RecordedPair, ...], int]:
         if left is None or right is None:
             lost += 1
             continue
-        # the cameras answer one request after the other: the last one before the reply is what it answers
-        asked = next((entry.value for entry in reversed(requests) if entry.wall_ns <= reply.wall_ns), None)
+        asked = asked_for.get(stamp_ns)
         pairs.append(
             RecordedPair(
                 stamp_ns=stamp_ns,
