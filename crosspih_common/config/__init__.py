@@ -2,7 +2,7 @@
 
 from crosspih_common.config.arm import ArmSection
 from crosspih_common.config.camera import CameraSection
-from crosspih_common.config.cell import CellFile, load_cell
+from crosspih_common.config.cell import CellFile, cell_of_text, load_cell, with_files_beside
 from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.force_torque import Reports, SensorSection, with_correction_moved
 from crosspih_common.config.placement import Placement
@@ -23,6 +23,8 @@ __all__ = [
     "SensorSection",
     "Surroundings",
     "Workcell",
+    "cell_of_text",
     "load_cell",
     "with_correction_moved",
+    "with_files_beside",
 ]

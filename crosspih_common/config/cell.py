@@ -80,6 +80,14 @@ def load_cell(path: str | Path) -> CellFile:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from None
+    return cell_of_text(path, text)
+
+
+def cell_of_text(path: Path, text: str) -> CellFile:
+    """Check the text of a cell's file; the files that it names are looked for from the folder of `path`.
+
+    Raises ConfigError naming `path`, the field and the mend.
+    """
     try:
         content = yaml.safe_load(text) or {}
     except yaml.YAMLError as error:

@@ -1,5 +1,5 @@
 """Recordings: MCAP files of everything that was said on a cell's bus."""
 
-from crosspih_common.recording.reader import Recorded, Recording, RecordingError, Sent, read_recording
+from crosspih_common.recording.reader import OVERTAKEN_NS, Recorded, Recording, RecordingError, Sent, read_recording
 
-__all__ = ["Recorded", "Recording", "RecordingError", "Sent", "read_recording"]
+__all__ = ["OVERTAKEN_NS", "Recorded", "Recording", "RecordingError", "Sent", "read_recording"]

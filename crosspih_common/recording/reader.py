@@ -20,9 +20,13 @@ from zstandard import ZstdError
 
 from crosspih_common.bus.codec import decode
 from crosspih_common.errors import ContractError, CrosspihError
-from crosspih_common.keys import ROOT, Payload, Topic
+from crosspih_common.keys import ROOT, Command, Payload, Topic
+from crosspih_common.messages import Message as BusMessage
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
+RequestT = TypeVar("RequestT", bound=BusMessage)
+ReplyT = TypeVar("ReplyT", bound=BusMessage)
+OVERTAKEN_NS = 50_000_000  # of the recorder's clock
 # what a cut or garbled record raises somewhere below StreamReader
 _TORN = (McapError, EOFError, struct.error, ValueError, UnicodeDecodeError, MemoryError, ZstdError, KeyError)
 
@@ -106,6 +110,26 @@ class Recording:
         messages = self.messages(topic)
         return messages[-1] if messages else None
 
+    def answered(self, command: Command[RequestT, ReplyT]) -> list[tuple[Sent[RequestT], Sent[ReplyT] | None]]:
+        """Each request of a command, in order, with its reply; None where none is recorded, as of one that was refused.
+
+        A server answers one request after the other and repeats both on keys of their own, whose samples may overtake
+        each other by a little: with as many replies as requests they belong together in order; else a reply belongs to
+        the last request before it that has none, or to one that comes within `OVERTAKEN_NS`.
+        """
+        requests, replies = self.sent(command.request_echo), self.sent(command.reply_echo)
+        if len(requests) == len(replies):
+            return list(zip(requests, replies, strict=True))
+        found: list[Sent[ReplyT] | None] = [None] * len(requests)
+        after = 0  # whatever was asked before the last reply's request has had its turn
+        for reply in replies:
+            free = [index for index in range(after, len(requests)) if requests[index].wall_ns <= reply.wall_ns]
+            if not free and after < len(requests) and requests[after].wall_ns <= reply.wall_ns + OVERTAKEN_NS:
+                free = [after]
+            if free:
+                found[free[-1]], after = reply, free[-1] + 1
+        return list(zip(requests, found, strict=True))
+
     def span_ns(self) -> tuple[int, int]:
         """(first, last) cell time in the file; (0, 0) when it is empty."""
         stamps = [sample.stamp_ns for samples in self.samples.values() for sample in samples]
@@ -182,4 +206,4 @@ def _take(
     samples.append(Recorded(channel.topic, label, record.data, record.sequence, record.log_time, record.publish_time))
 
 
-__all__ = ["Recorded", "Recording", "RecordingError", "Sent", "read_recording"]
+__all__ = ["OVERTAKEN_NS", "Recorded", "Recording", "RecordingError", "Sent", "read_recording"]

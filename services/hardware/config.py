@@ -8,6 +8,7 @@ from pydantic import Field
 
 from crosspih_common.config.section import Section
 from services.hardware.control.config import LimitsConfig
+from services.hardware.drivers.recorded.config import RecordedConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
 
 DEVICES: tuple[Literal["arm", "force_torque", "camera"], ...] = ("arm", "force_torque", "camera")
@@ -37,6 +38,7 @@ class HardwareConfig(Section):
     options: dict[str, Any] = Field(default_factory=dict, description="for your own driver, as it likes")
     limits: LimitsConfig = LimitsConfig()
     simulated: SimulatedConfig = SimulatedConfig()
+    recorded: RecordedConfig = RecordedConfig()
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

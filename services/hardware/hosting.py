@@ -11,11 +11,12 @@ from services.hardware.protocols import CameraDevice, Devices, Simulation, Stere
 
 
 class HostedCamera:
-    """The cameras. Those of a simulated cell in the same process expose while its arm holds still."""
+    """The cameras. Where time goes by in the arm's cycles alone, they expose while the arm of the process holds still:
+    in a simulated cell, and in any whose time stands between commands."""
 
-    def __init__(self, camera: CameraDevice, arm: ArmController | None, simulated: bool) -> None:
+    def __init__(self, camera: CameraDevice, arm: ArmController | None, on_arms_time: bool) -> None:
         self._camera = camera
-        self._arm = arm if simulated else None
+        self._arm = arm if on_arms_time else None
 
     def calibration(self) -> CameraCalibration:
         """What the cameras are and where they stand."""
@@ -63,7 +64,8 @@ class HostedCell:
             )
         self._camera: HostedCamera | None = None
         if devices.camera is not None:
-            self._camera = HostedCamera(devices.camera, self._controller, devices.simulation is not None)
+            on_arms_time = devices.simulation is not None or not devices.realtime
+            self._camera = HostedCamera(devices.camera, self._controller, on_arms_time)
         self._simulation: HostedSimulation | None = None
         if devices.simulation is not None and self._controller is not None:
             self._simulation = HostedSimulation(devices.simulation, self._controller)

@@ -248,3 +248,13 @@ def test_the_same_seed_gives_the_same_trial_to_the_last_bit(session: Session, tr
         )
 
     assert once() == once()
+
+
+def test_vision_and_inference_answer_the_same_again(cell: RunningCell, trial: Trial) -> None:
+    """Each asked on a router of its own, vision over a camera that gives the recorded pictures."""
+    assert trial.figures.recording is not None
+    done = cell.cli("replay", trial.figures.recording)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "vision: 1 of 1 recorded answers are equal bit for bit" in done.stdout
+    asked = trial.file.counts["inference/estimate/reply"] + trial.file.counts["inference/seated/reply"]
+    assert f"inference: {asked} of {asked} recorded answers are equal bit for bit" in done.stdout

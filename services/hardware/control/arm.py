@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
@@ -286,7 +286,9 @@ class ArmController:
     def _idle(self) -> None:
         while not self._closing.is_set():
             with self._turn.idle():
-                self._execution.hold_still(self._runner.period_s)
+                # a device that refuses where it is to go, backing off from what it felt, holds on where it is
+                with suppress(CommandRefused):
+                    self._execution.hold_still(self._runner.period_s)
                 self.holder.drop_expired(self._runner.now_ns)
 
     @contextmanager

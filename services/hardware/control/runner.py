@@ -179,12 +179,17 @@ class Runner:
                 on_tick(now)
 
     def _add_to_batch(self, stamp_ns: int, sample: Array) -> None:
+        if self._batch and stamp_ns - self._batch_ns > (len(self._batch) + 1) * self._sample_ns:
+            self._send_batch()  # samples are missing, and a batch has none that are
         if not self._batch:
             self._batch_ns = stamp_ns
         self._batch.append(sample)
         if stamp_ns - self._batch_ns + self._sample_ns >= BATCH_NS:
-            rows = tuple(tuple(row) for row in np.array(self._batch).tolist())
-            self._batch.clear()
-            batch = RawWrenchBatch(stamp_ns=self._batch_ns, period_ns=self._sample_ns, samples=rows)
-            for on_batch in self._batch_listeners:
-                on_batch(batch)
+            self._send_batch()
+
+    def _send_batch(self) -> None:
+        rows = tuple(tuple(row) for row in np.array(self._batch).tolist())
+        self._batch.clear()
+        batch = RawWrenchBatch(stamp_ns=self._batch_ns, period_ns=self._sample_ns, samples=rows)
+        for on_batch in self._batch_listeners:
+            on_batch(batch)

@@ -13,7 +13,10 @@ from services.hardware.config import DEVICES, HardwareConfig
 from services.hardware.protocols import Devices
 
 # name: "module:function"; the function takes an OpenRequest and returns Devices
-DRIVERS = {"simulated": "services.hardware.drivers.simulated.cell:open_devices"}
+DRIVERS = {
+    "recorded": "services.hardware.drivers.recorded.opening:open_devices",
+    "simulated": "services.hardware.drivers.simulated.cell:open_devices",
+}
 
 
 @dataclass(frozen=True, slots=True)

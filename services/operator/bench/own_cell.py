@@ -36,7 +36,8 @@ class CellTask:
 
     `work(session, payload)` runs in the worker's process: a function of a module, with a result that can be pickled.
     `content` is the cell's file as a mapping; tasks with equal contents and services share a stack. With `calibrate`
-    the F/T sensor is calibrated when the stack has come up, always from the same seed. `speed` is max or realtime.
+    the F/T sensor is calibrated when the stack has come up, always from the same seed. `speed` is max or realtime, or
+    empty for a cell whose hardware has no clock: cameras alone.
     """
 
     label: str
@@ -114,7 +115,7 @@ class OwnCell:
         start_stack(self._request, True, START_DEADLINE_S)
         self._session = session = Session()
         session.wait_for_services(START_DEADLINE_S, self._task.services)
-        if "hardware" in self._task.services and session.speed() != self._task.speed:
+        if "hardware" in self._task.services and self._task.speed and session.speed() != self._task.speed:
             raise NoService(f"hardware: the cell came up at {session.speed()}, wanted {self._task.speed}")
         if self._task.calibrate:
             session.reset(ResetCell(seed=CALIBRATION_SEED))

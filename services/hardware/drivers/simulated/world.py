@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 
@@ -16,31 +15,10 @@ from crosspih_common.wrench import SensorMounting
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.protocol import STEP_NS, STEP_S, Physics
 from services.hardware.drivers.simulated.sensor import SensorModel
+from services.hardware.drivers.wall_pace import WallPace
 from services.hardware.protocols import JointReading, WrenchSamples
 
 FEED_FORWARD_S = 0.005
-_SLEEP_AHEAD_S = 0.002
-_GIVE_UP_BEHIND_S = 0.5
-
-
-class WallPace:
-    """Keeps the cell's clock from running ahead of the wall's."""
-
-    def __init__(self) -> None:
-        self._anchor_s: float | None = None
-        self._anchor_ns = 0
-
-    def __call__(self, now_ns: int) -> None:
-        """Wait until the wall clock has come as far. After a long stall it goes on from where it is."""
-        wall_s = time.monotonic()
-        if self._anchor_s is None:
-            self._anchor_s, self._anchor_ns = wall_s, now_ns
-            return
-        ahead_s = (now_ns - self._anchor_ns) * 1e-9 - (wall_s - self._anchor_s)
-        if ahead_s < -_GIVE_UP_BEHIND_S:
-            self._anchor_s, self._anchor_ns = wall_s, now_ns
-        elif ahead_s > _SLEEP_AHEAD_S:
-            time.sleep(ahead_s)
 
 
 class World:

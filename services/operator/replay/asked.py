@@ -1,0 +1,78 @@
+"""What was asked and answered in a recording, command by command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from crosspih_common.keys import (
+    ADVISE_INSERTION,
+    CAPTURE,
+    CLOCK,
+    ESTIMATE,
+    LOCATE,
+    NETWORK,
+    NEXT_TOUCH,
+    SEATED,
+    SEQUENCE_NETWORK,
+    Command,
+    Topic,
+)
+from crosspih_common.messages import Message
+from crosspih_common.recording import OVERTAKEN_NS, Recording
+
+# the services whose answers depend on nothing but the request and, for vision, the pictures that it then asks for
+COMMANDS: dict[str, tuple[Command[Any, Any], ...]] = {
+    "vision": (LOCATE,),
+    "inference": (ESTIMATE, NEXT_TOUCH, SEATED, NETWORK, SEQUENCE_NETWORK, ADVISE_INSERTION),
+}
+TOPICS: tuple[Topic[Any], ...] = (
+    CLOCK,
+    *(echo for command in (CAPTURE, *COMMANDS["vision"], *COMMANDS["inference"])
+      for echo in (command.request_echo, command.reply_echo)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """One request and its answer; None where none is recorded: it was refused, or the recording ended before.
+
+    `at_s` is the cell's time of the request since the recording began. `first_pair_s` is that of the first picture pair
+    that was taken for the answer, `pairs` how many were; None and 0 where none was or no answer says so.
+    """
+
+    command: Command[Any, Any]
+    at_s: float
+    request: Message
+    answer: Message | None
+    first_pair_s: float | None = None
+    pairs: int = 0
+
+
+def begun_ns(recording: Recording) -> int:
+    """The cell's time at which the recording began."""
+    ticks = [sample.stamp_ns for key in recording.keys_of(CLOCK) for sample in recording.samples[key]]
+    return ticks[0] if ticks else recording.span_ns()[0]
+
+
+def asked_of(recording: Recording, service: str, from_s: float) -> list[Asked]:
+    """What a service was asked from then on, in order.
+
+    Pictures belong to a request when they came after the answer before it and not after its own.
+    """
+    start_ns = begun_ns(recording)
+    pairs = recording.sent(CAPTURE.reply_echo)
+    found: list[tuple[int, Asked]] = []
+    for command in COMMANDS[service]:
+        before_ns = 0
+        for request, reply in recording.answered(command):
+            at_s = (request.value.stamp_ns - start_ns) * 1e-9
+            since_ns = max(before_ns + 1, request.wall_ns - OVERTAKEN_NS)
+            ended_ns = None if reply is None else reply.wall_ns
+            taken = [pair.value for pair in pairs if since_ns <= pair.wall_ns and ended_ns and pair.wall_ns <= ended_ns]
+            before_ns = max(before_ns, request.wall_ns if ended_ns is None else ended_ns)
+            if at_s >= from_s:
+                first_s = (taken[0].stamp_ns - start_ns) * 1e-9 if taken else None
+                answer = None if reply is None else reply.value
+                found.append((request.wall_ns, Asked(command, at_s, request.value, answer, first_s, len(taken))))
+    return [asked for _, asked in sorted(found, key=lambda entry: entry[0])]

@@ -1,0 +1,102 @@
+"""`crosspih replay FILE`: does today's service answer what it answered then?"""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from crosspih_common.errors import ConfigError
+from crosspih_common.recording import Recording, read_recording
+from services.operator.bench.options import AsJson, told
+from services.operator.replay.answers import Compared, answers, stored_cell
+from services.operator.replay.asked import COMMANDS, TOPICS, asked_of
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(help="A recording (.mcap), also one that was torn off.")],
+    from_s: Annotated[float, typer.Option("--from", min=0.0, help="Begin so many seconds into it.")] = 0.0,
+    service: Annotated[str | None, typer.Option(help=f"{' or '.join(COMMANDS)}; both when left out.")] = None,
+    cell: Annotated[Path | None, typer.Option(help="Another cell's file than the one in the recording.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Ask vision and inference again what they were asked in a recording, and compare the answers bit for bit.
+
+    Status 1 where an answer differs.
+    """
+    console = Console(stderr=as_json)
+    with told(console):
+        if service is not None and service not in COMMANDS:
+            raise ConfigError(f"--service {service}: want {' or '.join(COMMANDS)}, whose answers need no running cell")
+        recording = read_recording(file, TOPICS)
+        content = stored_cell(recording, cell)
+        for line in _notes(recording):
+            console.print(line, highlight=False, markup=False)
+        found: list[tuple[str, Compared]] = []
+        for name in [service] if service else list(COMMANDS):
+            requests = asked_of(recording, name, from_s)
+            if not requests:
+                console.print(f"{name}: was asked nothing", highlight=False)
+                continue
+            here = list(answers(name, content, recording, requests))
+            found += [(name, compared) for compared in here]
+            console.print(_summary(name, here), highlight=False)
+        if not found:
+            raise ConfigError(f"{file}: after {from_s:g} s nothing in it can be asked again")
+        different = [(name, compared) for name, compared in found if not compared.equal]
+        if as_json:
+            json.dump([_as_json(name, compared) for name, compared in found], sys.stdout, indent=1)
+            print()
+        elif different:
+            console.print(_table(different))
+        if different:
+            raise typer.Exit(1)
+
+
+def _notes(recording: Recording) -> list[str]:
+    """What may explain a difference: a torn file, and other versions than then."""
+    notes = [] if recording.finished else [f"{recording.path}: was torn off ({recording.tear}); what is whole is asked"]
+    changed = []
+    for name, then in recording.metadata.get("versions", {}).items():
+        try:
+            here = version(name)
+        except PackageNotFoundError:
+            continue
+        if here != then:
+            changed.append(f"{name} {then}, here {here}")
+    return [*notes, *([f"recorded with {'; '.join(changed)}"] if changed else [])]
+
+
+def _summary(name: str, compared: list[Compared]) -> str:
+    given = [one for one in compared if one.asked.answer is not None]
+    equal = sum(one.equal for one in given)
+    rest = len(compared) - len(given)
+    again = sum(one.equal for one in compared if one.asked.answer is None)
+    text = f"{name}: {equal} of {len(given)} recorded answers are equal bit for bit"
+    return text + (f"; of {rest} requests without a recorded answer {again} are refused now too" if rest else "")
+
+
+def _table(different: list[tuple[str, Compared]]) -> Table:
+    table = Table("at s", "asked", "field", "then", "now", "differs by", title="answers that differ")
+    for _, one in different:
+        for index, row in enumerate(one.differences):
+            first = (f"{one.asked.at_s:.3f}", one.asked.command.path) if index == 0 else ("", "")
+            table.add_row(*first, row.field, row.then, row.now, "" if row.by is None else f"{row.by:.3g}")
+    return table
+
+
+def _as_json(name: str, one: Compared) -> dict[str, object]:
+    return {
+        "service": name,
+        "command": one.asked.command.path,
+        "at_s": one.asked.at_s,
+        "equal": one.equal,
+        "refused": one.refused,
+        "differences": [row.as_json() for row in one.differences],
+    }
