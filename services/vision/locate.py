@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated
 from services.vision.coarse_fit import coarse_fit
+from services.vision.light import FULL, Light, linear_light, shown
 from services.vision.profile_fit import Images, ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
 from services.vision.refusals import (
     Doubtful,
@@ -53,6 +55,9 @@ TURN_SHARE = 0.7
 SYSTEMATIC_SD_NOISE_PX = 0.5
 
 
+Picture = Light | Pixels
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
     """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame, the figures behind it, and both
@@ -65,24 +70,27 @@ class Located:
     annotated_right: NDArray[np.uint8]
 
 
-def as_grey(image: NDArray[np.uint8], stereo: StereoModel, side: str) -> NDArray[np.uint8]:
-    """A grey picture of the camera's size; WrongImage otherwise."""
+def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:
+    """Linear light (height, width), 0 to 255, of the camera's size: a float32 picture is that already, the numbers of
+    another (mono or RGB, 8 or 16 bit) get the camera's gamma undone. WrongImage otherwise."""
     camera = stereo.left if side == "left" else stereo.right
-    if image.shape[:2] != (camera.height_px, camera.width_px) or image.dtype != np.uint8:
-        raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want ({camera.height_px}, {camera.width_px}) uint8")
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    if image.shape[:2] != (camera.height_px, camera.width_px):
+        raise WrongImage(f"{side}: got {image.shape}, the calibration says ({camera.height_px}, {camera.width_px})")
+    if image.dtype == np.float32 and image.ndim == 2:
+        return np.asarray(image, dtype=np.float32)
+    if image.dtype in (np.uint8, np.uint16) and image.shape[2:] in ((), (3,)):
+        return linear_light(np.asarray(image, dtype=image.dtype), "", camera.gamma)
+    raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want float32, or uint8 or uint16 with 1 or 3 channels")
 
 
-def noise_of(grey: NDArray[np.uint8]) -> float:
+def noise_of(grey: Light) -> float:
     """The pixel noise, grey levels, from the median absolute second difference (Immerkaer 1996 uses the mean)."""
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    laplace = cv2.filter2D(grey.astype(np.float32), -1, mask)[2:-2, 2:-2]
+    laplace = cv2.filter2D(grey, -1, mask)[2:-2, 2:-2]
     return max(float(np.median(np.abs(laplace))) * 1.4826 / 6.0, 0.5)
 
 
-def find_both(
-    left: NDArray[np.uint8], right: NDArray[np.uint8], stereo: StereoModel, hole: Rimmed, nominal: Pose
-) -> tuple[Region, Region]:
+def find_both(left: Light, right: Light, stereo: StereoModel, hole: Rimmed, nominal: Pose) -> tuple[Region, Region]:
     """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
     pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
     centre = pose_camera_hole.translation_m
@@ -94,7 +102,8 @@ def find_both(
         ExpectedRegion(area * camera.fx_px * camera.fy_px, (float(u), float(v)), solidity, aspect)
         for camera, (u, v) in zip(stereo.cameras, stereo.project(centre), strict=True)
     ]
-    regions = find_hole(left, expected[0], "left"), find_hole(right, expected[1], "right")
+    eight_bit = [np.clip(np.rint(light), 0.0, FULL).astype(np.uint8) for light in (left, right)]
+    regions = find_hole(eight_bit[0], expected[0], "left"), find_hole(eight_bit[1], expected[1], "right")
     centres = regions[0].centre_px, regions[1].centre_px
     depth = float(stereo.triangulate(*centres)[2])
     if not 0.0 < depth < np.inf:
@@ -111,8 +120,8 @@ def find_both(
 
 
 def locate_rim(
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
+    left: Picture,
+    right: Picture,
     stereo: StereoModel,
     hole: Rimmed,
     nominal: Pose,
@@ -120,13 +129,12 @@ def locate_rim(
 ) -> Located:
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
     may be off, m and rad. Raises a VisionRefusal."""
-    grey = as_grey(left, stereo, "left"), as_grey(right, stereo, "right")
-    regions = find_both(grey[0], grey[1], stereo, hole, nominal)
+    images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
+    regions = find_both(images[0], images[1], stereo, hole, nominal)
     step = min(regions[0].face_grey - regions[0].threshold, regions[1].face_grey - regions[1].threshold)
     if step < 0.5 * STEP_LEAST_GREY:
         raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
-    noise = max(noise_of(grey[0]), noise_of(grey[1]))
-    images = grey[0].astype(np.float32), grey[1].astype(np.float32)
+    noise = max(noise_of(images[0]), noise_of(images[1]))
     model = RimModel.of(hole)
     centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
     rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
@@ -151,7 +159,12 @@ def locate_rim(
     fit, diagnostics = best
     pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
-    pictures = [annotated(grey[side], regions[side], side, model, stereo, fit.pose_camera_hole) for side in range(2)]
+    pictures = [
+        annotated(
+            shown(images[side], stereo.cameras[side].gamma), regions[side], side, model, stereo, fit.pose_camera_hole
+        )
+        for side in range(2)
+    ]
     covariance = covariance_of(fit, model.facing(), half_ranges, noise)
     return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
 

@@ -14,6 +14,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, Gamma
 
 UNBEND_STEPS, REFINE_STEPS = 20, 4
+UNBENT = 1e-13
 UNBENT_PX = 1e-6  # how far a ray's pixel may be from the one asked for
 
 
@@ -105,7 +106,10 @@ class Camera:
             determinant = by_x[..., 0] * by_y[..., 1] - by_y[..., 0] * by_x[..., 1]
             step_x = (by_y[..., 1] * off[..., 0] - by_y[..., 0] * off[..., 1]) / determinant
             step_y = (by_x[..., 0] * off[..., 1] - by_x[..., 1] * off[..., 0]) / determinant
-            found = found - np.stack([step_x, step_y], axis=-1)
+            step = np.stack([step_x, step_y], axis=-1)
+            found = found - step
+            if np.all(np.abs(step) < UNBENT):
+                break
         return found
 
 

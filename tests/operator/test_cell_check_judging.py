@@ -298,7 +298,7 @@ def test_pictures_against_what_is_said_of_them() -> None:
     assert "320 x 240" in look(grey[::2, ::2]).found
     assert "from the reply" in look(stamp_ns=8).found
     assert look(frame="camera_right").verdict is Verdict.FAIL
-    assert "mono8 or rgb8" in look(rejected="foxglove.RawImage: 'bgr8'").mend
+    assert "mono16, rgb8" in look(rejected="foxglove.RawImage: 'yuv422'").mend
     assert images.check_image("left", None, pair, "").verdict is Verdict.FAIL
     left, right = Image("camera_left", grey, 7), Image("camera_right", grey + np.uint8(1), 7)
     assert images.check_pair(left, right, pair, calibration).verdict is Verdict.PASS

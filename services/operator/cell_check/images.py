@@ -13,7 +13,7 @@ def check_image(side: str, image: Image | None, pair: StereoPair, rejected: str)
     picture of it could not be read, if one could not."""
     name = f"{side} image"
     if rejected:
-        return failed(name, rejected[:300], "encode it mono8 or rgb8, rows without padding (docs/wire.md)")
+        return failed(name, rejected[:300], "encode it as docs/wire.md says: mono8, mono16, rgb8, bgr8 or bayer")
     if image is None:
         return failed(
             name,
