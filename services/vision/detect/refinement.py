@@ -24,7 +24,7 @@ NEAR_SHARE = 0.6  # of the window: how far an edge may lie before it counts clea
 NOISE_SHARE = 1.5
 AROUND_SHARE = 1.0
 TUKEY = 4.685
-SPREAD_LEAST_PX = 0.5
+SPREAD_LEAST_PX = 0.35
 # an edge may be seen at -1, the chamfer's outer line, at 1, its inner one, or between: the same all around
 LINE_SD = 1.0
 # the profile that is compared with two steps: beyond the outer line and beyond the inner one; their blur
@@ -34,8 +34,8 @@ WIDTH_STEP_PX = 0.5
 STEP_NOISE_SHARE = 1.0
 STEPS_LEAST = 0.3
 EDGE_LEAST = 0.25  # below this share of an edge a profile says nothing
-# profiles near each other see the same edge: a pixel each, one in three
-INDEPENDENT = 0.3
+# profiles near each other see the same edge: one in ten counts, by how they scatter
+INDEPENDENT = 0.1
 # an edge this far from where the rim must be, px of the level, still supports it
 SUPPORT_PX = 1.25
 SUPPORT_WINDOW_PX = 4.0
@@ -216,9 +216,10 @@ def refined(
         weight = strong * (1.0 - np.clip(residual / (TUKEY * scale[:, None]), -1.0, 1.0) ** 2) ** 2
         slope = np.concatenate([rim.slope, half[..., None] * float(not by_steps)], axis=-1)
         weighted = slope * weight[..., None]
-        information = INDEPENDENT * np.einsum("skmi,skmj->kij", weighted, slope) + np.diag(spread_of**-2.0)
+        worth = INDEPENDENT / scale**2
+        information = worth[:, None, None] * np.einsum("skmi,skmj->kij", weighted, slope) + np.diag(spread_of**-2.0)
         pull = -np.column_stack([poses.from_prior(prior), line]) / spread_of**2
-        gradient = INDEPENDENT * np.einsum("skmi,skm->ki", weighted, residual) + pull
+        gradient = worth[:, None] * np.einsum("skmi,skm->ki", weighted, residual) + pull
         steps = np.linalg.solve(information, gradient[..., None])[..., 0]
         poses, line = poses.moved(steps[:, :6]), np.clip(line + steps[:, 6], -1.0, 1.0)
     return poses
