@@ -12,7 +12,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.annotate import annotated
 from services.vision.coarse_fit import coarse_fit
-from services.vision.profile_fit import ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
+from services.vision.profile_fit import Images, ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
 from services.vision.refusals import (
     Doubtful,
     NotAStereoPair,
@@ -67,8 +67,9 @@ class Located:
 
 def as_grey(image: NDArray[np.uint8], stereo: StereoModel, side: str) -> NDArray[np.uint8]:
     """A grey picture of the camera's size; WrongImage otherwise."""
-    if image.shape[:2] != (stereo.height_px, stereo.width_px) or image.dtype != np.uint8:
-        raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want ({stereo.height_px}, {stereo.width_px}) uint8")
+    camera = stereo.left if side == "left" else stereo.right
+    if image.shape[:2] != (camera.height_px, camera.width_px) or image.dtype != np.uint8:
+        raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want ({camera.height_px}, {camera.width_px}) uint8")
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
@@ -85,20 +86,26 @@ def find_both(
     """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
     pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
     centre = pose_camera_hole.translation_m
-    scale = stereo.fx_px * stereo.fy_px / centre[2] ** 2
     # the grey falls on the chamfer
     x, y = (0.5 * (hole.inner_rim_m() + hole.outer_rim_m())[:, :2]).T
-    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) * scale
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / centre[2] ** 2
     solidity, aspect = solidity_and_aspect(hole.inner_rim_m()[:, :2])
-    expected = [ExpectedRegion(area, (float(u), float(v)), solidity, aspect) for u, v in stereo.project(centre)]
+    expected = [
+        ExpectedRegion(area * camera.fx_px * camera.fy_px, (float(u), float(v)), solidity, aspect)
+        for camera, (u, v) in zip(stereo.cameras, stereo.project(centre), strict=True)
+    ]
     regions = find_hole(left, expected[0], "left"), find_hole(right, expected[1], "right")
-    disparity = float(regions[0].centre_px[0] - regions[1].centre_px[0])
-    rows = float(regions[0].centre_px[1] - regions[1].centre_px[1])
-    if disparity <= 0.0:
-        raise NotAStereoPair(f"disparity {disparity:.1f} px, want above 0: are left and right swapped?")
-    if abs(rows) > ROW_MOST_PX:
+    centres = regions[0].centre_px, regions[1].centre_px
+    depth = float(stereo.triangulate(*centres)[2])
+    if not 0.0 < depth < np.inf:
         raise NotAStereoPair(
-            f"the hole's rows differ by {rows:.1f} px, want less than {ROW_MOST_PX:g}: was a camera moved?"
+            f"the hole's two pictures meet at {depth:.2f} m, want before the cameras: are left and right swapped?"
+        )
+    apart = float(np.linalg.norm(stereo.apart_px(*centres)))
+    if apart > ROW_MOST_PX:
+        raise NotAStereoPair(
+            f"the hole's two pictures miss each other by {apart:.1f} px, want less than {ROW_MOST_PX:g}: was a camera "
+            "moved?"
         )
     return regions
 
@@ -113,13 +120,13 @@ def locate_rim(
 ) -> Located:
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
     may be off, m and rad. Raises a VisionRefusal."""
-    grey = np.stack([as_grey(left, stereo, "left"), as_grey(right, stereo, "right")])
+    grey = as_grey(left, stereo, "left"), as_grey(right, stereo, "right")
     regions = find_both(grey[0], grey[1], stereo, hole, nominal)
     step = min(regions[0].face_grey - regions[0].threshold, regions[1].face_grey - regions[1].threshold)
     if step < 0.5 * STEP_LEAST_GREY:
         raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
     noise = max(noise_of(grey[0]), noise_of(grey[1]))
-    images = np.asarray(grey, dtype=np.float32)
+    images = grey[0].astype(np.float32), grey[1].astype(np.float32)
     model = RimModel.of(hole)
     centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
     rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
@@ -149,9 +156,7 @@ def locate_rim(
     return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
 
 
-def _checked(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
-) -> dict[str, float]:
+def _checked(images: Images, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float) -> dict[str, float]:
     support = float(np.mean(fit.support))
     edges, all_edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5)), 2 * fit.support.shape[1]
     saturated = float(np.mean(fit.face_grey > SATURATED_GREY))

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.errors import CommandRefused
-from crosspih_common.geometry import Pose
 from crosspih_common.keys import ANNOTATED_LEFT, ANNOTATED_RIGHT, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT, LOCATE
 from crosspih_common.messages import (
-    CameraCalibration,
     CaptureStereo,
     Frame,
     HoleEstimate,
@@ -32,21 +30,6 @@ from services.vision.second_look import Look, next_look
 from services.vision.stereo import StereoModel
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
-
-
-def stereo_model(calibration: CameraCalibration, correction: Pose | None = None) -> StereoModel:
-    """The core's camera from the message; `correction` is where it really is, in the frame that the message says."""
-    pose_base_camera = calibration.pose_base_camera.pose()
-    return StereoModel(
-        calibration.width_px,
-        calibration.height_px,
-        calibration.fx_px,
-        calibration.fy_px,
-        calibration.cx_px,
-        calibration.cy_px,
-        calibration.baseline_m,
-        pose_base_camera if correction is None else pose_base_camera @ correction,
-    )
 
 
 class VisionShell:
@@ -85,7 +68,7 @@ class VisionShell:
             started = time.perf_counter()
             pair, (left, right) = self._capture(look)
             capture_wall_s += time.perf_counter() - started
-            stereo = stereo_model(pair.calibration, self._config.camera_correction.pose())
+            stereo = StereoModel.of(pair.calibration, self._config.camera_correction.pose())
             try:
                 found = METHODS[request.method](left, right, stereo, self._hole, self._nominal, self._half_ranges)
                 break
