@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from services.vision.annotate import BLUE, RED, SUBPIXEL_BITS
-from services.vision.rim_model import Rimmed
+from services.vision.fit.rim import Rimmed
 from services.vision.stereo import StereoModel
 
 

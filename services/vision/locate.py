@@ -1,22 +1,26 @@
-"""From a pair of pictures to the hole's pose, or to the reason why not."""
+"""From a pair of pictures to the hole's pose, or to the reason why not: find, fit, judge."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.images import Pixels
-from services.vision.annotate import annotated
-from services.vision.coarse_fit import coarse_fit
-from services.vision.light import FULL, Light, linear_light, shown
-from services.vision.profile_fit import Images, ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
+from services.vision.annotate import annotated_rim
+from services.vision.detect import Candidate, candidates
+from services.vision.evidence.verdict import Evidence, evidence_of, judge
+from services.vision.fit.climb import climb, rims
+from services.vision.fit.quality import Quality, quality_of
+from services.vision.fit.rim import Rim, Rimmed
+from services.vision.fit.solve import Doubts, Fit, Images
+from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
-    Doubtful,
+    CutOff,
+    NoCross,
     NotAStereoPair,
     NotEnoughRim,
     NotTheDrawing,
@@ -24,38 +28,28 @@ from services.vision.refusals import (
     PoorFit,
     TooBright,
     TooDark,
+    TwoCrosses,
     VisionRefusal,
     WrongImage,
 )
-from services.vision.region import ExpectedRegion, Region, find_hole, solidity_and_aspect
-from services.vision.rim_model import Rimmed, RimModel
 from services.vision.stereo import StereoModel
 
-# bounds of the refusals; the figures they are compared with stand in the diagnostics of every pose
-DV_MOST_PX = 0.12
-DU_MOST_PX = 0.3
-DRAWING_MOST_M = 0.12e-3
-SUPPORT_LEAST = 0.75
-EDGES_LEAST = 0.75
-SATURATED_GREY = 250.0
-SATURATED_MOST = 0.05
-# of the four consistency checks, each over its own bound, the sum of squares
-DOUBT_MOST = 1.3
-# a fit better than this many times the noise is no wrong valley
-SURE_COST = 1.0
-STEP_LEAST_GREY = 12.0
-COST_MOST = 2.0
-ROW_MOST_PX = 12.0
+# of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
+INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.55, 0.55
+SATURATED_MOST = 0.25
+STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
+RESIDUAL_MOST = 0.1
+# how rough what is seen at the rim may be: shine and texture, share of the step
+ROUGH_MOST = 0.2
+# chi2 of what the pictures say against the calibration (2) and against the drawing (4)
+OFFSET_MOST, SIZES_MOST = 7.0, 22.0
+# from there on they make the covariance larger
+OFFSET_FREE, SIZES_FREE = 2.0, 6.0
 PRIOR_SLACK = 1.3
-CHAMFER_SHARES = (0.5, 0.0, 1.0)
-# systematic errors, one sd, px: of each edge in each picture, and of all edges that face one way; of each edge's ends
-SYSTEMATIC_SD_PX = 0.045
-TURN_SHARE = 0.7
-# and more where the step at the rim is small beside the noise: a dim picture
-SYSTEMATIC_SD_NOISE_PX = 0.5
-
-
-Picture = Light | Pixels
+# candidates that are tried, and how good, against the best, one must be
+TRIED, SCORE_LEAST = 3, 0.6
+# another hole in the pictures: as well supported, and that far away, px
+OTHER_SCORE, APART_PX = 0.85, 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +62,30 @@ class Located:
     diagnostics: dict[str, float]
     annotated_left: NDArray[np.uint8]
     annotated_right: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What is asked of one pair."""
+
+    images: Images
+    stereo: StereoModel
+    hole: Rimmed
+    coarse: Rim
+    fine: Rim
+    doubts: Doubts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Attempt:
+    """What one candidate came to."""
+
+    fit: Fit
+    quality: Quality
+    evidence: Evidence
+
+
+Picture = Light | Pixels
 
 
 def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:
@@ -83,42 +101,6 @@ def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:
     raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want float32, or uint8 or uint16 with 1 or 3 channels")
 
 
-def noise_of(grey: Light) -> float:
-    """The pixel noise, grey levels, from the median absolute second difference (Immerkaer 1996 uses the mean)."""
-    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    laplace = cv2.filter2D(grey, -1, mask)[2:-2, 2:-2]
-    return max(float(np.median(np.abs(laplace))) * 1.4826 / 6.0, 0.5)
-
-
-def find_both(left: Light, right: Light, stereo: StereoModel, hole: Rimmed, nominal: Pose) -> tuple[Region, Region]:
-    """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
-    pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
-    centre = pose_camera_hole.translation_m
-    # the grey falls on the chamfer
-    x, y = (0.5 * (hole.inner_rim_m() + hole.outer_rim_m())[:, :2]).T
-    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / centre[2] ** 2
-    solidity, aspect = solidity_and_aspect(hole.inner_rim_m()[:, :2])
-    expected = [
-        ExpectedRegion(area * camera.fx_px * camera.fy_px, (float(u), float(v)), solidity, aspect)
-        for camera, (u, v) in zip(stereo.cameras, stereo.project(centre), strict=True)
-    ]
-    eight_bit = [np.clip(np.rint(light), 0.0, FULL).astype(np.uint8) for light in (left, right)]
-    regions = find_hole(eight_bit[0], expected[0], "left"), find_hole(eight_bit[1], expected[1], "right")
-    centres = regions[0].centre_px, regions[1].centre_px
-    depth = float(stereo.triangulate(*centres)[2])
-    if not 0.0 < depth < np.inf:
-        raise NotAStereoPair(
-            f"the hole's two pictures meet at {depth:.2f} m, want before the cameras: are left and right swapped?"
-        )
-    apart = float(np.linalg.norm(stereo.apart_px(*centres)))
-    if apart > ROW_MOST_PX:
-        raise NotAStereoPair(
-            f"the hole's two pictures miss each other by {apart:.1f} px, want less than {ROW_MOST_PX:g}: was a camera "
-            "moved?"
-        )
-    return regions
-
-
 def locate_rim(
     left: Picture,
     right: Picture,
@@ -130,91 +112,149 @@ def locate_rim(
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
     may be off, m and rad. Raises a VisionRefusal."""
     images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
-    regions = find_both(images[0], images[1], stereo, hole, nominal)
-    step = min(regions[0].face_grey - regions[0].threshold, regions[1].face_grey - regions[1].threshold)
-    if step < 0.5 * STEP_LEAST_GREY:
-        raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
-    noise = max(noise_of(images[0]), noise_of(images[1]))
-    model = RimModel.of(hole)
-    centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
-    rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
-    # where on the chamfer the grey falls most depends on the light; a wrong guess can end in a wrong valley
+    coarse, fine = rims(hole)
+    task = _Task(images, stereo, hole, coarse, fine, Doubts())
+    found = candidates(images, stereo, hole, nominal, half_ranges)
+    if not found:
+        raise NoCross(
+            "nothing near where the hole should be has its outline in both pictures: is the part there, is it lit?"
+        )
     refusal: VisionRefusal | None = None
-    best: tuple[ProfileFit, dict[str, float]] | None = None
-    for share in CHAMFER_SHARES:
-        start = coarse_fit(images, model, stereo, Pose(rotation, centre), noise, share)
-        fit = profile_fit(images, model, stereo, start, noise)
+    attempt = None
+    for candidate in _worth_trying(found):
         try:
-            checked = _checked(images, model, stereo, fit, noise)
+            attempt = _attempted(task, candidate)
+            break
         except VisionRefusal as error:
             refusal = refusal or error
-            continue
-        if best is None or fit.cost < best[0].cost:
-            best = fit, checked
-        if fit.cost < SURE_COST:
-            break
-    if best is None:
+    if attempt is None:
         assert refusal is not None
+        _unless_swapped(task, nominal, half_ranges)
         raise refusal
-    fit, diagnostics = best
-    pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
+    _unless_another(task, found, attempt)
+    pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
     pictures = [
-        annotated(
-            shown(images[side], stereo.cameras[side].gamma), regions[side], side, model, stereo, fit.pose_camera_hole
+        annotated_rim(
+            shown(images[side], stereo.cameras[side].gamma), side, fine, stereo, attempt.fit.state.pose_camera_hole
         )
         for side in range(2)
     ]
-    covariance = covariance_of(fit, model.facing(), half_ranges, noise)
-    return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
+    return Located(
+        pose_base_hole, covariance_of(attempt.fit, attempt.quality, half_ranges), _figures(attempt), *pictures
+    )
 
 
-def _checked(images: Images, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float) -> dict[str, float]:
-    support = float(np.mean(fit.support))
-    edges, all_edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5)), 2 * fit.support.shape[1]
-    saturated = float(np.mean(fit.face_grey > SATURATED_GREY))
-    if saturated > SATURATED_MOST:
+def _worth_trying(found: list[Candidate]) -> list[Candidate]:
+    return [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
+
+
+def _attempted(task: _Task, candidate: Candidate) -> _Attempt:
+    try:
+        fit = climb(task.images, task.coarse, task.fine, task.stereo, candidate.pose_camera_hole, task.doubts)
+    except np.linalg.LinAlgError:
+        raise PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it") from None
+    quality = quality_of(fit, task.fine, task.doubts)
+    _checked(quality, fit)
+    evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality)
+    judge(evidence, quality)
+    return _Attempt(fit, quality, evidence)
+
+
+def _checked(quality: Quality, fit: Fit) -> None:
+    if quality.inside < INSIDE_LEAST:
+        raise CutOff(
+            f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
+        )
+    if quality.saturated > SATURATED_MOST:
         raise TooBright(
-            f"{saturated:.0%} of the face beside the rim is above grey {SATURATED_GREY:g}, want less than "
-            f"{SATURATED_MOST:.0%}: expose less, or is there glare on it?"
+            f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
+            "expose less, or take the glare off it"
         )
-    step = float(np.median(fit.step_grey))
-    if step < STEP_LEAST_GREY:
-        raise TooDark(f"face against bore {step:.0f} grey levels at the rim, want {STEP_LEAST_GREY:g} or more")
-    if support < SUPPORT_LEAST or edges < EDGES_LEAST * all_edges:
+    step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
+    if quality.step_grey < step:
+        raise TooDark(
+            f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want {step:.0f} "
+            "or more: expose longer, or light it more"
+        )
+    edges = float(np.mean(quality.support > 0.5))
+    if quality.supported < SUPPORT_LEAST or edges < EDGES_LEAST:
         raise NotEnoughRim(
-            f"{support:.0%} of the profiles and {edges} of {all_edges} edges look like the rim, want "
-            f"{SUPPORT_LEAST:.0%} and {EDGES_LEAST * all_edges:.0f}: is something in front of it, or glare on it?"
+            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want {SUPPORT_LEAST:.0%}: take "
+            "away what covers it, or light the dark side"
         )
-    if fit.cost > COST_MOST:
-        raise PoorFit(f"residual {fit.cost:.1f} times the noise, want less than {COST_MOST:g}")
-    du, dv = right_image_offset_px(images, model, stereo, fit, noise)
-    if abs(dv) > DV_MOST_PX or abs(du) > DU_MOST_PX:
+    if quality.residual > RESIDUAL_MOST or fit.state.gloss > ROUGH_MOST:
+        raise PoorFit(
+            f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than {RESIDUAL_MOST:.0%}, and "
+            f"shine and texture are {fit.state.gloss:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
+        )
+    if quality.offset_conflict > OFFSET_MOST:
+        du, dv = quality.offset_px
         raise NotAStereoPair(
-            f"the right picture is off by ({du:.2f}, {dv:.2f}) px, want less than ({DU_MOST_PX:g}, {DV_MOST_PX:g})"
+            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want less than "
+            f"{OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare in one?"
         )
-    width, length = drawing_offset_m(images, model, stereo, fit, noise)
-    if max(abs(width), abs(length)) > DRAWING_MOST_M:
+    if quality.sizes_conflict > SIZES_MOST:
+        outer, inner, near, far = quality.sizes_m * 1e3
         raise NotTheDrawing(
-            f"the hole is larger than the drawing by {width * 1e3:.2f} mm at its near edges (half-width) and "
-            f"{length * 1e3:.2f} mm at its far ones (half-length), want less than {DRAWING_MOST_M * 1e3:g}"
+            f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges {near:+.2f}, "
+            f"far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the right part and cell?"
         )
-    checks = np.array([du / DU_MOST_PX, dv / DV_MOST_PX, width / DRAWING_MOST_M, length / DRAWING_MOST_M])
-    if checks @ checks > DOUBT_MOST:
-        raise Doubtful(
-            f"right picture off by ({du:.2f}, {dv:.2f}) px and the hole by ({width * 1e3:.2f}, {length * 1e3:.2f}) mm: "
-            f"together {checks @ checks:.1f}, want less than {DOUBT_MOST:g}"
-        )
+
+
+def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
+    """NotAStereoPair when the pictures show the hole if left is taken for right."""
+    left, right = task.images
+    if left.shape != right.shape:
+        return
+    swapped = _Task((right, left), task.stereo, task.hole, task.coarse, task.fine, task.doubts)
+    for candidate in candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)[:1]:
+        try:
+            _attempted(swapped, candidate)
+        except VisionRefusal:
+            return
+        raise NotAStereoPair("the hole is found with left and right exchanged, want the left camera's picture first")
+
+
+def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> None:
+    """TwoCrosses when another candidate, elsewhere in the pictures, is a hole as well."""
+    centre = task.stereo.project(attempt.fit.state.pose_camera_hole.translation_m)
+    for other in found:
+        apart = np.linalg.norm(task.stereo.project(other.pose_camera_hole.translation_m) - centre, axis=-1)
+        if apart.min() < APART_PX or other.score < OTHER_SCORE * found[0].score:
+            continue
+        try:
+            _attempted(task, other)
+        except VisionRefusal:
+            continue
+        raise TwoCrosses(f"two such holes are seen, {apart.min():.0f} px apart, want one: cover the other one")
+
+
+def _figures(attempt: _Attempt) -> dict[str, float]:
+    fit, quality, evidence = attempt.fit, attempt.quality, attempt.evidence
+    blur = np.sqrt(fit.state.blur_px2[:, [0, 2]])
+    outer, inner, near, far = quality.sizes_m * 1e3
     return {
-        "support": support,
-        "edges": float(edges),
-        "step_grey": step,
-        "noise_grey": noise,
-        "cost": fit.cost,
-        "du_px": du,
-        "dv_px": dv,
-        "width_off_mm": width * 1e3,
-        "length_off_mm": length * 1e3,
+        "support": quality.supported,
+        "step_grey": quality.step_grey,
+        "noise_grey": quality.noise_grey,
+        "residual": quality.residual,
+        "rough": fit.state.gloss,
+        "blur_left_u_px": float(blur[0, 0]),
+        "blur_left_v_px": float(blur[0, 1]),
+        "blur_right_u_px": float(blur[1, 0]),
+        "blur_right_v_px": float(blur[1, 1]),
+        "du_px": float(quality.offset_px[0]),
+        "dv_px": float(quality.offset_px[1]),
+        "offset_conflict": quality.offset_conflict,
+        "outer_off_mm": float(outer),
+        "inner_off_mm": float(inner),
+        "near_off_mm": float(near),
+        "far_off_mm": float(far),
+        "sizes_conflict": quality.sizes_conflict,
+        "seen_inside": evidence.seen,
+        "chamfer": evidence.chamfer,
+        "black": evidence.black,
     }
 
 
@@ -231,18 +271,11 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
         )
 
 
-def covariance_of(fit: ProfileFit, facing: Array, half_ranges: Array, noise_grey: float) -> Array:
-    """Noise, and the systematic errors that dominate it: each edge by itself, and all edges that face one way.
-
-    facing (n,): which edges face the same way; half_ranges (6,): what is known without any picture, m and rad.
-    """
-    inverse = np.linalg.inv(fit.information + np.diag(3.0 / half_ranges**2))
-    noise_px = SYSTEMATIC_SD_NOISE_PX * noise_grey / max(float(np.median(fit.step_grey)), STEP_LEAST_GREY)
-    edges = np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
-    edges += TURN_SHARE**2 * np.einsum("kei,kej->ij", fit.edge_turn, fit.edge_turn)
-    walls = np.zeros((6, 6))
-    for way in np.unique(facing):
-        lever = fit.edge_lever[:, facing == way].sum(axis=(0, 1))
-        walls += np.outer(lever, lever)
-    systematic = (SYSTEMATIC_SD_PX**2 + noise_px**2) * (edges + walls)
-    return np.asarray(inverse + inverse @ systematic @ inverse)
+def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
+    """The fit's own (noise, blur, calibration, drawing, edges that are off), with what is known without any picture, and
+    more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
+    posterior = fit.covariance[:6, :6]
+    strain = max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
+    known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)
+    covariance = np.linalg.inv(known)
+    return np.asarray(0.5 * (covariance + covariance.T))

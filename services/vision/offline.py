@@ -36,7 +36,7 @@ from services.vision.light import Light, linear_light, shown
 from services.vision.locate import Located, locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import Doubtful, VisionRefusal
-from services.vision.rim_model import Rimmed
+from services.vision.fit.rim import Rimmed
 from services.vision.stereo import StereoModel
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}

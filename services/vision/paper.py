@@ -8,13 +8,44 @@ import numpy as np
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.annotate import annotated
-from services.vision.light import shown
+from services.vision.light import FULL, Light, shown
 from services.vision.locate import Located, Picture, as_light, find_both
-from services.vision.rim_model import Rimmed
+from services.vision.fit.rim import Rimmed
 from services.vision.stereo import StereoModel
 
 # Eq. 6, signs restored: the hole in the left camera
 ROTATION_CAMERA_HOLE = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+ROW_MOST_PX = 12.0
+
+
+def find_both(left: Light, right: Light, stereo: StereoModel, hole: Rimmed, nominal: Pose) -> tuple[Region, Region]:
+    """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
+    pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
+    centre = pose_camera_hole.translation_m
+    # the grey falls on the chamfer
+    x, y = (0.5 * (hole.inner_rim_m() + hole.outer_rim_m())[:, :2]).T
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / centre[2] ** 2
+    solidity, aspect = solidity_and_aspect(hole.inner_rim_m()[:, :2])
+    expected = [
+        ExpectedRegion(area * camera.fx_px * camera.fy_px, (float(u), float(v)), solidity, aspect)
+        for camera, (u, v) in zip(stereo.cameras, stereo.project(centre), strict=True)
+    ]
+    eight_bit = [np.clip(np.rint(light), 0.0, FULL).astype(np.uint8) for light in (left, right)]
+    regions = find_hole(eight_bit[0], expected[0], "left"), find_hole(eight_bit[1], expected[1], "right")
+    centres = regions[0].centre_px, regions[1].centre_px
+    depth = float(stereo.triangulate(*centres)[2])
+    if not 0.0 < depth < np.inf:
+        raise NotAStereoPair(
+            f"the hole's two pictures meet at {depth:.2f} m, want before the cameras: are left and right swapped?"
+        )
+    apart = float(np.linalg.norm(stereo.apart_px(*centres)))
+    if apart > ROW_MOST_PX:
+        raise NotAStereoPair(
+            f"the hole's two pictures miss each other by {apart:.1f} px, want less than {ROW_MOST_PX:g}: was a camera "
+            "moved?"
+        )
+    return regions
 
 
 def hole_from_centres(left_px: Array, right_px: Array, stereo: StereoModel) -> Pose:

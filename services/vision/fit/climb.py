@@ -11,19 +11,25 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from services.vision.fit.quality import quality_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
-from services.vision.fit.solve import GLOSS_MOST, Drawing, Fit, Images, State, believed, iterate, start_state
+from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, start_state
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
 # blur added to the pictures, px^2, and most steps with it, with few profiles
 STAGES = ((4.0, 3), (1.0, 3), (0.0, 3))
 FINE_STEPS = 6
+GLOSS_AT = 1  # the fine step after which shine and texture are measured
+TINY = 1e-9
+ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
 SETTLED_M, SETTLED_RAD = 3e-6, 3e-5
 OTHER_STEPS = 3
 # one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
 BETTER_SHARE = 0.985
 MARGIN_PX = 40
+# a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
+STRANGE_OFFSET, STRANGE_SIZES = 4.0, 12.0
 
 
 def rims(hole: Rimmed) -> tuple[Rim, Rim]:
@@ -70,7 +76,17 @@ def gloss_of(fit: Fit) -> float:
     return float(np.sqrt(max(spread**2 - 2.0 * noise**2, 0.0)))
 
 
-def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, drawing: Drawing) -> Fit:
+def roughness_of(fit: Fit) -> float:
+    """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together: texture."""
+    steps, rest = fit.steps, fit.steps.residual * fit.profiles.inside
+    height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
+    share = float(np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0))
+    alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
+    alike = float(np.clip(alike, 0.0, ALIKE_MOST))
+    return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
+
+
+def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, doubts: Doubts) -> Fit:
     """The fit from a start within a pixel or two of the rim in both pictures."""
     state = start_state(coarse, start)
     fit = None
@@ -78,35 +94,39 @@ def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Po
         looked = images if extra == 0.0 else _blurred(images, extra, coarse, stereo, state.pose_camera_hole)
         for _ in range(most):
             before = state
-            state, fit = iterate(looked, coarse, stereo, state, drawing, extra, hold_blur=extra > 0.0)
+            state, fit = iterate(looked, coarse, stereo, state, doubts, extra, hold_blur=extra > 0.0)
             if _settled(before, state):
                 break
     assert fit is not None
-    state, fit = _best_of_alike(images, coarse, stereo, state, fit, drawing)
-    return finish(images, fine, stereo, glossed(state, fit), drawing)
+    found = quality_of(fit, coarse, doubts)
+    strange = found.offset_conflict > STRANGE_OFFSET or found.sizes_conflict > STRANGE_SIZES
+    state, fit = _best_of_alike(images, coarse, stereo, state, fit, doubts, strange)
+    return finish(images, fine, stereo, glossed(state, fit), doubts)
 
 
 def glossed(state: State, fit: Fit) -> State:
     """With the beliefs that its shine asks for, ready for any number of profiles."""
-    gloss = min(gloss_of(fit), GLOSS_MOST)
+    gloss = min(float(np.hypot(gloss_of(fit), roughness_of(fit))), GLOSS_MOST)
     effects = {
         kind: np.maximum(variance, believed(kind, gloss) ** 2) for kind, variance in state.effects.items()
     }
     return replace(state, effects=effects, gloss=gloss, profile_weight=None)
 
 
-def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, drawing: Drawing) -> Fit:
+def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, doubts: Doubts) -> Fit:
     """All profiles, until it settles."""
-    for _ in range(FINE_STEPS):
+    for number in range(FINE_STEPS):
         before = state
-        state, fit = iterate(images, fine, stereo, state, drawing)
-        if _settled(before, state):
+        state, fit = iterate(images, fine, stereo, state, doubts)
+        if number == GLOSS_AT:
+            state = replace(glossed(state, fit), profile_weight=state.profile_weight)
+        elif number > GLOSS_AT and _settled(before, state):
             break
     return fit
 
 
 def _best_of_alike(
-    images: Images, rim: Rim, stereo: StereoModel, state: State, fit: Fit, drawing: Drawing
+    images: Images, rim: Rim, stereo: StereoModel, state: State, fit: Fit, doubts: Doubts, strange: bool
 ) -> tuple[State, Fit]:
     width = float(np.median(np.linalg.norm((rim.outer_m - rim.inner_m)[..., :2], axis=-1)))
     if width < 1e-5:
@@ -124,12 +144,13 @@ def _best_of_alike(
             ahead, behind = facing > 0.7, facing < -0.7
             if not ahead.any() or not behind.any():
                 continue
-            if np.median(dark[ahead]) < 0.5 or np.median(dark[behind]) > 0.5:
+            alike = np.median(dark[ahead]) > 0.5 > np.median(dark[behind])
+            if not alike and not strange:
                 continue
             moved = perturbed(state.pose_camera_hole, np.array([*(-width * way), 0.0, 0.0, 0.0, 0.0]))
             other = replace(start_state(rim, moved), blur_px2=np.tile(state.blur_px2.mean(axis=0), (2, 1)))
             for _ in range(OTHER_STEPS):
-                other, other_fit = iterate(images, rim, stereo, other, drawing, hold_blur=True)
+                other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=True)
             found = misfit(other_fit, fit.even)
             if found < least:
                 best, best_fit, least = other, other_fit, found

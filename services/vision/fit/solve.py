@@ -24,7 +24,7 @@ Images = tuple[NDArray[np.float32], NDArray[np.float32]]
 POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
 SIZES = 4  # outer line, inner line, near edges, far edges
 COMMON = POSE + SIZES
-LOCAL = 18
+LOCAL = 20
 BLUR_START_PX2 = 0.8
 HELD = 1e9
 BLUR_MEAN_PX2 = np.array([0.6, 0.0, 0.6])
@@ -43,12 +43,14 @@ EFFECTS: dict[str, tuple[float, float]] = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drawing:
-    """How far the drawing may be off, one sd, m: the outer and the inner line by broken edges, all of it by tolerance."""
+class Doubts:
+    """How far the drawing may be off, one sd, m: the outer and the inner line by broken edges, all of it by tolerance;
+    and the right picture against the left one by the calibration, px."""
 
     outer_sd_m: float = 0.06e-3
-    inner_sd_m: float = 0.04e-3
+    inner_sd_m: float = 0.06e-3
     size_sd_m: float = 0.03e-3
+    offset_sd_px: float = 0.03
 
     def sds(self) -> Array:
         """(4,): outer line, inner line, near edges, far edges."""
@@ -91,7 +93,7 @@ class Fit:
 
 
 GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
-GLOSS_MOST = 0.15
+GLOSS_MOST = 0.3
 
 
 def believed(kind: str, gloss: float) -> float:
@@ -126,9 +128,9 @@ def _look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2
 
 
 def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
-    """(2, G, S, 5, 18): outer step, inner step, their blur and the chamfer's grey, by the local parameters: pose 6, sizes 4, blur 3, wall,
+    """(2, G, S, 5, 20): outer step, inner step, their blur and the chamfer's grey, by the local parameters: pose 6, sizes 4, blur 3, wall,
     rim, edge, the edge's turn, the chamfer's
-    grey."""
+    grey, and the right picture's offset (u, v)."""
     groups, samples = rim.shape
     maps = np.zeros((2, groups, samples, 5, LOCAL))
     maps[..., 0, :6], maps[..., 1, :6] = moved.outer_slope, moved.inner_slope
@@ -136,6 +138,8 @@ def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
     maps[..., 0, OUTER], maps[..., 1, INNER] = out, out
     maps[..., 0, 14] = out
     maps[..., 4, 17] = 1.0
+    for step in range(2):
+        maps[1, ..., step, 18:20] = moved.normal[1]
     for step in range(2):
         maps[..., step, NEAR] = out * (1.0 - rim.reach)[:, None]
         maps[..., step, FAR] = out * rim.reach[:, None]
@@ -152,7 +156,7 @@ def _share(moved: SeenRim) -> Array:
 
 
 def iterate(
-    images: Images, rim: Rim, stereo: StereoModel, state: State, drawing: Drawing, extra_px2: float = 0.0,
+    images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts, extra_px2: float = 0.0,
     hold_blur: bool = False,
 ) -> tuple[State, Fit]:  # fmt: skip
     """One Gauss-Newton step; `extra_px2` blur was added to the pictures. `hold_blur`: the blur stays what it is."""
@@ -176,17 +180,17 @@ def iterate(
     local = local - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
     pull = np.einsum("kgsim,kgsi->kgm", maps, now.table[..., 0, 1:], optimize=True)
     level = np.maximum(now.face.mean(axis=2), height.mean(axis=2)) + 1.0
-    covariance, effects = _solve(rim, state, drawing, local, pull, chamfer / level, level, hold_blur)
+    covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
     fit = Fit(state, covariance, effects, moved, taken, now, variance, even, weight, local, pull, cost)
     return _stepped(rim, replace(state, chamfer_grey=chamfer, profile_weight=profile_weight), covariance, effects, level), fit
 
 
 def _indices(rim: Rim) -> tuple[Array, int, dict[str, slice]]:
-    """(2, G, 19) global number of each local parameter (a shift in one picture stands twice: edge's and facing's), their
+    """(2, G, 21) global number of each local parameter (a shift in one picture stands twice: edge's and facing's), their
     count, and where the kinds lie."""
     groups = rim.shape[0]
     facings = int(rim.facing.max()) + 1
-    counts = {"wall": groups, "rim": facings, "facing": 2 * facings, "edge": 2 * groups, "turn": 2 * groups, "chamfer": 2 * groups, "shade": facings}
+    counts = {"wall": groups, "rim": facings, "facing": 2 * facings, "edge": 2 * groups, "turn": 2 * groups, "chamfer": 2 * groups, "shade": facings, "offset": 2}
     kinds, total = {}, COMMON + 6
     for kind, count in counts.items():
         kinds[kind] = slice(total, total + count)
@@ -201,12 +205,18 @@ def _indices(rim: Rim) -> tuple[Array, int, dict[str, slice]]:
         index[side, :, 15] = kinds["edge"].start + side * groups + each
         index[side, :, 16] = kinds["turn"].start + side * groups + each
         index[side, :, 17] = kinds["chamfer"].start + side * groups + each
-        index[side, :, 18] = kinds["facing"].start + side * facings + rim.facing
+        index[side, :, 18:20] = kinds["offset"].start + np.arange(2)
+        index[side, :, LOCAL] = kinds["facing"].start + side * facings + rim.facing
     return index, total, kinds
 
 
+def kinds_of(rim: Rim) -> dict[str, slice]:
+    """Where each kind of effect lies in the covariance and in the effects."""
+    return _indices(rim)[2]
+
+
 def _solve(
-    rim: Rim, state: State, drawing: Drawing, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
+    rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
 ) -> tuple[Array, Array]:
     index, total, kinds = _indices(rim)
     information, gradient = np.zeros((total, total)), np.zeros(total)
@@ -219,7 +229,7 @@ def _solve(
             gradient[where] += wide_pull[side, group]
     prior = np.zeros(total)
     prior[:POSE] = 1e-6 * np.maximum(np.diag(information)[:POSE], 1.0)
-    sizes = 1.0 / drawing.sds() ** 2
+    sizes = 1.0 / doubts.sds() ** 2
     prior[POSE:COMMON] = sizes
     gradient[POSE:COMMON] -= sizes * state.sizes_m
     blur = 1.0 / np.tile(np.array(BLUR_SD_PX2), 2) ** 2 + (HELD if hold_blur else 0.0)
@@ -231,6 +241,7 @@ def _solve(
     # each chamfer's grey over its level is what all that face its way share, and a little of its own
     prior[kinds["shade"]] = SHADE_SD**-2
     gradient[kinds["shade"]] += SHADE_SD**-2 * SHADE_MEAN
+    prior[kinds["offset"]] = 1.0 / doubts.offset_sd_px**2
     own = 1.0 / state.effects["chamfer"].reshape(level.shape)
     for side in range(2):
         for group in range(rim.shape[0]):

@@ -23,6 +23,7 @@ SLOPE_SHARE = 0.01
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
 TINY = 1e-9
+SATURATED_GREY, SATURATED_WEIGHT = 250.0, 0.02
 # columns of a profile's table
 FACE, BORE, GREY, CHAMFER, FACE_SLOPE, BORE_SLOPE, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
 
@@ -57,6 +58,8 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
         u, v = points[side, ..., 0], points[side, ..., 1]
         inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
     inside *= offsets < chamfer[..., None] + bore
+    # a saturated pixel says how bright it is at least, not how bright
+    inside *= np.where(grey > SATURATED_GREY, SATURATED_WEIGHT, 1.0)
     return Profiles(offsets, grey, inside)
 
 
