@@ -39,7 +39,7 @@ INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.55, 0.55
 SATURATED_MOST = 0.25
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 RESIDUAL_MOST = 0.1
-# how rough what is seen at the rim may be: shine and texture, share of the step
+# how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.2
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
 OFFSET_MOST, SIZES_MOST = 7.0, 22.0
@@ -155,13 +155,13 @@ def _attempted(task: _Task, candidate: Candidate) -> _Attempt:
     except np.linalg.LinAlgError:
         raise PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it") from None
     quality = quality_of(fit, task.fine, task.doubts)
-    _checked(quality, fit)
+    _checked(quality)
     evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality)
     judge(evidence, quality)
     return _Attempt(fit, quality, evidence)
 
 
-def _checked(quality: Quality, fit: Fit) -> None:
+def _checked(quality: Quality) -> None:
     if quality.inside < INSIDE_LEAST:
         raise CutOff(
             f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
@@ -183,10 +183,10 @@ def _checked(quality: Quality, fit: Fit) -> None:
             f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want {SUPPORT_LEAST:.0%}: take "
             "away what covers it, or light the dark side"
         )
-    if quality.residual > RESIDUAL_MOST or fit.state.gloss > ROUGH_MOST:
+    if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         raise PoorFit(
             f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than {RESIDUAL_MOST:.0%}, and "
-            f"shine and texture are {fit.state.gloss:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
+            f"its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
         )
     if quality.offset_conflict > OFFSET_MOST:
         du, dv = quality.offset_px
@@ -239,7 +239,8 @@ def _figures(attempt: _Attempt) -> dict[str, float]:
         "step_grey": quality.step_grey,
         "noise_grey": quality.noise_grey,
         "residual": quality.residual,
-        "rough": fit.state.gloss,
+        "rough": quality.rough,
+        "shine": fit.state.gloss,
         "blur_left_u_px": float(blur[0, 0]),
         "blur_left_v_px": float(blur[0, 1]),
         "blur_right_u_px": float(blur[1, 0]),

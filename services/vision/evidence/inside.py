@@ -17,10 +17,11 @@ from services.vision.fit.solve import Images
 from services.vision.fit.steps import sample
 from services.vision.stereo import StereoModel
 
-POINTS_MOST = 2500
+POINTS_MOST = 1600
 MARGIN_PX = 2.5
 SMOOTH_PX = 1.0
 POINTS_LEAST = 60
+MASK_M = 0.2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,10 +45,12 @@ def _grid(inner_m: Array, pixel_m: float) -> Array:
     low, high = inner_m.min(axis=0), inner_m.max(axis=0)
     step = max(pixel_m, float(np.sqrt(np.prod(high - low) / (2.0 * POINTS_MOST))))
     x, y = np.meshgrid(*(np.arange(low[axis] + step / 2, high[axis], step) for axis in range(2)))
-    contour = (inner_m * 1e6).astype(np.float32).reshape(-1, 1, 2)
     points = np.column_stack([x.ravel(), y.ravel()])
-    far = np.array([cv2.pointPolygonTest(contour, (float(px), float(py)), True) for px, py in points * 1e6]) * 1e-6
-    return np.asarray(points[far > MARGIN_PX * pixel_m])
+    mask = np.zeros(np.ceil((high - low) / MASK_M).astype(int)[::-1] + 4, np.uint8)
+    cv2.fillPoly(mask, [np.rint((inner_m - low) / MASK_M).astype(np.int32) + 1], 1)
+    far = cv2.distanceTransform(mask, cv2.DIST_L2, 5) * MASK_M
+    at = np.rint((points - low) / MASK_M).astype(int) + 1
+    return np.asarray(points[far[at[:, 1], at[:, 0]] > MARGIN_PX * pixel_m])
 
 
 def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inner_rim_m: Array, depths_m: Array,

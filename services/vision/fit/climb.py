@@ -3,7 +3,8 @@ dark one would look alike."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -11,19 +12,17 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.vision.fit.quality import quality_of
+from services.vision.fit.quality import quality_of, roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
 from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, start_state
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
 # blur added to the pictures, px^2, and most steps with it, with few profiles
-STAGES = ((4.0, 3), (1.0, 3), (0.0, 3))
-FINE_STEPS = 6
+STAGES = ((4.0, 3), (1.0, 2), (0.0, 3))
+FINE_STEPS = 5
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
-TINY = 1e-9
-ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
-SETTLED_M, SETTLED_RAD = 3e-6, 3e-5
+SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 OTHER_STEPS = 3
 # one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
 BETTER_SHARE = 0.985
@@ -34,6 +33,24 @@ STRANGE_OFFSET, STRANGE_SIZES = 4.0, 12.0
 
 def rims(hole: Rimmed) -> tuple[Rim, Rim]:
     """With few profiles, and with all."""
+    return _rims_of(hole.inner_rim_m().tobytes(), hole.outer_rim_m().tobytes())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Corners:
+    inner: Array
+    outer: Array
+
+    def inner_rim_m(self) -> Array:
+        return self.inner
+
+    def outer_rim_m(self) -> Array:
+        return self.outer
+
+
+@lru_cache(maxsize=8)
+def _rims_of(inner: bytes, outer: bytes) -> tuple[Rim, Rim]:
+    hole = _Corners(*(np.frombuffer(corners).reshape(-1, 3) for corners in (inner, outer)))
     return Rim.of(hole, FEW_PROFILES), Rim.of(hole)
 
 
@@ -74,16 +91,6 @@ def gloss_of(fit: Fit) -> float:
     noise = np.sqrt(np.median(fit.variance) / 3.0) / np.maximum(np.median(face), 1.0)
     spread = float(np.median(np.abs(ratio - np.median(ratio))) * 1.4826)
     return float(np.sqrt(max(spread**2 - 2.0 * noise**2, 0.0)))
-
-
-def roughness_of(fit: Fit) -> float:
-    """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together: texture."""
-    steps, rest = fit.steps, fit.steps.residual * fit.profiles.inside
-    height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
-    share = float(np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0))
-    alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
-    alike = float(np.clip(alike, 0.0, ALIKE_MOST))
-    return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
 
 
 def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, doubts: Doubts) -> Fit:

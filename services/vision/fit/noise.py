@@ -7,6 +7,7 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 
 BINS = 6
+THIN = 3  # neighbours along a profile are half a pixel apart
 QUANTISED_GREY = 0.29
 # what a profile may be off by beside the noise and still count in full, share of the step
 STEP_SHARE = 0.1
@@ -20,16 +21,15 @@ def variance_by_grey(model: Array, residual: Array, inside: Array, floor: float 
     out = np.empty_like(model)
     for side in range(2):
         use = inside[side] > 0
-        grey, error = model[side][use], residual[side][use]
+        grey, error = model[side][use][::THIN], np.abs(residual[side][use][::THIN])
         if grey.size < 4 * BINS:
             out[side] = floor**2
             continue
-        edges = np.quantile(grey, np.linspace(0.0, 1.0, BINS + 1))
-        order = np.argsort(grey, kind="stable")
-        parts = np.array_split(np.abs(error[order]), BINS)
+        parts = np.array_split(np.argsort(grey), BINS)
         # of a profile of some 12 samples two or three went into its own greys
-        values = [max(1.15 * 1.4826 * float(np.median(part)), floor) ** 2 for part in parts]
-        out[side] = np.interp(model[side], 0.5 * (edges[1:] + edges[:-1]), values)
+        values = [max(1.15 * 1.4826 * float(np.median(error[part])), floor) ** 2 for part in parts]
+        centres = [float(np.median(grey[part])) for part in parts]
+        out[side] = np.interp(model[side], centres, values)
     return out
 
 

@@ -7,6 +7,7 @@ grey, walls are lit, edges are broken. By how much is measured from how well the
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,14 @@ POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
 SIZES = 4  # outer line, inner line, near edges, far edges
 COMMON = POSE + SIZES
 LOCAL = 20
+# a shift in one picture stands twice: the edge's own and its facing's
+TWICE = [*range(LOCAL), 15]
 BLUR_START_PX2 = 0.8
 HELD = 1e9
 BLUR_MEAN_PX2 = np.array([0.6, 0.0, 0.6])
 BLUR_SD_PX2 = (0.8, 0.15, 0.8)
+# uu and vv of one picture, uu and uu of both, vv and vv of both
+BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 2), (3, 5), (0, 3), (2, 5)), 0.3
 BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
@@ -185,11 +190,16 @@ def iterate(
     return _stepped(rim, replace(state, chamfer_grey=chamfer, profile_weight=profile_weight), covariance, effects, level), fit
 
 
-def _indices(rim: Rim) -> tuple[Array, int, dict[str, slice]]:
+def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
+    return _indices_of(rim.shape[0], tuple(int(way) for way in rim.facing))
+
+
+@lru_cache(maxsize=32)
+def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[Array, int, dict[str, slice]]:
     """(2, G, 21) global number of each local parameter (a shift in one picture stands twice: edge's and facing's), their
     count, and where the kinds lie."""
-    groups = rim.shape[0]
-    facings = int(rim.facing.max()) + 1
+    facings = max(facing) + 1
+    ways = np.array(facing)
     counts = {"wall": groups, "rim": facings, "facing": 2 * facings, "edge": 2 * groups, "turn": 2 * groups, "chamfer": 2 * groups, "shade": facings, "offset": 2}
     kinds, total = {}, COMMON + 6
     for kind, count in counts.items():
@@ -201,12 +211,12 @@ def _indices(rim: Rim) -> tuple[Array, int, dict[str, slice]]:
         index[side, :, :COMMON] = np.arange(COMMON)
         index[side, :, COMMON : COMMON + 3] = COMMON + 3 * side + np.arange(3)
         index[side, :, 13] = kinds["wall"].start + each
-        index[side, :, 14] = kinds["rim"].start + rim.facing
+        index[side, :, 14] = kinds["rim"].start + ways
         index[side, :, 15] = kinds["edge"].start + side * groups + each
         index[side, :, 16] = kinds["turn"].start + side * groups + each
         index[side, :, 17] = kinds["chamfer"].start + side * groups + each
         index[side, :, 18:20] = kinds["offset"].start + np.arange(2)
-        index[side, :, LOCAL] = kinds["facing"].start + side * facings + rim.facing
+        index[side, :, LOCAL] = kinds["facing"].start + side * facings + ways
     return index, total, kinds
 
 
@@ -219,14 +229,10 @@ def _solve(
     rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
 ) -> tuple[Array, Array]:
     index, total, kinds = _indices(rim)
-    information, gradient = np.zeros((total, total)), np.zeros(total)
-    twice = [*range(LOCAL), 15]
-    wide, wide_pull = local[..., twice, :][..., twice], pull[..., twice]
-    for side in range(2):
-        for group in range(rim.shape[0]):
-            where = index[side, group]
-            information[np.ix_(where, where)] += wide[side, group]
-            gradient[where] += wide_pull[side, group]
+    wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
+    cells = (index[..., :, None] * total + index[..., None, :]).ravel()
+    information = np.bincount(cells, wide.ravel(), total * total).reshape(total, total)
+    gradient = np.bincount(index.ravel(), wide_pull.ravel(), total)
     prior = np.zeros(total)
     prior[:POSE] = 1e-6 * np.maximum(np.diag(information)[:POSE], 1.0)
     sizes = 1.0 / doubts.sds() ** 2
@@ -235,6 +241,13 @@ def _solve(
     blur = 1.0 / np.tile(np.array(BLUR_SD_PX2), 2) ** 2 + (HELD if hold_blur else 0.0)
     prior[COMMON : COMMON + 6] = blur
     gradient[COMMON : COMMON + 6] -= blur * (state.blur_px2 - BLUR_MEAN_PX2).ravel() * (0.0 if hold_blur else 1.0)
+    if not hold_blur:
+        # a lens is round and both are alike, more or less
+        flat = state.blur_px2.ravel()
+        for one, other in BLUR_ALIKE:
+            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / BLUR_ALIKE_SD_PX2
+            information[np.ix_(pair, pair)] += np.outer(row, row)
+            gradient[pair] -= row * (row @ flat[[one, other]])
     for kind, variances in state.effects.items():
         if kind != "chamfer":
             prior[kinds[kind]] = 1.0 / variances
@@ -242,13 +255,16 @@ def _solve(
     prior[kinds["shade"]] = SHADE_SD**-2
     gradient[kinds["shade"]] += SHADE_SD**-2 * SHADE_MEAN
     prior[kinds["offset"]] = 1.0 / doubts.offset_sd_px**2
-    own = 1.0 / state.effects["chamfer"].reshape(level.shape)
-    for side in range(2):
-        for group in range(rim.shape[0]):
-            where = [index[side, group, 17], kinds["shade"].start + rim.facing[group]]
-            row = np.array([1.0 / level[side, group], -1.0])
-            information[np.ix_(where, where)] += own[side, group] * np.outer(row, row)
-            gradient[where] -= own[side, group] * shade[side, group] * row
+    own = 1.0 / state.effects["chamfer"]
+    own_at = np.arange(kinds["chamfer"].start, kinds["chamfer"].stop)
+    all_at = kinds["shade"].start + np.tile(rim.facing, 2)
+    to_own, to_all = own / level.ravel(), own
+    information[own_at, own_at] += to_own / level.ravel()
+    np.add.at(information, (all_at, all_at), to_all)
+    information[own_at, all_at] -= to_own
+    information[all_at, own_at] -= to_own
+    gradient[own_at] -= to_own * shade.ravel()
+    np.add.at(gradient, all_at, to_all * shade.ravel())
     information[np.diag_indices(total)] += prior
     scale = 1.0 / np.sqrt(np.diag(information))
     factor, failed = dpotrf(information * scale[:, None] * scale, lower=True)

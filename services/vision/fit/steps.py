@@ -19,11 +19,12 @@ from services.vision.fit.rim import SeenRim
 STEP_PX = 0.5
 SPREAD_LEAST_PX = 0.3
 # slope of face and bore beside the rim, sd, share of the step a pixel
-SLOPE_SHARE = 0.01
+FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
-TINY = 1e-9
-SATURATED_GREY, SATURATED_WEIGHT = 250.0, 0.02
+SATURATED_GREY = 250.0
+# of a face or a bore that is saturated, one sd of its grey
+UNSEEN_GREY = 2000.0
 # columns of a profile's table
 FACE, BORE, GREY, CHAMFER, FACE_SLOPE, BORE_SLOPE, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
 
@@ -59,7 +60,7 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
         inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
     inside *= offsets < chamfer[..., None] + bore
     # a saturated pixel says how bright it is at least, not how bright
-    inside *= np.where(grey > SATURATED_GREY, SATURATED_WEIGHT, 1.0)
+    inside *= grey < SATURATED_GREY
     return Profiles(offsets, grey, inside)
 
 
@@ -113,7 +114,7 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> S
     grey = columns[..., GREY, :]
     groups, samples = grey.shape[1], grey.shape[2]
     gram = (columns * weight[..., None, :]) @ np.swapaxes(columns, -1, -2)
-    own = gram[..., :2, :2] + TINY * np.eye(2)
+    own = gram[..., :2, :2] + UNSEEN_GREY**-2 * np.eye(2)
     across = gram[..., :2, 2:]
     solved = _solve2(own, across)
     left = gram[..., 2:, 2:] - np.swapaxes(across, -1, -2) @ solved
@@ -128,7 +129,8 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> S
     height = np.sqrt(np.mean((solved[..., 0, 0] - solved[..., 1, 0]) ** 2, axis=-1)) + 1.0
     ridge = np.zeros((2, groups, 4, 4))
     ridge[..., 0, 0] = 1.0 / (CHAMFER_CHANGE_SHARE * height) ** 2
-    ridge[..., 1, 1] = ridge[..., 2, 2] = 1.0 / (SLOPE_SHARE * height) ** 2
+    ridge[..., 1, 1] = 1.0 / (FACE_SLOPE_SHARE * height) ** 2
+    ridge[..., 2, 2] = 1.0 / (BORE_SLOPE_SHARE * height) ** 2
     ridge[..., 3, 3] = 1.0 / (5.0 * height) ** 2
     within = within + ridge
     inverse = np.linalg.inv(within[..., :3, :3])
