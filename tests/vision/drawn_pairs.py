@@ -17,14 +17,14 @@ from crosspih_common.shapes import Hole
 from services.vision.stereo import StereoModel
 
 Floats = NDArray[np.float32]
-FINE = 4  # sub-pixels a side
+FINE = 4  # sub-pixels a side; fewer for a large picture
 BITS = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Greys, 0 to 255. A facet of the chamfer or a wall has its mean grey, more or less by its direction: `relief` times
-    the cosine from `light_rad`. `marks`: milled lines on the face, one sd as a share of its grey, along `marks_rad`.
+    """Greys, 0 to 255. A facet of the chamfer or a wall has its mean grey, more or less by its direction: `relief`
+    times the cosine from `light_rad`. `marks`: milled lines on the face along `marks_rad`, one sd as a share of it.
     `gradient`: the face's grey changes by that share over 60 mm along `light_rad`. `glints`: bright spots near the rim.
     `covered`: share of the rim hidden by something flat above the face. `through`: the background is seen inside.
     `half_bright`: the grey of half of what is at the hole's bottom."""
@@ -58,14 +58,18 @@ def drawn_pair(stereo: StereoModel, hole: Hole, pose_camera_hole: Pose, look: Lo
 def _drawn(stereo: StereoModel, hole: Hole, pose: Pose, look: Look, side: int) -> Floats:
     rng = np.random.default_rng(look.seed)
     width, height = look.sizes[side]
-    fine = np.full((height * FINE, width * FINE), look.background, dtype=np.float32)
+    reach = hole.plate_half_size_m * np.array([[-1.2, -1.2, 0], [1.2, -1.2, 0], [1.2, 1.2, 0], [-1.2, 1.2, 0]])
+    corners_px = stereo.project(pose.apply(reach))[side]
+    low = np.clip(np.floor(corners_px.min(axis=0)), 0, [width, height]).astype(int)
+    high = np.clip(np.ceil(corners_px.max(axis=0)), 0, [width, height]).astype(int)
+    fine = np.full(((high[1] - low[1]) * FINE, (high[0] - low[0]) * FINE), look.background, dtype=np.float32)
 
     def polygon(points_m: Array) -> Array:
         ends = np.roll(points_m, -1, axis=0)
         share = np.linspace(0.0, 1.0, 8, endpoint=False)[None, :, None]
         line = points_m[:, None] * (1.0 - share) + ends[:, None] * share
         seen = stereo.project(pose.apply(line.reshape(-1, 3)))[side]
-        return np.asarray(np.rint(((seen + 0.5) * FINE - 0.5) * 2**BITS), dtype=np.int32)
+        return np.asarray(np.rint(((seen - low + 0.5) * FINE - 0.5) * 2**BITS), dtype=np.int32)
 
     def fill(picture: Floats, points_m: Array, grey: float) -> None:
         cv2.fillPoly(picture, [polygon(points_m)], float(grey), shift=BITS)
@@ -107,9 +111,7 @@ def _drawn(stereo: StereoModel, hole: Hole, pose: Pose, look: Look, side: int) -
     if look.half_bright is not None:
         reach = np.array([[0.0, -0.2], [0.2, -0.2], [0.2, 0.2], [0.0, 0.2]])
         fill(deep, np.column_stack([reach, np.full(4, hole.depth_m)]), look.half_bright)
-    camera = (pose.inverse().apply(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])))[side]
-    if side == 1:
-        camera = pose.inverse().apply(_right_centre(stereo))
+    camera = pose.inverse().apply([np.zeros(3), stereo.pose_left_right.translation_m][side])
     middles = 0.5 * (inner + np.roll(floor, -1, axis=0))
     for i in np.argsort(np.linalg.norm(middles - camera, axis=1))[::-1]:
         j = (i + 1) % count
@@ -128,10 +130,12 @@ def _drawn(stereo: StereoModel, hole: Hole, pose: Pose, look: Look, side: int) -
         corners = np.array([[edge, -0.2], [edge + 0.03, -0.2], [edge + 0.03, 0.2], [edge, 0.2]])
         turned = np.column_stack([corners @ np.array([direction, [-direction[1], direction[0]]]), np.full(4, -0.004)])
         fill(fine, turned, rng.uniform(5.0, 250.0))
-    coarse = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
-    coarse = cv2.GaussianBlur(coarse, (0, 0), look.blur_px)
+    coarse = np.full((height, width), look.background, dtype=np.float32)
+    drawn_px = (int(high[0] - low[0]), int(high[1] - low[1]))
+    coarse[low[1] : high[1], low[0] : high[0]] = cv2.resize(fine, drawn_px, interpolation=cv2.INTER_AREA)
+    coarse = np.asarray(cv2.GaussianBlur(coarse, (0, 0), look.blur_px), dtype=np.float32)
     noise = np.random.default_rng([look.seed, side]).normal(size=coarse.shape) * look.noise
-    return np.clip(np.rint(coarse + noise), 0.0, 255.0).astype(np.float32)
+    return np.asarray(np.clip(np.rint(coarse + noise), 0.0, 255.0), dtype=np.float32)
 
 
 def _face(look: Look, stereo: StereoModel, pose: Pose, height: int, width: int, rng: np.random.Generator) -> Floats:
@@ -158,21 +162,3 @@ def _even(corners_m: Array) -> Array:
     edge = np.searchsorted(np.cumsum(length), at, side="right")
     share = ((at - (np.cumsum(length) - length)[edge]) / length[edge])[:, None]
     return np.asarray(corners_m[edge] * (1.0 - share) + ends[edge] * share)
-
-
-def _right_centre(stereo: StereoModel) -> Array:
-    """The right camera's centre in the left one's frame: where two rays of one of its pixels meet."""
-    rays = []
-    target = np.array([[0.0, 0.0, 0.3], [0.02, 0.01, 0.3]])
-    for point in target:
-        pixel = stereo.project(point)
-        # another point that the right camera sees at the same pixel, by Newton in x and y at another depth
-        other = np.array([point[0], point[1], 0.6])
-        for _ in range(20):
-            off = stereo.project(other)[1] - pixel[1]
-            slope = np.stack([(stereo.project(other + d)[1] - stereo.project(other)[1]) / 1e-6 for d in np.eye(3)[:2] * 1e-6])
-            other[:2] -= np.linalg.solve(slope.T, off)
-        rays.append((point, other - point))
-    (p, d), (q, e) = rays
-    s, _ = np.linalg.lstsq(np.column_stack([d, -e]), q - p, rcond=None)[0]
-    return np.asarray(p + s * d)

@@ -15,33 +15,33 @@ from services.vision.detect.refinement import Poses, likeness, refined, support
 from services.vision.detect.rim_samples import Rimmed, RimSamples
 from services.vision.stereo import StereoModel
 
-SAMPLES = 96
-SEARCH_SAMPLES = 64
+SEARCH_SAMPLES, SAMPLES = 64, 96
 SKIP_CORNER_PX = 1.5
 PRIOR_SLACK = 1.3
-STARTS = 8
-KEPT = 4
-FIRST_WINDOWS_PX = (5.0, 4.0, 3.0)
-LAST_WINDOWS_PX = (2.5, 2.0, 2.0)
-STEP_WINDOWS_PX = (3.0, 2.5, 2.0, 2.0)
-FINER_WINDOWS_PX = (3.0, 2.5, 2.0, 2.0)
+STARTS, KEPT = 8, 4
+# reach along the rim's normals, px of the level, one iteration each: by edges, then by the two steps of a chamfer
+FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
+# how far two rims are apart at least, px, to be worth refining both, and to be two answers
+WORTH_PX, SAME_PX = 1.5, 0.7
 SUPPORTED = 0.45
-SAME_PX = 0.7
-DIFFERENT_PX = 1.5
+RIVAL_SCORE, RIVAL_APART = 0.95, 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
     """A pose at which the rim may be, and what speaks for it.
 
-    `score` 0 to 1: the mean support over both pictures. `rim_m` (M, 3): places on the rim, hole frame, m, even along
-    it; `support` (2, M): 0 to 1, how much of an edge the left and the right picture show at each.
+    `score` 0 to 1: the mean support over both pictures. `rim_m` (M, 3): places on the middle of the chamfer, hole
+    frame, m, evenly along the rim; `support` (2, M): 0 to 1, how much the left and the right picture look like a rim
+    at each.
+    `apart`: how far its rim lies from the best candidate's at most, as a share of the rim's extent in that picture.
     """
 
     pose_camera_hole: Pose
     score: float
     rim_m: Array
     support: Array
+    apart: float = 0.0
 
     @property
     def supported(self) -> tuple[float, float]:
@@ -49,46 +49,72 @@ class Candidate:
         left, right = (self.support > SUPPORTED).mean(axis=1)
         return float(left), float(right)
 
+    def gap(self, side: int) -> tuple[float, Array]:
+        """The longest stretch of the rim that is not seen in a picture (0 left, 1 right): its share of the rim, and the
+        place (3,) on the rim, hole frame, m, in its middle: what covers the rim, or hides it in the dark, is there."""
+        hidden = self.support[side] <= SUPPORTED
+        count = len(hidden)
+        longest, start, run = 0, 0, 0
+        for index in range(2 * count):  # the rim is closed: twice around
+            run = run + 1 if hidden[index % count] else 0
+            if longest < run <= count:
+                longest, start = run, index - run + 1
+        return longest / count, np.asarray(self.rim_m[(start + longest // 2) % count])
+
+
+def rival(found: Sequence[Candidate]) -> Candidate | None:
+    """Another candidate that the pictures support as well as the first, and whose rim lies elsewhere."""
+    for other in found[1:]:
+        if other.score > RIVAL_SCORE * found[0].score and other.apart > RIVAL_APART:
+            return other
+    return None
+
 
 def candidates(
     images: Sequence[Floats], stereo: StereoModel, hole: Rimmed, nominal: Pose, half_ranges: Array
 ) -> list[Candidate]:
-    """Where the hole may be, best first. `images` left and right, (height, width) each, grey 0 to 255, linear in light;
-    `nominal` is `pose_base_hole` by the cell's drawing, `half_ranges` (6,) how far it may be off, m and rad."""
+    """Where the hole may be, best first; one at least, whatever the pictures show: its score says what it is worth.
+
+    `images` left and right, (height, width) each, grey 0 to 255, linear in light; `nominal` is `pose_base_hole` by the
+    cell's drawing, `half_ranges` (6,) how far it may be off, m and rad.
+    """
     prior = stereo.pose_base_camera.inverse() @ nominal
     ranges = PRIOR_SLACK * np.asarray(half_ranges, float)
-    pixel_m = _pixel_m(stereo, prior)
-    coarse = RimSamples.of(hole, SEARCH_SAMPLES, SKIP_CORNER_PX * pixel_m)
-    grid = SearchGrid.of(coarse, stereo, prior, ranges)
+    skip_m = SKIP_CORNER_PX * _pixel_m(stereo, prior)
+    grid = SearchGrid.of(RimSamples.of(hole, SEARCH_SAMPLES, skip_m), stereo, prior, ranges)
+    samples = RimSamples.of(hole, SAMPLES, skip_m)
     windows = grid.windows()
-    left, right = (
-        Level.of(images[side], windows[side], grid.factors[side]) for side in range(2)
-    )
-    poses = Poses.of(best_starts((left, right), grid, STARTS))
-    samples = RimSamples.of(hole, SAMPLES, SKIP_CORNER_PX * pixel_m)
-    factors = [(factor + 1) // 2 for factor in grid.factors]
+
+    def at(factors: Sequence[int]) -> tuple[Level, Level]:
+        left, right = (Level.of(images[side], windows[side], factors[side]) for side in range(2))
+        return left, right
+
+    factors: tuple[int, ...] = grid.factors
+    poses = Poses.of(best_starts(at(grid.factors), grid, STARTS))
     first = True
-    while True:
-        levels = (
-            Level.of(images[0], windows[0], factors[0]),
-            Level.of(images[1], windows[1], factors[1]),
-        )
+    while first or max(factors) > 1:
+        factors = tuple((factor + 1) // 2 for factor in factors)
+        levels = at(factors)
         if first:
-            poses = refined(levels, samples, stereo, poses, prior, ranges, FIRST_WINDOWS_PX)
+            poses = refined(levels, samples, stereo, poses, prior, ranges, FIRST_PX)
             score = support(levels, samples, stereo, poses).mean(axis=(0, 2))
-            poses = poses.taken(_apart(samples, stereo, poses, score, DIFFERENT_PX * min(factors))[:KEPT])
-            poses = refined(levels, samples, stereo, poses, prior, ranges, LAST_WINDOWS_PX)
-            poses = refined(levels, samples, stereo, poses, prior, ranges, STEP_WINDOWS_PX, by_steps=True)
-        else:
-            poses = refined(levels, samples, stereo, poses, prior, ranges, FINER_WINDOWS_PX, by_steps=True)
+            poses = poses.taken(_apart(samples, stereo, poses, score, WORTH_PX * min(factors))[:KEPT])
+            poses = refined(levels, samples, stereo, poses, prior, ranges, EDGES_PX)
+            score = likeness(levels, samples, stereo, poses).mean(axis=(0, 2))
+            poses = poses.taken(_apart(samples, stereo, poses, score, SAME_PX * min(factors)))
+        poses = refined(levels, samples, stereo, poses, prior, ranges, STEPS_PX, by_steps=True)
         first = False
-        if max(factors) == 1:
-            break
-        factors = [(factor + 1) // 2 for factor in factors]
     seen = likeness(levels, samples, stereo, poses)
     score = seen.mean(axis=(0, 2))
     chosen = _apart(samples, stereo, poses, score, SAME_PX)
-    return [Candidate(poses[index], float(score[index]), samples.at(0.5), seen[:, index]) for index in chosen]
+    middle = samples.at(0.5)
+    rims = stereo.project(poses.apply(middle))
+    best = rims[:, chosen[0]]
+    apart = np.linalg.norm(rims - best[:, None], axis=-1).max(axis=2) / np.ptp(best, axis=1).max(axis=1)[:, None]
+    return [
+        Candidate(poses[index], float(score[index]), middle, seen[:, index], float(apart[:, index].max()))
+        for index in chosen
+    ]
 
 
 def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array, least_px: float) -> list[int]:

@@ -35,8 +35,8 @@ POOL = 600
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchGrid:
     """The poses to look at, `pose_camera_hole`: turned and shifted along the axis (D, T), each with the rim's points
-    (2, D, T, M, 2) in the pictures, px, its orientation's bin (2, D, T, M), and where its centre goes (2, D, T, G, G, 2),
-    px, when moved across by `across_m` (G,)."""
+    (2, D, T, M, 2) in the pictures, px, its orientation's bin (2, D, T, M), and how far its centre goes
+    (2, D, G, G, 2), px, when moved across by `across_m` (G,), x in the last."""
 
     along_m: Array
     turns_rad: Array
@@ -74,8 +74,8 @@ class SearchGrid:
         bins = np.rint(angle / (np.pi / BINS)).astype(int) % BINS
         x, y = np.meshgrid(*across, indexing="xy")
         centres = np.stack([x, y, np.zeros_like(x)], axis=-1)
-        moved = np.array([nominal.apply(centres.reshape(-1, 3) + [0, 0, z]).reshape(centres.shape) for z in along])
-        middle = np.array([nominal.apply(np.array([0.0, 0.0, z])) for z in along])[:, None, None]
+        depths_m = along[:, None, None, None] * np.array([0.0, 0.0, 1.0])
+        moved, middle = nominal.apply(centres + depths_m), nominal.apply(depths_m)
         shifts = stereo.project(moved) - stereo.project(middle)
         return cls(along, turned, (across[0], across[1]), points_px, bins, shifts, (factors[0], factors[1]), nominal)
 
@@ -145,7 +145,7 @@ def _scores(level: Level, grid: SearchGrid, side: int) -> Floats:
             for bin_, (x, y) in places:
                 total += maps[bin_, y : y + height, x : x + width]
             result[depth, turn] = total[look_up[..., 1], look_up[..., 0]]
-    return result / np.float32(count)
+    return np.asarray(result / count, dtype=np.float32)
 
 
 def _on_axes(half_ranges: Array) -> Array:

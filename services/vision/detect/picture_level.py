@@ -52,7 +52,7 @@ class Window:
 class Level:
     """A window of a picture: `grey` (height, width), its smoothed gradients (height, width, 2), x and y, grey a pixel
     of this level, 0 beyond the picture, and the noise of both, one sd. A level pixel is `factor` by `factor` of the
-    picture's."""
+    picture's, which is `size_px` wide and high."""
 
     grey: Floats
     gradient: Floats
@@ -60,6 +60,7 @@ class Level:
     noise: float
     factor: int
     window: Window
+    size_px: tuple[int, int]
 
     @classmethod
     def of(cls, image: Floats, window: Window, factor: int) -> Level:
@@ -67,7 +68,7 @@ class Level:
         cut, seen = window.cut(image)
         cut = np.ascontiguousarray(cut)
         size = (window.width // factor, window.height // factor)
-        small = cv2.resize(cut, size, interpolation=cv2.INTER_AREA) if factor > 1 else cut
+        small = np.asarray(cv2.resize(cut, size, interpolation=cv2.INTER_AREA) if factor > 1 else cut, np.float32)
         mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
         bend = np.abs(cv2.filter2D(small, -1, mask))
         noise = float(np.quantile(bend[1:-1:2, 1:-1:2], QUANTILE)) / QUANTILE_OF_NORMAL / 6.0
@@ -75,14 +76,28 @@ class Level:
         gradient = np.dstack([cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1))])
         if seen is not None:
             inside = cv2.erode(seen.astype(np.uint8), np.ones((2 * factor + 1,) * 2, np.uint8), borderValue=1)
-            gradient *= cv2.resize(inside, size, interpolation=cv2.INTER_NEAREST)[..., None]
+            kept = cv2.resize(inside, size, interpolation=cv2.INTER_NEAREST)
+            gradient = gradient * np.asarray(kept, dtype=np.float32)[..., None]
         noise = max(noise, NOISE_LEAST_GREY)
-        return cls(small, gradient.astype(np.float32), noise, noise * _noise_gain(), factor, window)
+        return cls(
+            small,
+            gradient.astype(np.float32),
+            noise,
+            noise * _noise_gain(),
+            factor,
+            window,
+            (image.shape[1], image.shape[0]),
+        )
 
     def to_level(self, points_px: Array) -> Array:
         """Where pixels (..., 2) of the picture lie in this level; integers are pixel centres in both."""
         corner = np.array([self.window.left, self.window.top])
         return np.asarray((points_px - corner + 0.5) / self.factor - 0.5)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (..., 2) of the level lie in the picture."""
+        low, high = self.to_level(np.zeros(2)), self.to_level(np.array(self.size_px) - 1.0)
+        return np.asarray(np.all((points >= low) & (points <= high), axis=-1))
 
 
 @cache

@@ -1,7 +1,7 @@
 """From starts a few pixels off to the rim: edges along its normals in both pictures, in shrinking windows.
 
-Iterated closest edges, Gauss-Newton in all six degrees of freedom, all starts at once. Edges count by how they stand out
-from the noise and from what else lies along their profile, whatever their contrast and sign.
+Iterated closest edges, Gauss-Newton in all six degrees of freedom, all starts at once. Edges count by how they stand
+out from the noise and from what else lies along their profile, whatever their contrast and sign.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
 from crosspih_common.geometry import Pose
@@ -58,7 +59,7 @@ class Poses:
     def __getitem__(self, index: int) -> Pose:
         return Pose(self.rotation[index], self.translation_m[index])
 
-    def taken(self, which: Array) -> Poses:
+    def taken(self, which: list[int]) -> Poses:
         return Poses(self.rotation[which], self.translation_m[which])
 
     def apply(self, points_m: Array) -> Array:
@@ -67,18 +68,14 @@ class Poses:
 
     def moved(self, steps: Array) -> Poses:
         """Each by its row of `steps` (K, 6): x, y, z, rx, ry, rz in its own frame."""
-        turn = np.array([Pose.from_rotvec(step[3:], step[:3]).rotation for step in steps])
+        turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
         shift = np.einsum("kij,kj->ki", self.rotation, steps[:, :3])
         return Poses(self.rotation @ turn, self.translation_m + shift)
 
     def from_prior(self, prior: Pose) -> Array:
         """(K, 6): how far each is from the prior, in the prior's frame, m and rad."""
-        return np.array(
-            [
-                np.concatenate([delta.translation_m, delta.rotvec_rad()])
-                for delta in (prior.inverse() @ self[index] for index in range(len(self)))
-            ]
-        )
+        turn = Rotation.from_matrix(prior.rotation.T @ self.rotation).as_rotvec()
+        return np.column_stack([(self.translation_m - prior.translation_m) @ prior.rotation, turn])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,8 +120,7 @@ def edges_along(levels: tuple[Level, Level], samples: RimSamples, rim: SeenRim, 
     share = np.empty(points.shape[:-1])
     for side, level in enumerate(levels):
         rows = points[side].reshape(-1, len(offsets_px), 2).astype(np.float32)
-        gradient = cv2.remap(level.gradient, rows, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        gradient = gradient.reshape(*points.shape[1:])
+        gradient = _sampled(level.gradient, rows, cv2.BORDER_CONSTANT).reshape(points.shape[1:])
         normal = rim.normal[side][..., None, :].astype(np.float32)
         across = gradient[..., 0] * normal[..., 0] + gradient[..., 1] * normal[..., 1]
         size = gradient[..., 0] ** 2 + gradient[..., 1] ** 2 + np.float32(1e-6)
@@ -142,37 +138,41 @@ def steps_along(levels: tuple[Level, Level], samples: RimSamples, rim: SeenRim, 
     widest = float(width.max())
     reach = _offsets_between(float(offsets_px[0]) - FACE_PX, float(offsets_px[-1]) + widest + BORE_PX)
     points = rim.outer_px[..., None, :] + reach[:, None] * rim.normal[..., None, :]
-    share = np.empty((*width.shape, len(offsets_px)), dtype=np.float32)
+    share = np.empty((*width.shape, len(offsets_px)))
     kinds = np.rint(width / WIDTH_STEP_PX).astype(int)
     for side, level in enumerate(levels):
         rows = points[side].reshape(-1, len(reach), 2).astype(np.float32)
-        grey = cv2.remap(level.grey, rows, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        grey = samples.smooth.astype(np.float32) @ grey.reshape(points.shape[1:-1])
+        ends = rim.outer_px[side], rim.outer_px[side] + width[side][..., None] * rim.normal[side]
+        seen = level.holds(ends[0]) & level.holds(ends[1])
+        grey = _sampled(level.grey, rows, cv2.BORDER_REPLICATE).reshape(points.shape[1:-1])
+        grey = samples.smooth.astype(np.float32) @ grey
         for kind in np.unique(kinds[side]):
             which = kinds[side] == kind
-            basis = _two_steps(kind * WIDTH_STEP_PX)
-            length = len(basis)
             profiles = grey[which]
             profiles = profiles - profiles.mean(axis=1, keepdims=True)
-            found = np.empty((len(profiles), len(offsets_px)), dtype=np.float32)
-            floor = np.float32(length * (STEP_NOISE_SHARE * level.grey_noise) ** 2)
-            for index in range(len(offsets_px)):
-                part = profiles[:, index : index + length]
-                flat = part - part.mean(axis=1, keepdims=True)
-                explained = np.sum((flat @ basis) ** 2, axis=1)
-                found[:, index] = explained / (np.sum(flat * flat, axis=1) + floor)
-            share[side][which] = found
+            steps, inside = _two_steps(float(kind) * WIDTH_STEP_PX, len(reach), len(offsets_px))
+            explained = np.sum((profiles @ steps).reshape(len(profiles), len(offsets_px), -1) ** 2, axis=-1)
+            length = np.sum(inside[:, 0])
+            energy = (profiles * profiles) @ inside - (profiles @ inside) ** 2 / length
+            noise = np.float32(length * (STEP_NOISE_SHARE * level.grey_noise) ** 2)
+            share[side][which] = explained / (np.maximum(energy, explained) + noise)
+        share[side] *= seen[..., None]
     return share
 
 
 @cache
-def _two_steps(width_px: float) -> Floats:
-    """(n, r): an orthonormal basis of what a rim with a chamfer that wide looks like, but for its mean."""
+def _two_steps(width_px: float, reach: int, offsets: int) -> tuple[Floats, Floats]:
+    """For profiles of `reach` points and the rim at each of `offsets` places on them: (reach, offsets * 2) orthonormal
+    bases of what a rim with a chamfer that wide looks like, but for its mean, and (reach, offsets) where each looks."""
     at = _offsets_between(-FACE_PX, width_px + BORE_PX)
     columns = [ndtr(at / STEP_SPREAD_PX), ndtr((at - width_px) / STEP_SPREAD_PX)]
-    basis = np.column_stack([column - column.mean() for column in columns])
-    left, size, _ = np.linalg.svd(basis, full_matrices=False)
-    return np.asarray(left[:, size > 0.05 * size[0]], dtype=np.float32)
+    left, size, _ = np.linalg.svd(np.column_stack([c - c.mean() for c in columns]), full_matrices=False)
+    left = left * (size > 0.05 * size[0])
+    steps, inside = np.zeros((reach, offsets, 2)), np.zeros((reach, offsets))
+    for index in range(offsets):
+        steps[index : index + len(at), index] = left
+        inside[index : index + len(at), index] = 1.0
+    return steps.reshape(reach, -1).astype(np.float32), inside.astype(np.float32)
 
 
 def refined(
@@ -187,7 +187,8 @@ def refined(
 ) -> Poses:
     """The poses after one step a window (px of the levels).
 
-    At first each profile's edge may be anywhere on the chamfer, the same all around; `by_steps` looks for both its lines.
+    Each profile's edge may be anywhere across the chamfer, the same all around; or, `by_steps`, both its lines are
+    looked for.
     """
     line = np.zeros(len(poses))
     spread_of = np.append(half_ranges, LINE_SD)
@@ -210,9 +211,9 @@ def refined(
         edge = np.take_along_axis(share, best, -1)[..., 0]
         residual = found if by_steps else found - line[:, None] * half
         strong = np.where(edge > (STEPS_LEAST if by_steps else EDGE_LEAST), edge, 0.0)
-        size = np.where(strong > 0.0, np.abs(residual), np.nan).transpose(1, 0, 2).reshape(len(poses), -1)
-        size[np.all(np.isnan(size), axis=1)] = window
-        scale = np.maximum(1.4826 * np.nanmedian(size, axis=1), SPREAD_LEAST_PX)
+        size = np.sort(np.where(strong > 0.0, np.abs(residual), np.inf).transpose(1, 0, 2).reshape(len(poses), -1))
+        median = size[np.arange(len(poses)), np.sum(np.isfinite(size), axis=1) // 2]
+        scale = np.clip(1.4826 * median, SPREAD_LEAST_PX, window)
         weight = strong * (1.0 - np.clip(residual / (TUKEY * scale[:, None]), -1.0, 1.0) ** 2) ** 2
         slope = np.concatenate([rim.slope, half[..., None] * float(not by_steps)], axis=-1)
         weighted = slope * weight[..., None]
@@ -232,13 +233,19 @@ def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoMode
     offsets = _offsets(SUPPORT_WINDOW_PX + float(half.max()))
     share = edges_along(levels, samples, rim, offsets)
     beyond = np.maximum(np.abs(offsets) - half[..., None], 0.0)
-    return np.asarray(np.max(share * np.exp(-0.5 * (beyond / SUPPORT_PX) ** 2), axis=-1))
+    return np.asarray(np.max(share * np.exp(-0.5 * (beyond / SUPPORT_PX) ** 2), axis=-1), dtype=np.float64)
 
 
 def likeness(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Array:
     """(2, K, M): 0 to 1, how much each profile of the rim looks like its two steps, half a pixel off at most."""
     rim = SeenRim.of(samples, stereo, poses, levels)
-    return np.asarray(np.max(steps_along(levels, samples, rim, _offsets(STEP_PX)), axis=-1))
+    return np.asarray(np.max(steps_along(levels, samples, rim, _offsets(STEP_PX)), axis=-1), dtype=np.float64)
+
+
+def _sampled(picture: Floats, rows_px: Floats, beyond: int) -> Floats:
+    """What a picture (height, width) or (height, width, n) holds at points (rows, columns, 2), bilinear."""
+    found = cv2.remap(picture, rows_px[..., 0], rows_px[..., 1], cv2.INTER_LINEAR, borderMode=beyond)
+    return np.asarray(found, dtype=np.float32)
 
 
 def _offsets_between(low_px: float, high_px: float) -> Array:

@@ -26,8 +26,8 @@ class Rimmed(Protocol):
 @dataclass(frozen=True, slots=True, eq=False)
 class RimSamples:
     """Points on the rim in the hole frame, m: `outer_m` and `inner_m` (M, 3), straight across the chamfer from each
-    other; `along` (M, 3) the rim's direction there; `smooth` (M, M) the weighted mean of each with its neighbours of the
-    same section, rows that add up to 1; `round` says that a turn about the axis changes nothing."""
+    other; `along` (M, 3) the rim's direction there; `smooth` (M, M) the weighted mean of each with its neighbours of
+    the same section, rows that add up to 1; `round` says that a turn about the axis changes nothing."""
 
     outer_m: Array
     inner_m: Array
