@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated_rim
 from services.vision.detect import Candidate, candidates
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
-from services.vision.fit.climb import climb, rims
+from services.vision.fit.climb import climb, misfit, rims
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
@@ -47,7 +48,7 @@ OFFSET_MOST, SIZES_MOST = 7.0, 22.0
 OFFSET_FREE, SIZES_FREE = 2.0, 6.0
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
-TRIED, SCORE_LEAST = 3, 0.6
+TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 
@@ -121,16 +122,15 @@ def locate_rim(
         )
     refusal: VisionRefusal | None = None
     attempt = None
-    for candidate in _worth_trying(found):
+    for fit in _fits(task, found):
         try:
-            attempt = _attempted(task, candidate)
+            attempt = _judged(task, fit)
             break
         except VisionRefusal as error:
             refusal = refusal or error
     if attempt is None:
-        assert refusal is not None
         _unless_swapped(task, nominal, half_ranges)
-        raise refusal
+        raise refusal or PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
     _unless_another(task, found, attempt)
     pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
@@ -145,15 +145,33 @@ def locate_rim(
     )
 
 
-def _worth_trying(found: list[Candidate]) -> list[Candidate]:
-    return [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
+def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
+    """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for all,
+    whether it is then found sound or not."""
+    rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
+    while rest:
+        centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
+        near = [
+            one
+            for one in rest
+            if np.linalg.norm(task.stereo.project(one.pose_camera_hole.translation_m) - centre, axis=-1).min() < APART_PX
+        ]
+        rest = [one for one in rest if one not in near]
+        fits = []
+        for one in near:
+            if one.score < COMPETES * near[0].score:
+                continue
+            try:
+                fits.append(
+                    climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts)
+                )
+            except np.linalg.LinAlgError:
+                continue
+        if fits:
+            yield min(fits, key=lambda fit: misfit(fit, fits[0].even))
 
 
-def _attempted(task: _Task, candidate: Candidate) -> _Attempt:
-    try:
-        fit = climb(task.images, task.coarse, task.fine, task.stereo, candidate.pose_camera_hole, task.doubts)
-    except np.linalg.LinAlgError:
-        raise PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it") from None
+def _judged(task: _Task, fit: Fit) -> _Attempt:
     quality = quality_of(fit, task.fine, task.doubts)
     _checked(quality)
     evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality)
@@ -208,9 +226,10 @@ def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
     if left.shape != right.shape:
         return
     swapped = _Task((right, left), task.stereo, task.hole, task.coarse, task.fine, task.doubts)
-    for candidate in candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)[:1]:
+    found = candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)
+    for fit in _fits(swapped, found[:1]):
         try:
-            _attempted(swapped, candidate)
+            _judged(swapped, fit)
         except VisionRefusal:
             return
         raise NotAStereoPair("the hole is found with left and right exchanged, want the left camera's picture first")
@@ -224,7 +243,8 @@ def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> N
         if apart.min() < APART_PX or other.score < OTHER_SCORE * found[0].score:
             continue
         try:
-            _attempted(task, other)
+            for fit in _fits(task, [other]):
+                _judged(task, fit)
         except VisionRefusal:
             continue
         raise TwoCrosses(f"two such holes are seen, {apart.min():.0f} px apart, want one: cover the other one")

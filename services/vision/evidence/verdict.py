@@ -23,7 +23,7 @@ DEPTHS_M = np.array([0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.0
 # what is seen inside is more than noise from there on, times the noise and share of the step
 SEEN_NOISES, SEEN_SHARE = 1.1, 0.008
 # a plane at some depth explains the inside when it leaves less, and the deepest plane more than that beyond it
-EXPLAINED, WORSE_DEEP = 0.75, 0.08
+EXPLAINED, WORSE_DEEP = 0.6, 0.12
 # in the face's plane; in a pocket
 FLAT_M, SHALLOW_M = 0.0008, 0.010
 # the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line

@@ -38,6 +38,7 @@ BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
 SHADE_MEAN, SHADE_SD = 0.5, 1.0
+CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
 # broken edge shines or not by where it faces). The rest px in one picture: all edges that face one way; an edge; its ends.
@@ -287,6 +288,7 @@ def _stepped(rim: Rim, state: State, covariance: Array, effects: Array, level: A
     blur[:, 1] = np.clip(blur[:, 1], -most, most)
     second = effects**2 + np.diag(covariance)
     chamfer = state.chamfer_grey + effects[kinds["chamfer"]].reshape(level.shape)
+    chamfer = np.clip(chamfer, CHAMFER_SHARES[0] * level, CHAMFER_SHARES[1] * level)
     # of a chamfer what it differs by from the others that face its way
     shade = effects[kinds["shade"]][np.tile(rim.facing, 2)]
     spread = np.diag(covariance)[kinds["chamfer"]] / level.ravel() ** 2

@@ -22,7 +22,7 @@ SPREAD_LEAST_PX = 0.3
 FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
-SATURATED_GREY = 250.0
+SATURATED_GREY, SATURATED_REACH = 250.0, 2
 # of a face or a bore that is saturated, one sd of its grey
 UNSEEN_GREY = 2000.0
 # columns of a profile's table
@@ -59,8 +59,14 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
         u, v = points[side, ..., 0], points[side, ..., 1]
         inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
     inside *= offsets < chamfer[..., None] + bore
-    # a saturated pixel says how bright it is at least, not how bright
-    inside *= grey < SATURATED_GREY
+    # a saturated pixel says how bright it is at least, not how bright; what is sampled within a pixel of it holds it
+    full = grey > SATURATED_GREY
+    if full.any():
+        wide = full.copy()
+        for step in range(1, SATURATED_REACH + 1):
+            wide[..., step:] |= full[..., :-step]
+            wide[..., :-step] |= full[..., step:]
+        inside *= ~wide
     return Profiles(offsets, grey, inside)
 
 
