@@ -38,6 +38,7 @@ from services.vision.paper import locate_paper
 from services.vision.refusals import Doubtful, VisionRefusal
 from services.vision.rim_model import Rimmed
 from services.vision.stereo import StereoModel
+from services.vision.straightness import left_over
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
 SIDES = ("left", "right")
@@ -193,8 +194,22 @@ def answer(job: Job, cell: CellFile) -> dict[str, Any]:
         "covariance": None if found is None else np.asarray(found.covariance).tolist(),
         "refusal": told,
         "time_s": time_s,
-        "quality": {**quality, "lights": float(len(pairs)), "lights_refused": float(len(refusals))},
-    }
+        "quality": {
+            **quality, **_lenses(pairs[0], scene.stereo),
+            "lights": float(len(pairs)), "lights_refused": float(len(refusals)),
+        },
+    }  # fmt: skip
+
+
+def _lenses(pair: tuple[Light, Light], stereo: StereoModel) -> dict[str, float]:
+    """By side what straight edges leave over of the lens, as a k1, where enough of them are seen; and 1 where that is
+    no chance: the calibration is not that of this lens."""
+    told: dict[str, float] = {}
+    for side, light, camera in zip(SIDES, pair, stereo.cameras, strict=True):
+        left = left_over(light, camera)
+        if left is not None:
+            told |= {f"bow_k1_{side}": left.k1, f"bow_k1_sd_{side}": left.sd, f"bow_sure_{side}": float(left.sure)}
+    return told
 
 
 def _write(folder: Path, pictures: list[Any]) -> None:

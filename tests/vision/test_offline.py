@@ -116,6 +116,21 @@ def test_of_several_lights_the_one_that_shows_the_hole_is_taken_and_the_pictures
             assert np.any(drawn[..., 0] != drawn[..., 2])  # something is drawn in colour
 
 
+def test_a_lens_that_is_not_as_calibrated_is_told_by_straight_edges(fine: tuple[Any, Any], tmp_path: Path) -> None:
+    barrel = PINHOLE.model_copy(update={"distortion_model": DistortionModel.PLUMB_BOB, "distortion": (-0.15,)})
+    pictures = [np.rint(noisy(seen_by(fine[side], barrel, STILL), side)).astype(np.uint8) for side in range(2)]
+    wrong, right = asked(
+        job_of(tmp_path, calibration_of(PINHOLE, PINHOLE, STILL, STILL), *pictures),
+        job_of(tmp_path, calibration_of(barrel, barrel, STILL, STILL), *pictures),
+    )
+    for side in ("left", "right"):
+        assert wrong["quality"][f"bow_sure_{side}"] == 1.0
+        assert wrong["quality"][f"bow_k1_{side}"] == pytest.approx(-0.15, abs=0.06)
+        assert right["quality"][f"bow_sure_{side}"] == 0.0
+        assert abs(right["quality"][f"bow_k1_{side}"]) < 3.0 * right["quality"][f"bow_k1_sd_{side}"]
+    require_found(right)
+
+
 def test_a_hole_that_was_moved_between_two_lights_is_doubted(fine: tuple[Any, Any], tmp_path: Path) -> None:
     calibration = calibration_of(PINHOLE, PINHOLE, STILL, STILL)
     pictures = [np.rint(noisy(seen_by(fine[side], PINHOLE, STILL), side)).astype(np.uint8) for side in range(2)]
