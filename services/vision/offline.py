@@ -44,6 +44,8 @@ METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
 SIDES = ("left", "right")
 # two lights show one hole: what they say of it differs by no more than this squared distance (chi2, 6 dof, 99.99 %)
 CONTRADICTION = 27.86
+# what one light shows for certain and another may hide: there is no such hole
+NO_HOLE = frozenset({"flat_print", "shallow_pocket"})
 
 
 class BadJob(Exception):
@@ -156,8 +158,9 @@ def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Lo
             found.append(one)
         except VisionRefusal as refusal:
             refusals.append(refusal)
-    if not found:
-        return None, refusals
+    certain = [refusal for refusal in refusals if refusal.code in NO_HOLE]
+    if not found or certain:
+        return None, certain + [refusal for refusal in refusals if refusal not in certain]
     try:
         return best_of(found), refusals
     except Doubtful as refusal:
