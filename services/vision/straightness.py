@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
-from services.vision.coarse_fit import sample
 from services.vision.light import Light, shown
 from services.vision.stereo import Camera
 
@@ -138,7 +137,8 @@ def _edge_points(light: Light, line: Array) -> Array | None:
         return None
     shift = np.zeros(ALONG)
     for _ in range(4):
-        grey = sample(light, at[:, None, :] + (offsets[:, None] + shift[:, None, None]) * normal)
+        points = (at[:, None, :] + (offsets[:, None] + shift[:, None, None]) * normal).astype(np.float32)
+        grey = np.asarray(cv2.remap(light, points[..., 0], points[..., 1], cv2.INTER_CUBIC), dtype=float)
         mean = grey.mean(axis=0)
         slope = np.gradient(mean, STEP_PX)
         basis = np.stack([np.ones_like(mean), mean - mean.mean(), slope], axis=1)
