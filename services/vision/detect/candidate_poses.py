@@ -11,14 +11,14 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.detect.coarse_search import SearchGrid, best_starts
 from services.vision.detect.picture_level import Floats, Level
-from services.vision.detect.refinement import Poses, likeness, refined, support
+from services.vision.detect.refinement import UNEXPLAINED_LEAST, Poses, likeness, refined, support
 from services.vision.detect.rim_samples import Rimmed, RimSamples
 from services.vision.stereo import StereoModel
 
 SEARCH_SAMPLES, SAMPLES = 64, 96
 SKIP_CORNER_PX = 1.5
 PRIOR_SLACK = 1.3
-STARTS, KEPT = 8, 4
+STARTS, KEPT, MOST = 8, 4, 5
 # reach along the rim's normals, px of the level, one iteration each: by edges, then by the two steps of a chamfer
 FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
 # how far two rims are apart at least, px, to be worth refining both, and to be two answers
@@ -100,13 +100,14 @@ def candidates(
             score = support(levels, samples, stereo, poses).mean(axis=(0, 2))
             poses = poses.taken(_apart(samples, stereo, poses, score, WORTH_PX * min(factors))[:KEPT])
             poses = refined(levels, samples, stereo, poses, prior, ranges, EDGES_PX)
-            score = likeness(levels, samples, stereo, poses).mean(axis=(0, 2))
+            score = _rank(np.asarray(likeness(levels, samples, stereo, poses), dtype=float))
             poses = poses.taken(_apart(samples, stereo, poses, score, SAME_PX * min(factors)))
+            poses = _with_slips(poses, samples)
         poses = refined(levels, samples, stereo, poses, prior, ranges, STEPS_PX, by_steps=True)
         first = False
-    seen = likeness(levels, samples, stereo, poses)
+    seen = np.asarray(likeness(levels, samples, stereo, poses), dtype=float)
     score = seen.mean(axis=(0, 2))
-    chosen = _apart(samples, stereo, poses, score, SAME_PX)
+    chosen = _apart(samples, stereo, poses, _rank(seen), SAME_PX)[:MOST]
     middle = samples.at(0.5)
     rims = stereo.project(poses.apply(middle))
     best = rims[:, chosen[0]]
@@ -115,6 +116,23 @@ def candidates(
         Candidate(poses[index], float(score[index]), middle, seen[:, index], float(apart[:, index].max()))
         for index in chosen
     ]
+
+
+def _with_slips(poses: Poses, samples: RimSamples) -> Poses:
+    """The poses, and the first one aside by a chamfer's width in four directions: one line of a chamfer that is bright
+    on one side and dark on the other is easily taken for the other line."""
+    width = float(np.abs(samples.inner_m - samples.outer_m)[:, 2].max())
+    steps = np.zeros((4, 6))
+    steps[:, :2] = width * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    slipped = poses.taken([0] * 4).moved(steps)
+    return Poses(
+        np.concatenate([poses.rotation, slipped.rotation]), np.concatenate([poses.translation_m, slipped.translation_m])
+    )
+
+
+def _rank(seen: Array) -> Array:
+    """(K,): what is left unexplained of each profile, (2, K, M), by its logarithm, as a likelihood counts it."""
+    return np.asarray(-np.log(1.0 + UNEXPLAINED_LEAST - seen).mean(axis=(0, 2)))
 
 
 def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array, least_px: float) -> list[int]:
