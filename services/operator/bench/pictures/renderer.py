@@ -1,0 +1,22 @@
+"""The path tracer, imported on use: a development extra, never needed to run a cell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from crosspih_common.errors import CrosspihError
+
+VARIANT = "scalar_rgb"
+"""Runs everywhere; the vectorised variants need LLVM's library on the machine, and a release of it that fits."""
+EXTRA = "the pictures' renderer is not installed; install it with `pip install 'crosspih[render]'`"
+
+
+def mitsuba() -> Any:
+    """Mitsuba 3, its variant set. Raises CrosspihError where it is not installed."""
+    try:
+        import mitsuba as mi
+    except ImportError:
+        raise CrosspihError(EXTRA) from None
+    if mi.variant() != VARIANT:
+        mi.set_variant(VARIANT)
+    return mi
