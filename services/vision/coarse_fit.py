@@ -26,14 +26,14 @@ def sample(image: NDArray[np.float32], points_px: Array) -> Array:
 
 
 def coarse_fit(
-    images: NDArray[np.float32],
+    images: tuple[NDArray[np.float32], NDArray[np.float32]],
     model: RimModel,
     stereo: StereoModel,
     start: Pose,
     noise_grey: float,
     chamfer_share: float = 0.5,
 ) -> Pose:
-    """`pose_camera_hole` after the gradient fit of both images (2, height, width), float32, from a start.
+    """`pose_camera_hole` after the gradient fit of both images (height, width), float32, from a start.
 
     `chamfer_share` says where on the chamfer the steepest fall is taken to lie: 0 its outer line, 1 its inner one.
     """

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated
 from services.vision.coarse_fit import coarse_fit
-from services.vision.profile_fit import ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
+from services.vision.light import FULL, Light, linear_light, shown
+from services.vision.profile_fit import Images, ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
 from services.vision.refusals import (
     Doubtful,
     NotAStereoPair,
@@ -53,6 +55,9 @@ TURN_SHARE = 0.7
 SYSTEMATIC_SD_NOISE_PX = 0.5
 
 
+Picture = Light | Pixels
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
     """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame, the figures behind it, and both
@@ -65,47 +70,58 @@ class Located:
     annotated_right: NDArray[np.uint8]
 
 
-def as_grey(image: NDArray[np.uint8], stereo: StereoModel, side: str) -> NDArray[np.uint8]:
-    """A grey picture of the camera's size; WrongImage otherwise."""
-    if image.shape[:2] != (stereo.height_px, stereo.width_px) or image.dtype != np.uint8:
-        raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want ({stereo.height_px}, {stereo.width_px}) uint8")
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:
+    """Linear light (height, width), 0 to 255, of the camera's size: a float32 picture is that already, the numbers of
+    another (mono or RGB, 8 or 16 bit) get the camera's gamma undone. WrongImage otherwise."""
+    camera = stereo.left if side == "left" else stereo.right
+    if image.shape[:2] != (camera.height_px, camera.width_px):
+        raise WrongImage(f"{side}: got {image.shape}, the calibration says ({camera.height_px}, {camera.width_px})")
+    if image.dtype == np.float32 and image.ndim == 2:
+        return np.asarray(image, dtype=np.float32)
+    if image.dtype in (np.uint8, np.uint16) and image.shape[2:] in ((), (3,)):
+        return linear_light(np.asarray(image, dtype=image.dtype), "", camera.gamma)
+    raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want float32, or uint8 or uint16 with 1 or 3 channels")
 
 
-def noise_of(grey: NDArray[np.uint8]) -> float:
+def noise_of(grey: Light) -> float:
     """The pixel noise, grey levels, from the median absolute second difference (Immerkaer 1996 uses the mean)."""
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    laplace = cv2.filter2D(grey.astype(np.float32), -1, mask)[2:-2, 2:-2]
+    laplace = cv2.filter2D(grey, -1, mask)[2:-2, 2:-2]
     return max(float(np.median(np.abs(laplace))) * 1.4826 / 6.0, 0.5)
 
 
-def find_both(
-    left: NDArray[np.uint8], right: NDArray[np.uint8], stereo: StereoModel, hole: Rimmed, nominal: Pose
-) -> tuple[Region, Region]:
+def find_both(left: Light, right: Light, stereo: StereoModel, hole: Rimmed, nominal: Pose) -> tuple[Region, Region]:
     """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
     pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
     centre = pose_camera_hole.translation_m
-    scale = stereo.fx_px * stereo.fy_px / centre[2] ** 2
     # the grey falls on the chamfer
     x, y = (0.5 * (hole.inner_rim_m() + hole.outer_rim_m())[:, :2]).T
-    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) * scale
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / centre[2] ** 2
     solidity, aspect = solidity_and_aspect(hole.inner_rim_m()[:, :2])
-    expected = [ExpectedRegion(area, (float(u), float(v)), solidity, aspect) for u, v in stereo.project(centre)]
-    regions = find_hole(left, expected[0], "left"), find_hole(right, expected[1], "right")
-    disparity = float(regions[0].centre_px[0] - regions[1].centre_px[0])
-    rows = float(regions[0].centre_px[1] - regions[1].centre_px[1])
-    if disparity <= 0.0:
-        raise NotAStereoPair(f"disparity {disparity:.1f} px, want above 0: are left and right swapped?")
-    if abs(rows) > ROW_MOST_PX:
+    expected = [
+        ExpectedRegion(area * camera.fx_px * camera.fy_px, (float(u), float(v)), solidity, aspect)
+        for camera, (u, v) in zip(stereo.cameras, stereo.project(centre), strict=True)
+    ]
+    eight_bit = [np.clip(np.rint(light), 0.0, FULL).astype(np.uint8) for light in (left, right)]
+    regions = find_hole(eight_bit[0], expected[0], "left"), find_hole(eight_bit[1], expected[1], "right")
+    centres = regions[0].centre_px, regions[1].centre_px
+    depth = float(stereo.triangulate(*centres)[2])
+    if not 0.0 < depth < np.inf:
         raise NotAStereoPair(
-            f"the hole's rows differ by {rows:.1f} px, want less than {ROW_MOST_PX:g}: was a camera moved?"
+            f"the hole's two pictures meet at {depth:.2f} m, want before the cameras: are left and right swapped?"
+        )
+    apart = float(np.linalg.norm(stereo.apart_px(*centres)))
+    if apart > ROW_MOST_PX:
+        raise NotAStereoPair(
+            f"the hole's two pictures miss each other by {apart:.1f} px, want less than {ROW_MOST_PX:g}: was a camera "
+            "moved?"
         )
     return regions
 
 
 def locate_rim(
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
+    left: Picture,
+    right: Picture,
     stereo: StereoModel,
     hole: Rimmed,
     nominal: Pose,
@@ -113,13 +129,12 @@ def locate_rim(
 ) -> Located:
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
     may be off, m and rad. Raises a VisionRefusal."""
-    grey = np.stack([as_grey(left, stereo, "left"), as_grey(right, stereo, "right")])
-    regions = find_both(grey[0], grey[1], stereo, hole, nominal)
+    images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
+    regions = find_both(images[0], images[1], stereo, hole, nominal)
     step = min(regions[0].face_grey - regions[0].threshold, regions[1].face_grey - regions[1].threshold)
     if step < 0.5 * STEP_LEAST_GREY:
         raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
-    noise = max(noise_of(grey[0]), noise_of(grey[1]))
-    images = np.asarray(grey, dtype=np.float32)
+    noise = max(noise_of(images[0]), noise_of(images[1]))
     model = RimModel.of(hole)
     centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
     rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
@@ -144,14 +159,17 @@ def locate_rim(
     fit, diagnostics = best
     pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
-    pictures = [annotated(grey[side], regions[side], side, model, stereo, fit.pose_camera_hole) for side in range(2)]
+    pictures = [
+        annotated(
+            shown(images[side], stereo.cameras[side].gamma), regions[side], side, model, stereo, fit.pose_camera_hole
+        )
+        for side in range(2)
+    ]
     covariance = covariance_of(fit, model.facing(), half_ranges, noise)
     return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
 
 
-def _checked(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
-) -> dict[str, float]:
+def _checked(images: Images, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float) -> dict[str, float]:
     support = float(np.mean(fit.support))
     edges, all_edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5)), 2 * fit.support.shape[1]
     saturated = float(np.mean(fit.face_grey > SATURATED_GREY))

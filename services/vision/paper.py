@@ -4,12 +4,12 @@ parallel stereo, T1. Position only: the orientation is the one printed in Eq. 6.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.annotate import annotated
-from services.vision.locate import Located, as_grey, find_both
+from services.vision.light import shown
+from services.vision.locate import Located, Picture, as_light, find_both
 from services.vision.rim_model import Rimmed
 from services.vision.stereo import StereoModel
 
@@ -23,8 +23,8 @@ def hole_from_centres(left_px: Array, right_px: Array, stereo: StereoModel) -> P
 
 
 def locate_paper(
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
+    left: Picture,
+    right: Picture,
     stereo: StereoModel,
     hole: Rimmed,
     nominal: Pose,
@@ -32,8 +32,8 @@ def locate_paper(
 ) -> Located:
     """The centre of the dark cross by disparity. It claims nothing of the orientation, so its covariance there, and in
     position too, is only that of where the hole can be at all. Raises a VisionRefusal."""
-    grey = [as_grey(left, stereo, "left"), as_grey(right, stereo, "right")]
-    regions = find_both(grey[0], grey[1], stereo, hole, nominal)
+    images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
+    regions = find_both(images[0], images[1], stereo, hole, nominal)
     # the paper takes the centre of the region's bounding box
     boxes = [region.box_px for region in regions]
     centres = [np.array([box[0] + 0.5 * (box[2] - 1), box[1] + 0.5 * (box[3] - 1)]) for box in boxes]
@@ -46,6 +46,6 @@ def locate_paper(
         pose,
         np.diag(half_ranges**2 / 3.0),
         diagnostics,
-        annotated(grey[0], regions[0], 0),
-        annotated(grey[1], regions[1], 1),
+        annotated(shown(images[0], stereo.left.gamma), regions[0], 0),
+        annotated(shown(images[1], stereo.right.gamma), regions[1], 1),
     )

@@ -31,6 +31,14 @@ SPREAD_PX = 0.757
 PRIOR_SD = np.array([0.03, 0.03, 0.04, 0.2, 0.2, 0.2])
 
 
+Images = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+def _blurred(images: Images, blur_px: float) -> Images:
+    left, right = (np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), dtype=np.float32) for image in images)
+    return left, right
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ProfileFit:
     """The fine fit's end.
@@ -66,15 +74,13 @@ class _Normal:
     face_grey: Array
 
 
-def _profiles(images: NDArray[np.float32], rim: ProjectedRim, reach_px: float, blur_px: float) -> tuple[Array, Array]:
+def _profiles(images: Images, rim: ProjectedRim, reach_px: float, blur_px: float) -> tuple[Array, Array]:
     offsets = np.arange(-FACE_SIDE_PX - 0.5 * blur_px, reach_px + BORE_SIDE_PX + 0.5 * blur_px + 1e-9, STEP_PX)
     points = rim.outer_px[..., None, :] + offsets[:, None] * rim.normal[..., None, :]
     return offsets, np.stack([sample(images[side], points[side]) for side in range(2)])
 
 
-def _system(
-    images: NDArray[np.float32], rim: ProjectedRim, jacobian: Array, noise_grey: float, blur_px: float = 0.0
-) -> _Normal:
+def _system(images: Images, rim: ProjectedRim, jacobian: Array, noise_grey: float, blur_px: float = 0.0) -> _Normal:
     """Normal equations in the parameters of `jacobian` (2, n, S, P): shift of the outer line along its normal, px."""
     parameters, edges = jacobian.shape[-1], jacobian.shape[1]
     chamfer = np.maximum(rim.chamfer_px, 0.0)
@@ -154,14 +160,12 @@ def _system(
     )
 
 
-def profile_fit(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, start: Pose, noise_grey: float
-) -> ProfileFit:
-    """The fine fit from a start, both images (2, height, width) float32."""
+def profile_fit(images: Images, model: RimModel, stereo: StereoModel, start: Pose, noise_grey: float) -> ProfileFit:
+    """The fine fit from a start, both images (height, width) float32."""
     pose = start
     damping = np.diag(PRIOR_SD**-2)
     for blur, iterations in STAGES:
-        seen = images if blur == 0.0 else np.stack([cv2.GaussianBlur(image, (0, 0), blur) for image in images])
+        seen = images if blur == 0.0 else _blurred(images, blur)
         for _ in range(iterations):
             rim = project(model, stereo, pose)
             system = _system(seen, rim, normal_shift_jacobian(model, stereo, pose, rim), noise_grey, blur)
@@ -187,7 +191,7 @@ def profile_fit(
 
 
 def right_image_offset_px(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
+    images: Images, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
 ) -> tuple[float, float]:
     """(du, dv), px: how far the right picture lies off its rows and off its disparity, by the size of the drawing."""
     rim = project(model, stereo, fit.pose_camera_hole)
@@ -198,7 +202,7 @@ def right_image_offset_px(
 
 
 def drawing_offset_m(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
+    images: Images, model: RimModel, stereo: StereoModel, fit: ProfileFit, noise_grey: float
 ) -> tuple[float, float]:
     """(near edges, far edges), m: how much larger the hole in the pictures is than the drawing's; of a cross its
     half-width and half-length. Where all edges are as far from the axis the two are one."""
@@ -217,7 +221,7 @@ def drawing_offset_m(
 
 
 def _extra(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, rim: ProjectedRim, shift: Array,
+    images: Images, model: RimModel, stereo: StereoModel, fit: ProfileFit, rim: ProjectedRim, shift: Array,
     noise_grey: float,
 ) -> list[float]:  # fmt: skip
     """More parameters beside the pose, one Gauss-Newton step from the converged fit."""

@@ -19,7 +19,9 @@ HALF_LENGTH_M = WORKCELL.peg.half_length_m + WORKCELL.hole.clearance_m
 
 def stereo_of(rig: StereoRig) -> StereoModel:
     """The core's camera of the simulated one."""
-    return StereoModel(rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera)
+    return StereoModel.parallel(
+        rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera
+    )
 
 
 STEREO = stereo_of(StereoRig.of(CameraSection()))

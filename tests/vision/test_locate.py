@@ -45,7 +45,9 @@ def scene() -> Iterator[SimulatedScene]:
 @pytest.fixture(scope="module")
 def stereo(scene: SimulatedScene) -> StereoModel:
     rig = scene.rig
-    return StereoModel(rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera)
+    return StereoModel.parallel(
+        rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera
+    )
 
 
 def draw_hole(rng: np.random.Generator) -> Pose:

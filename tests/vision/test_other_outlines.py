@@ -24,7 +24,7 @@ def test_a_hole_of_another_outline_is_found(outline: str) -> None:
     hole = cell.hole.shape(peg)
     with SimulatedScene(hole, peg=peg) as scene:
         rig = scene.rig
-        stereo = StereoModel(
+        stereo = StereoModel.parallel(
             rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera
         )
         rng = np.random.default_rng(11)
