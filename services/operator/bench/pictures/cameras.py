@@ -73,7 +73,7 @@ class Lens:
         return bent * [self.fx_px, self.fy_px] + [self.cx_px, self.cy_px]
 
     def said(self, gamma: str, distortion: bool = True) -> dict[str, Any]:
-        """This camera in the calibration's file, its distortion told or kept back."""
+        """What the calibration's file says of it, its distortion told or kept back."""
         told = distortion and self.distortion_model != "none"
         return {
             "width_px": self.width_px, "height_px": self.height_px, "fx_px": self.fx_px, "fy_px": self.fy_px,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.renderer import mitsuba
 from services.operator.bench.pictures.materials import grey
+from services.operator.bench.pictures.renderer import mitsuba
 from services.operator.bench.pictures.solids import disc, flat
 
 LIGHTS = ("soft", "box", "dome", "strip", "ring", "side", "lamp")
@@ -27,7 +27,12 @@ def _turned_to(at_m: Array, target_m: Array, half_m: tuple[float, float], roll_r
 
 
 def panel(
-    at_m: Array, target_m: Array, half_m: tuple[float, float], normal: Array, strength: float = 1.0, roll_rad: float = 0.0
+    at_m: Array,
+    target_m: Array,
+    half_m: tuple[float, float],
+    normal: Array,
+    strength: float = 1.0,
+    roll_rad: float = 0.0,
 ) -> Emitters:
     """A rectangle that shines at a point whose surface has a normal."""
     ray = np.asarray(at_m) - target_m

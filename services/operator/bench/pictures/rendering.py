@@ -27,9 +27,9 @@ class Care:
     """Pixels of the fine level for one of the camera's, and samples a pixel of each level."""
 
     density: int = 2
-    fine: int = 36
+    fine: int = 25
     plate: int = 16
-    coarse: int = 4
+    coarse: int = 16
 
 
 def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Array, care: Care) -> list[Window]:
@@ -42,7 +42,7 @@ def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Arr
 
     plate = np.clip(seen(made.plate_m), field.min(axis=0), field.max(axis=0))
     return [
-        window_around(field, focal_px / 2.0, 2.0, care.coarse),
+        window_around(field, focal_px / 4.0, 2.0, care.coarse),
         window_around(plate, focal_px, 5.0, care.plate),
         window_around(seen(made.rim_m), focal_px * care.density, 9.0 * care.density, care.fine),
     ]
@@ -98,7 +98,7 @@ def _exposure(
         fine = side[-1]
         columns = points[:, 0] / points[:, 2] * fine.focal_px - fine.left - 0.5
         rows = points[:, 1] / points[:, 2] * fine.focal_px - fine.top - 0.5
-        at = np.float32(np.stack([columns, rows], axis=-1))[None]
+        at = np.stack([columns, rows], axis=-1).astype(np.float32)[None]
         smooth = cv2.GaussianBlur(fine.light, (0, 0), 2.0)
         values.append(cv2.remap(smooth, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
     face = np.concatenate(values, axis=None)
@@ -116,6 +116,6 @@ def _finished(level: Level, scale: float, coarse: bool) -> Level:
         # far from the rim few samples do: a filter that keeps edges takes what they scatter
         root = np.sqrt(light)
         for _ in range(2):
-            root = np.asarray(cv2.bilateralFilter(root, 7, 0.12, 2.0), dtype=np.float32)
+            root = np.asarray(cv2.bilateralFilter(root, 5, 0.15, 1.5), dtype=np.float32)
         light = root**2
     return Level(level.focal_px, level.left, level.top, light)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import Polygon, box
 
 from crosspih_common.config import Workcell
@@ -179,7 +180,7 @@ def make(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Pat
     )  # fmt: skip
 
 
-def covered(made: Made, hidden: list[Array]) -> Made:
+def covered(made: Made, hidden: list[NDArray[np.bool_]]) -> Made:
     """With the share of the rim that is hidden from the left and from the right camera."""
     return replace(made, truth=made.truth | {"covered": [round(float(np.mean(one)), 3) for one in hidden]})
 

@@ -107,7 +107,8 @@ def _rays(lens: Lens, count: int) -> tuple[Any, Any]:
     nodes_x = np.linspace(x[0], x[-1], len(x) // GRID_STEP)
     nodes_y = np.linspace(y[0], y[-1], len(y) // GRID_STEP)
     straight = lens.undistorted(np.stack(np.meshgrid(nodes_x, nodes_y), axis=-1))
-    return tuple(RectBivariateSpline(nodes_y, nodes_x, straight[..., axis])(y, x) for axis in range(2))
+    bent_x, bent_y = (RectBivariateSpline(nodes_y, nodes_x, straight[..., axis])(y, x) for axis in range(2))
+    return bent_x, bent_y
 
 
 def _drag(length_px: float, turn_rad: float) -> Array:
@@ -122,4 +123,4 @@ def _drag(length_px: float, turn_rad: float) -> Array:
         kernel[j, i + 1] += fx * (1 - fy)
         kernel[j + 1, i] += (1 - fx) * fy
         kernel[j + 1, i + 1] += fx * fy
-    return kernel / kernel.sum()
+    return np.asarray(kernel / kernel.sum())

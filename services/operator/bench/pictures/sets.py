@@ -1,4 +1,4 @@
-"""Which pictures there are: groups of scenes that are rendered, and rows of the table, which are groups seen by a camera.
+"""Which pictures there are: groups of scenes that are rendered, and rows of the table: groups seen by a camera.
 
 One render serves many rows: a row's sensor and lens are put on when a pair is loaded.
 """
@@ -20,6 +20,8 @@ from services.operator.bench.pictures.sensor import Sensor
 Rng = np.random.Generator
 OUTLINES = ("square", "triangle", "hexagon", "star", "spline", "keyway", "round", "ell", "tee")
 STRONG = (-0.3, 0.12, 0.0005, -0.0004)
+USUAL_CARE, QUICK = Care(), Care(2, 16, 16, 16)
+USUAL_SENSOR = Sensor()
 PLAIN = ("matt", "painted", "plastic")
 
 
@@ -104,10 +106,9 @@ class Group:
 
     draw: Callable[[Rng, int], SceneSpec]
     rig: Callable[[Rng], Pair] = field(default=lambda rng: cell_pair())
-    care: Care = Care()
+    care: Care = USUAL_CARE
 
 
-QUICK = Care(2, 25, 12, 4)
 GROUPS: dict[str, Group] = {
     "matt": Group(_matt),
     "metal_soft": Group(_metal_soft),
@@ -121,8 +122,8 @@ GROUPS: dict[str, Group] = {
     "covered": Group(_covered),
     "outlines": Group(_outlines),
     "turned": Group(_any_soft, lambda rng: toed_in(cell_pair(), rng)),
-    "wide": Group(_any_soft, lambda rng: bent(cell_pair(), "plumb_bob", STRONG), Care(2, 36, 16, 4)),
-    "fine": Group(_any_soft, care=Care(4, 16, 16, 4)),
+    "wide": Group(_any_soft, lambda rng: bent(cell_pair(), "plumb_bob", STRONG), Care(2, 25, 16, 16)),
+    "fine": Group(_any_soft, care=Care(4, 16, 25, 16)),
     "print_inner": Group(_without("print_inner"), care=QUICK),
     "print_outer": Group(_without("print_outer"), care=QUICK),
     "print_shaded": Group(_without("print_shaded"), care=QUICK),
@@ -144,7 +145,7 @@ class Row:
 
     groups: tuple[str, ...]
     pairs: int
-    sensor: Sensor = Sensor()
+    sensor: Sensor = USUAL_SENSOR
     lens: Callable[[Pair], Pair] = field(default=lambda pair: pair)
     told: bool = True
     swapped: bool = False

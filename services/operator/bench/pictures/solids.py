@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ class Solid:
     def write(self, path: Path) -> None:
         """As a binary PLY file, float32."""
         count = len(self.vertices_m)
-        names = "x y z nx ny nz u v".split()
+        names = ["x", "y", "z", "nx", "ny", "nz", "u", "v"]
         head = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
         head += [f"property float {name}" for name in names]
         head += [f"element face {len(self.faces)}", "property list uchar int vertex_indices", "end_header", ""]
@@ -58,7 +59,8 @@ class Solid:
 
 def flat(area: BaseGeometry, z_m: float, up: float = -1.0) -> Solid:
     """A flat area across z, its normal along `up` z; texture places are of the hole's frame."""
-    corners, faces = [], []
+    corners: list[Array] = []
+    faces: list[list[int]] = []
     for polygon in get_parts(area):
         if not isinstance(polygon, Polygon) or polygon.area <= 0.0:
             continue
@@ -66,7 +68,7 @@ def flat(area: BaseGeometry, z_m: float, up: float = -1.0) -> Solid:
             ring = np.array(triangle.exterior.coords[:-1])
             if triangle.exterior.is_ccw != (up > 0.0):
                 ring = ring[::-1]
-            faces.append(np.arange(3) + 3 * len(corners))
+            faces.append([3 * len(corners), 3 * len(corners) + 1, 3 * len(corners) + 2])
             corners.append(ring)
     xy = np.concatenate(corners)
     return Solid(
@@ -86,7 +88,7 @@ def walls(rings_m: Sequence[Array], tilts_rad: Sequence[tuple[float, float]], in
     parts = []
     count = len(into)
     across = np.column_stack([into, np.zeros(count)])
-    for (near, far), (first, second) in zip(zip(rings_m, rings_m[1:], strict=False), tilts_rad, strict=True):
+    for (near, far), (first, second) in zip(pairwise(rings_m), tilts_rad, strict=True):
         corners = np.stack([near, np.roll(near, -1, axis=0), np.roll(far, -1, axis=0), far], axis=1)
         normals = np.empty((count, 4, 3))
         for index, tilt in enumerate((first, first, second, second)):
@@ -97,7 +99,7 @@ def walls(rings_m: Sequence[Array], tilts_rad: Sequence[tuple[float, float]], in
         v = np.broadcast_to([near[0, 2], near[0, 2], far[0, 2], far[0, 2]], u.shape)
         places = np.stack([u, v], axis=-1).reshape(-1, 2) / TEXTURE_EXTENT_M
         base = 4 * np.arange(count)[:, None]
-        faces = np.concatenate([base + [0, 1, 2], base + [0, 2, 3]])
+        faces = np.concatenate([base + np.array([0, 1, 2]), base + np.array([0, 2, 3])])
         parts.append(Solid(corners.reshape(-1, 3), normals.reshape(-1, 3), places, faces))
     return Solid.merged(parts)
 
@@ -139,10 +141,12 @@ class Rim:
             arc(r, c + t, np.pi / 4.0, np.pi / 2.0)
         else:
             arc(r, r, 0.0, np.pi / 2.0)
-        kept = [k for k in range(len(profile)) if k == 0 or np.ptp(np.array(profile[k - 1 : k + 1]), axis=0).max() > 1e-9]
+        kept = [
+            k for k in range(len(profile)) if k == 0 or np.ptp(np.array(profile[k - 1 : k + 1]), axis=0).max() > 1e-9
+        ]
         rings = [self.ring_m(*profile[k]) for k in kept]
         # a strip between two arcs is flat: both its ends have the tilt that they share
-        pairs = [(tilts[a], tilts[b]) for a, b in zip(kept, kept[1:], strict=False)]
+        pairs = [(tilts[a], tilts[b]) for a, b in pairwise(kept)]
         if not r:
             pairs = [(np.pi / 4.0, np.pi / 4.0)] if c else []
         into = -self.bore.normals
@@ -190,7 +194,7 @@ def tube(path_m: Array, radius_m: float, sides: int = 16) -> Solid:
     return Solid(vertices.reshape(-1, 3), normals.reshape(-1, 3), places, faces)
 
 
-def box_solid(half_m: Sequence[float]) -> Solid:
+def box_solid(half_m: Sequence[float] | Array) -> Solid:
     """A box about the origin."""
     x, y, z = half_m
     return prism(Polygon([(-x, -y), (x, -y), (x, y), (-x, y)]), -z, z)

@@ -49,7 +49,7 @@ def load(path: Path) -> Rendered:
         about = json.loads(bytes(file["about"]).decode())
         sides: dict[str, list[Level]] = {"left": [], "right": []}
         for head in about["levels"]:
-            coded = cv2.imdecode(file[head["key"]], cv2.IMREAD_UNCHANGED)
-            light: FloatImage = (coded.astype(np.float32) / STEPS) ** 2 * np.float32(MOST_SHARE)
+            coded = np.asarray(cv2.imdecode(file[head["key"]], cv2.IMREAD_UNCHANGED), dtype=np.float32)
+            light: FloatImage = np.asarray((coded / STEPS) ** 2 * MOST_SHARE, dtype=np.float32)
             sides[head["side"]].append(Level(head["focal_px"], head["left"], head["top"], light))
     return Rendered(tuple(sides["left"]), tuple(sides["right"]), about["truth"])

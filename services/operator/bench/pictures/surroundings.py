@@ -90,7 +90,9 @@ def behind(kind: str, rng: np.random.Generator, back_m: Array, folder: Path) -> 
     """What is behind the plate, whose back is at a point; in the left camera's frame."""
     made: Emitters = {}
 
-    def wall(name: str, z_m: float, level: float, low_x_m: float = -4.0, high_x_m: float = 4.0, glow: float = 0.0) -> None:
+    def wall(
+        name: str, z_m: float, level: float, low_x_m: float = -4.0, high_x_m: float = 4.0, glow: float = 0.0
+    ) -> None:
         area = Polygon([(low_x_m, -4.0), (high_x_m, -4.0), (high_x_m, 4.0), (low_x_m, 4.0)])
         path = folder / f"{name}.ply"
         flat(area, z_m).write(path)
