@@ -21,13 +21,16 @@ def annotated(grey: Grey, region: Region, side: int) -> Grey:
     """RGB picture of one side (0 left, 1 right) with the dark region that was seen."""
     left, top, width, height = region.box_px
     return _framed(
-        cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), side, (left, top, left + width - 1, top + height - 1), region.centre_px
+        np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), dtype=np.uint8),
+        side,
+        (left, top, left + width - 1, top + height - 1),
+        region.centre_px,
     )
 
 
 def annotated_rim(grey: Grey, side: int, rim: Rim, stereo: StereoModel, pose_camera_hole: Pose) -> Grey:
     """RGB picture of one side (0 left, 1 right) with the fitted rim, and the hole's axis, out of the face."""
-    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
+    picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), dtype=np.uint8)
     lines = stereo.project(pose_camera_hole.apply(np.stack([rim.outer_m, rim.inner_m])))[side]
     fixed = np.round(lines * 2**SUBPIXEL_BITS).astype(np.int32)
     cv2.polylines(picture, list(fixed.reshape(-1, rim.shape[1], 1, 2)), False, GREEN, 1, cv2.LINE_AA, SUBPIXEL_BITS)

@@ -36,16 +36,20 @@ from services.vision.refusals import (
 from services.vision.stereo import StereoModel
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
-INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.55, 0.55
+INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.6, 0.6
 SATURATED_MOST = 0.25
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
-RESIDUAL_MOST = 0.1
+# a face darker than that could hide a hole
+DARK_GREY = 25.0
+RESIDUAL_MOST = 0.08
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.2
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
-OFFSET_MOST, SIZES_MOST = 7.0, 22.0
+OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 # from there on they make the covariance larger
 OFFSET_FREE, SIZES_FREE = 2.0, 6.0
+# errors have wider tails than a Gaussian: its variances times
+TAIL = 1.25
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
@@ -146,7 +150,8 @@ def locate_rim(
 
 
 def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
-    """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for all,
+    """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for
+    all,
     whether it is then found sound or not."""
     rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
     while rest:
@@ -154,7 +159,8 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
         near = [
             one
             for one in rest
-            if np.linalg.norm(task.stereo.project(one.pose_camera_hole.translation_m) - centre, axis=-1).min() < APART_PX
+            if np.linalg.norm(task.stereo.project(one.pose_camera_hole.translation_m) - centre, axis=-1).min()
+            < APART_PX
         ]
         rest = [one for one in rest if one not in near]
         fits = []
@@ -162,9 +168,7 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
             if one.score < COMPETES * near[0].score:
                 continue
             try:
-                fits.append(
-                    climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts)
-                )
+                fits.append(climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts))
             except np.linalg.LinAlgError:
                 continue
         if fits:
@@ -174,7 +178,7 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
 def _judged(task: _Task, fit: Fit) -> _Attempt:
     quality = quality_of(fit, task.fine, task.doubts)
     _checked(quality)
-    evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality)
+    evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality, task.doubts)
     judge(evidence, quality)
     return _Attempt(fit, quality, evidence)
 
@@ -191,32 +195,44 @@ def _checked(quality: Quality) -> None:
         )
     step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
     if quality.step_grey < step:
+        if quality.face_grey > DARK_GREY:
+            raise NoCross(
+                f"where the rim should be the step is {quality.step_grey:.0f} grey levels in noise of "
+                f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
+                f"the "
+                "right part, and the right way round?"
+            )
         raise TooDark(
-            f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want {step:.0f} "
-            "or more: expose longer, or light it more"
+            f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
+            f"{step:.0f} or more: expose longer, or light it more"
         )
     edges = float(np.mean(quality.support > 0.5))
     if quality.supported < SUPPORT_LEAST or edges < EDGES_LEAST:
         raise NotEnoughRim(
-            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want {SUPPORT_LEAST:.0%}: take "
+            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want "
+            f"{SUPPORT_LEAST:.0%}: take "
             "away what covers it, or light the dark side"
         )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         raise PoorFit(
-            f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than {RESIDUAL_MOST:.0%}, and "
+            f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
+            f"{RESIDUAL_MOST:.0%}, and "
             f"its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
         )
     if quality.offset_conflict > OFFSET_MOST:
         du, dv = quality.offset_px
         raise NotAStereoPair(
-            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want less than "
+            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want less "
+            f"than "
             f"{OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare in one?"
         )
     if quality.sizes_conflict > SIZES_MOST:
         outer, inner, near, far = quality.sizes_m * 1e3
         raise NotTheDrawing(
-            f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges {near:+.2f}, "
-            f"far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the right part and cell?"
+            f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
+            f"{near:+.2f}, "
+            f"far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the right part "
+            f"and cell?"
         )
 
 
@@ -276,6 +292,7 @@ def _figures(attempt: _Attempt) -> dict[str, float]:
         "seen_inside": evidence.seen,
         "chamfer": evidence.chamfer,
         "black": evidence.black,
+        "deeper": evidence.deeper,
     }
 
 
@@ -293,10 +310,11 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
 
 
 def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
-    """The fit's own (noise, blur, calibration, drawing, edges that are off), with what is known without any picture, and
+    """The fit's own (noise, blur, calibration, drawing, edges that are off), with what is known without any picture,
+    and
     more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
     posterior = fit.covariance[:6, :6]
-    strain = max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
+    strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
     known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)
     covariance = np.linalg.inv(known)
     return np.asarray(0.5 * (covariance + covariance.T))

@@ -32,11 +32,11 @@ from crosspih_common.messages.images import Pixels
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.vision.config import VisionConfig
 from services.vision.expected import expected_picture
+from services.vision.fit.rim import Rimmed
 from services.vision.light import Light, linear_light, shown
 from services.vision.locate import Located, locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import Doubtful, VisionRefusal
-from services.vision.fit.rim import Rimmed
 from services.vision.stereo import StereoModel
 from services.vision.straightness import left_over
 

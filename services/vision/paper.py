@@ -8,9 +8,11 @@ import numpy as np
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.annotate import annotated
-from services.vision.light import FULL, Light, shown
-from services.vision.locate import Located, Picture, as_light, find_both
 from services.vision.fit.rim import Rimmed
+from services.vision.light import FULL, Light, shown
+from services.vision.locate import Located, Picture, as_light
+from services.vision.refusals import NotAStereoPair
+from services.vision.region import ExpectedRegion, Region, find_hole, solidity_and_aspect
 from services.vision.stereo import StereoModel
 
 # Eq. 6, signs restored: the hole in the left camera

@@ -15,6 +15,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.solve import Images
 from services.vision.fit.steps import sample
+from services.vision.light import Light
 from services.vision.stereo import StereoModel
 
 POINTS_MOST = 1600
@@ -28,7 +29,8 @@ MASK_M = 0.2e-3
 class Inside:
     """By depth (D,), m: what of the left picture's inside the right one explains when it lies that deep, 1 all of it.
 
-    structure: sd of the inside, smoothed, noise taken out, grey; noise: what noise leaves of it; unexplained (D,): sd of
+    structure: sd of the inside, smoothed, noise taken out, grey; noise: what noise leaves of it; unexplained (D,):
+    sd of
     what is left, noise taken out, grey; bright: median grey inside.
     """
 
@@ -84,8 +86,14 @@ def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inn
         rest = left[counted] - terms @ np.linalg.lstsq(terms, left[counted], rcond=None)[0]
         unexplained.append(max(float(np.mean(rest**2)) - noise_left, 0.0))
     total = max(float(np.mean(structure**2)) - noise_left, 0.0)
-    return Inside(depths_m, np.sqrt(unexplained), float(np.sqrt(total)), float(np.sqrt(noise_left + noise_right)), len(grid),
-                  float(np.median(left)))  # fmt: skip
+    return Inside(
+        depths_m,
+        np.sqrt(unexplained),
+        float(np.sqrt(total)),
+        float(np.sqrt(noise_left + noise_right)),
+        len(grid),
+        float(np.median(left)),
+    )
 
 
 def _inside_again(stereo: StereoModel, pose: Pose, inner: Array, right_px: Array, pixel_m: float) -> Array:
@@ -102,11 +110,11 @@ def _inside_again(stereo: StereoModel, pose: Pose, inner: Array, right_px: Array
     return np.asarray(ok & (far[at[..., 1], at[..., 0]] > MARGIN_PX))
 
 
-def _smoothed(image: Array, points: Array) -> Array:
+def _smoothed(image: Light, points: Array) -> Light:
     height, width = image.shape
     low = np.clip(np.floor(points.min(axis=0)) - 8, 0, [width - 1, height - 1]).astype(int)
     high = np.clip(np.ceil(points.max(axis=0)) + 8, 1, [width, height]).astype(int)
-    out = np.asarray(image, dtype=np.float32).copy()
+    out = image.copy()
     part = (slice(low[1], high[1]), slice(low[0], high[0]))
     out[part] = cv2.GaussianBlur(out[part], (0, 0), SMOOTH_PX)
     return out

@@ -1,4 +1,5 @@
-"""From a start to the best pose: wide valleys first, few profiles first, and the other places where a bright chamfer and a
+"""From a start to the best pose: wide valleys first, few profiles first, and the other places where a bright chamfer
+and a
 dark one would look alike."""
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ FEW_PROFILES = 72
 # blur added to the pictures, px^2, and most steps with it, with few profiles
 STAGES = ((4.0, 3), (1.0, 2), (0.0, 3))
 FINE_STEPS = 5
+# a chamfer that much brighter than the face, times, is no glint; more than that is no more of one; what it is worth
+GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 OTHER_STEPS = 3
@@ -71,13 +74,12 @@ def _blurred(images: Images, variance_px2: float, rim: Rim, stereo: StereoModel,
 
 def _settled(before: State, after: State) -> bool:
     moved = before.pose_camera_hole.inverse() @ after.pose_camera_hole
-    return bool(
-        np.linalg.norm(moved.translation_m) < SETTLED_M and np.linalg.norm(moved.rotvec_rad()) < SETTLED_RAD
-    )
+    return bool(np.linalg.norm(moved.translation_m) < SETTLED_M and np.linalg.norm(moved.rotvec_rad()) < SETTLED_RAD)
 
 
 def misfit(fit: Fit, even: Array) -> float:
-    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even` s^2 (2, G)."""
+    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even` s^2 (2,
+    G)."""
     inside = fit.profiles.inside
     square = fit.steps.residual**2 / even[..., None, None]
     return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
@@ -91,6 +93,14 @@ def gloss_of(fit: Fit) -> float:
     noise = np.sqrt(np.median(fit.variance) / 3.0) / np.maximum(np.median(face), 1.0)
     spread = float(np.median(np.abs(ratio - np.median(ratio))) * 1.4826)
     return float(np.sqrt(max(spread**2 - 2.0 * noise**2, 0.0)))
+
+
+def glint_of(fit: Fit) -> float:
+    """How much brighter than the face the brightest chamfers are, times the face's grey: broken edges shine with
+    them."""
+    face = np.maximum(fit.steps.face.mean(axis=2), 1.0)
+    brightest = float(np.quantile(fit.steps.chamfer.mean(axis=2) / face, 0.8))
+    return float(np.clip(brightest - GLINT_FREE, 0.0, GLINT_MOST))
 
 
 def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, doubts: Doubts) -> Fit:
@@ -113,10 +123,8 @@ def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Po
 
 def glossed(state: State, fit: Fit) -> State:
     """With the beliefs that its shine asks for, ready for any number of profiles."""
-    gloss = min(float(np.hypot(gloss_of(fit), roughness_of(fit))), GLOSS_MOST)
-    effects = {
-        kind: np.maximum(variance, believed(kind, gloss) ** 2) for kind, variance in state.effects.items()
-    }
+    gloss = min(float(np.linalg.norm([gloss_of(fit), roughness_of(fit), GLINT_GLOSS * glint_of(fit)])), GLOSS_MOST)
+    effects = {kind: np.maximum(variance, believed(kind, gloss) ** 2) for kind, variance in state.effects.items()}
     return replace(state, effects=effects, gloss=gloss, profile_weight=None)
 
 

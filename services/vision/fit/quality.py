@@ -20,14 +20,18 @@ ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quality:
-    """step_grey: median height of the step at the rim; noise_grey: median; support (2, G): share of each group's profiles
+    """step_grey: median height of the step at the rim; noise_grey, face_grey: median; support (2, G): share of each
+    group's
+    profiles
     that look like the rim; residual: what is left of the greys, share of the step; inside: share of the rim inside the
     picture, the worse of both; saturated: share of the face beside the rim; offset_px (2,) and its conflict with the
-    calibration, sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough: what
+    calibration, sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough:
+    what
     the model leaves unsaid, share of the step, the more the farther along the rim it hangs together: texture."""
 
     step_grey: float
     noise_grey: float
+    face_grey: float
     support: Array
     residual: float
     inside: float
@@ -45,10 +49,13 @@ class Quality:
 
 
 def roughness_of(fit: Fit) -> float:
-    """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together: texture."""
+    """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together:
+    texture."""
     steps, rest = fit.steps, fit.steps.residual * fit.profiles.inside
     height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
-    share = float(np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0))
+    share = float(
+        np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0)
+    )
     alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
     alike = float(np.clip(alike, 0.0, ALIKE_MOST))
     return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
@@ -58,7 +65,7 @@ def _conflict(mean: Array, posterior: Array, prior_sd: Array) -> float:
     """How far the pictures pull what was believed: squared, over its spread."""
     spread = np.diag(prior_sd**2) - posterior
     spread = spread + 1e-3 * np.diag(prior_sd**2)
-    return float(max(mean @ np.linalg.solve(spread, mean), 0.0))
+    return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
 def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
@@ -81,9 +88,10 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
     return Quality(
         typical,
         float(np.median(noise)),
+        float(np.median(steps.face)),
         ok.mean(axis=2),
         float(np.sqrt(squares)) / max(typical, 1.0),
-        float(seen.mean(axis=(1, 2)).min()),
+        float(np.mean(seen, axis=(1, 2)).min()),
         float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),
         off,
         _conflict(off, fit.covariance[offset, offset], offset_sd),

@@ -55,7 +55,9 @@ class Rim:
         inner, outer = hole.inner_rim_m(), hole.outer_rim_m()
         pieces = _pieces(inner)
         samples = int(np.clip(round(profiles / len(pieces)), SAMPLES_LEAST, SAMPLES_MOST))
-        edge, share = (np.array(column) for column in zip(*(_spread(inner, piece, samples) for piece in pieces), strict=True))
+        edge, share = (
+            np.array(column) for column in zip(*(_spread(inner, piece, samples) for piece in pieces), strict=True)
+        )
         ends = np.roll(inner, -1, axis=0)
         direction = ends - inner
         direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)

@@ -25,7 +25,7 @@ Images = tuple[NDArray[np.float32], NDArray[np.float32]]
 POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
 SIZES = 4  # outer line, inner line, near edges, far edges
 COMMON = POSE + SIZES
-LOCAL = 20
+LOCAL = 21
 # a shift in one picture stands twice: the edge's own and its facing's
 TWICE = [*range(LOCAL), 15]
 BLUR_START_PX2 = 0.8
@@ -41,11 +41,19 @@ SHADE_MEAN, SHADE_SD = 0.5, 1.0
 CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
-# broken edge shines or not by where it faces). The rest px in one picture: all edges that face one way; an edge; its ends.
+# broken edge shines or not by where it faces); a lip: the inner one. The rest px in one picture: all edges that face
+# one way; an edge; its
+# ends.
 # The chamfer's grey over the face's, beside what all chamfers that face one way share
 EFFECTS: dict[str, tuple[float, float]] = {
-    "wall": (0.02e-3, 4.0), "rim": (0.03e-3, 4.0), "facing": (0.015, 4.0), "edge": (0.02, 8.0), "turn": (0.015, 8.0),
-    "chamfer": (0.05, 8.0)}
+    "wall": (0.02e-3, 4.0),
+    "rim": (0.03e-3, 4.0),
+    "lip": (0.03e-3, 4.0),
+    "facing": (0.015, 4.0),
+    "edge": (0.02, 8.0),
+    "turn": (0.015, 8.0),
+    "chamfer": (0.05, 8.0),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +73,8 @@ class Doubts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where the fit stands: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and by kind
+    """Where the fit stands: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and by
+    kind
     of effect the variance of each, m^2, px^2 or 1. gloss: how differently both
     cameras see the face; chamfer_grey (2, G) and profile_weight (2, G, S): None before the first look."""
 
@@ -80,7 +89,8 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """The end: the state, posterior covariance (P, P) with the pose first, effects (P,), information of the pose by each
+    """The end: the state, posterior covariance (P, P) with the pose first, effects (P,), information of the pose by
+    each
     edge, and what the last look at the pictures gave."""
 
     state: State
@@ -98,7 +108,7 @@ class Fit:
     figures: dict[str, float] = field(default_factory=dict)
 
 
-GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
+GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "lip": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
 GLOSS_MOST = 0.3
 
 
@@ -119,11 +129,16 @@ def start_state(rim: Rim, pose: Pose, blur_px2: float = BLUR_START_PX2) -> State
 
 
 def grown(rim: Rim, sizes: Array) -> Rim:
+    """The rim with its lines moved outward by sizes (4,), m: outer line, inner line, near edges, far edges."""
     both = (sizes[2] + (sizes[3] - sizes[2]) * rim.reach)[:, None, None] * rim.outward
-    return replace(rim, outer_m=rim.outer_m + both + sizes[0] * rim.outward, inner_m=rim.inner_m + both + sizes[1] * rim.outward)
+    return replace(
+        rim, outer_m=rim.outer_m + both + sizes[0] * rim.outward, inner_m=rim.inner_m + both + sizes[1] * rim.outward
+    )
 
 
-def _look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2: float):
+def _look(
+    images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2: float
+) -> tuple[SeenRim, Array, Array, Profiles]:
     moved = seen(grown(rim, state.sizes_m), stereo, state.pose_camera_hole)
     n = moved.normal
     square = np.stack([n[..., 0] ** 2, 2.0 * n[..., 0] * n[..., 1], n[..., 1] ** 2], axis=-1)
@@ -134,9 +149,8 @@ def _look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2
 
 
 def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
-    """(2, G, S, 5, 20): outer step, inner step, their blur and the chamfer's grey, by the local parameters: pose 6, sizes 4, blur 3, wall,
-    rim, edge, the edge's turn, the chamfer's
-    grey, and the right picture's offset (u, v)."""
+    """(2, G, S, 5, 21): outer step, inner step, their blur and the chamfer's grey, by the local parameters: pose 6,
+    sizes 4, blur 3, wall, rim, edge, the edge's turn, the chamfer's grey, the right picture's offset (u, v), lip."""
     groups, samples = rim.shape
     maps = np.zeros((2, groups, samples, 5, LOCAL))
     maps[..., 0, :6], maps[..., 1, :6] = moved.outer_slope, moved.inner_slope
@@ -144,6 +158,7 @@ def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
     maps[..., 0, OUTER], maps[..., 1, INNER] = out, out
     maps[..., 0, 14] = out
     maps[..., 4, 17] = 1.0
+    maps[..., 1, 20] = out
     for step in range(2):
         maps[1, ..., step, 18:20] = moved.normal[1]
     for step in range(2):
@@ -188,7 +203,7 @@ def iterate(
     level = np.maximum(now.face.mean(axis=2), height.mean(axis=2)) + 1.0
     covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
     fit = Fit(state, covariance, effects, moved, taken, now, variance, even, weight, local, pull, cost)
-    return _stepped(rim, replace(state, chamfer_grey=chamfer, profile_weight=profile_weight), covariance, effects, level), fit
+    return _stepped(rim, replace(state, profile_weight=profile_weight), chamfer, covariance, effects, level), fit
 
 
 def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
@@ -196,12 +211,23 @@ def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
 
 
 @lru_cache(maxsize=32)
-def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[Array, int, dict[str, slice]]:
-    """(2, G, 21) global number of each local parameter (a shift in one picture stands twice: edge's and facing's), their
+def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
+    """(2, G, 22) global number of each local parameter (a shift in one picture stands twice: edge's and facing's),
+    their
     count, and where the kinds lie."""
     facings = max(facing) + 1
     ways = np.array(facing)
-    counts = {"wall": groups, "rim": facings, "facing": 2 * facings, "edge": 2 * groups, "turn": 2 * groups, "chamfer": 2 * groups, "shade": facings, "offset": 2}
+    counts = {
+        "wall": groups,
+        "rim": facings,
+        "lip": facings,
+        "facing": 2 * facings,
+        "edge": 2 * groups,
+        "turn": 2 * groups,
+        "chamfer": 2 * groups,
+        "shade": facings,
+        "offset": 2,
+    }
     kinds, total = {}, COMMON + 6
     for kind, count in counts.items():
         kinds[kind] = slice(total, total + count)
@@ -217,6 +243,7 @@ def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[Array, int, dict[
         index[side, :, 16] = kinds["turn"].start + side * groups + each
         index[side, :, 17] = kinds["chamfer"].start + side * groups + each
         index[side, :, 18:20] = kinds["offset"].start + np.arange(2)
+        index[side, :, 20] = kinds["lip"].start + ways
         index[side, :, LOCAL] = kinds["facing"].start + side * facings + ways
     return index, total, kinds
 
@@ -232,8 +259,8 @@ def _solve(
     index, total, kinds = _indices(rim)
     wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
     cells = (index[..., :, None] * total + index[..., None, :]).ravel()
-    information = np.bincount(cells, wide.ravel(), total * total).reshape(total, total)
-    gradient = np.bincount(index.ravel(), wide_pull.ravel(), total)
+    information = np.asarray(np.bincount(cells, wide.ravel(), total * total), dtype=float).reshape(total, total)
+    gradient = np.asarray(np.bincount(index.ravel(), wide_pull.ravel(), total), dtype=float)
     prior = np.zeros(total)
     prior[:POSE] = 1e-6 * np.maximum(np.diag(information)[:POSE], 1.0)
     sizes = 1.0 / doubts.sds() ** 2
@@ -277,7 +304,7 @@ def _solve(
     return covariance, covariance @ gradient
 
 
-def _stepped(rim: Rim, state: State, covariance: Array, effects: Array, level: Array) -> State:
+def _stepped(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
     _, _, kinds = _indices(rim)
     step = effects[:POSE].copy()
     # far from the rim the profile is flat and a step means nothing
@@ -287,7 +314,7 @@ def _stepped(rim: Rim, state: State, covariance: Array, effects: Array, level: A
     most = 0.8 * np.sqrt(blur[:, 0] * blur[:, 2])
     blur[:, 1] = np.clip(blur[:, 1], -most, most)
     second = effects**2 + np.diag(covariance)
-    chamfer = state.chamfer_grey + effects[kinds["chamfer"]].reshape(level.shape)
+    chamfer = chamfer_grey + effects[kinds["chamfer"]].reshape(level.shape)
     chamfer = np.clip(chamfer, CHAMFER_SHARES[0] * level, CHAMFER_SHARES[1] * level)
     # of a chamfer what it differs by from the others that face its way
     shade = effects[kinds["shade"]][np.tile(rim.facing, 2)]
@@ -303,6 +330,11 @@ def _stepped(rim: Rim, state: State, covariance: Array, effects: Array, level: A
         common = (belief * sd**2 + float(np.sum(heavy * values))) / (belief + values.size)
         measured[kind] = (EFFECT_DEGREES * common + values) / (EFFECT_DEGREES + 1.0)
     return State(
-        perturbed(state.pose_camera_hole, step), state.sizes_m + effects[POSE:COMMON], blur, measured, state.gloss, chamfer,
+        perturbed(state.pose_camera_hole, step),
+        state.sizes_m + effects[POSE:COMMON],
+        blur,
+        measured,
+        state.gloss,
+        chamfer,
         state.profile_weight,
     )

@@ -1,7 +1,8 @@
 """Two steps across the rim, face to chamfer and chamfer to bore, with every grey free and projected out.
 
 grey(t) = F (1 - Phi1) + C (Phi1 - Phi2) + B Phi2, t along the normal: F and B a profile each, C linear along a group,
-with the slopes of face and bore (variable projection, Golub and Pereyra 1973, Kaufman's form). Either sign of either step.
+with the slopes of face and bore (variable projection, Golub and Pereyra 1973, Kaufman's form). Either sign of either
+step.
 """
 
 from __future__ import annotations
@@ -91,7 +92,8 @@ class Steps:
 
 
 def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Array:
-    """(2, G, S, 10, L): what a profile's grey is made of, and how that changes; `variance_px2` (2, G, S): the blur's along
+    """(2, G, S, 10, L): what a profile's grey is made of, and how that changes; `variance_px2` (2, G, S): the blur's
+    along
     each normal."""
     offsets, grey = seen_profiles.offsets_px, seen_profiles.grey
     spread = np.sqrt(np.maximum(variance_px2, SPREAD_LEAST_PX**2))[..., None]
@@ -115,7 +117,8 @@ def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Ar
 
 
 def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> Steps:
-    """The greys that fit best: `weight` (2, G, S, L): one over the noise's variance; `chamfer_grey` (2, G): in the middle
+    """The greys that fit best: `weight` (2, G, S, L): one over the noise's variance; `chamfer_grey` (2, G): in the
+    middle
     of each group, None to take what fits best."""
     grey = columns[..., GREY, :]
     groups, samples = grey.shape[1], grey.shape[2]
