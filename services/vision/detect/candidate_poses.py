@@ -74,8 +74,9 @@ def rival(found: Sequence[Candidate]) -> Candidate | None:
 def candidates(
     images: Sequence[Floats], stereo: StereoModel, hole: Rimmed, nominal: Pose, half_ranges: Array
 ) -> list[Candidate]:
-    """Where the hole may be, those first that leave least of the pictures near the rim unexplained; one to five, whatever
-    the pictures show: the score says what each is worth. The first is mostly within a pixel, one of the first three
+    """Where the hole may be: one to five poses, whatever the pictures show; the score says what each is worth.
+
+    Those first that leave least of what is near the rim unexplained. The first is mostly within a pixel, one of them
     nearly always: a fit of each decides.
 
     `images` left and right, (height, width) each, grey 0 to 255, linear in light; `nominal` is `pose_base_hole` by the
