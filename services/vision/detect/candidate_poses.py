@@ -11,7 +11,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.detect.coarse_search import SearchGrid, best_starts
 from services.vision.detect.picture_level import Floats, Level
-from services.vision.detect.refinement import UNEXPLAINED_LEAST, Poses, likeness, refined, support
+from services.vision.detect.refinement import Poses, likeness, refined, support
 from services.vision.detect.rim_samples import Rimmed, RimSamples
 from services.vision.stereo import StereoModel
 
@@ -24,6 +24,7 @@ FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0,
 # how far two rims are apart at least, px, to be worth refining both, and to be two answers
 WORTH_PX, SAME_PX = 1.5, 0.7
 SUPPORTED = 0.45
+UNEXPLAINED_LEAST = 0.001
 RIVAL_SCORE, RIVAL_APART = 0.95, 0.06
 
 
@@ -73,7 +74,10 @@ def rival(found: Sequence[Candidate]) -> Candidate | None:
 def candidates(
     images: Sequence[Floats], stereo: StereoModel, hole: Rimmed, nominal: Pose, half_ranges: Array
 ) -> list[Candidate]:
-    """Where the hole may be, best first; one at least, whatever the pictures show: its score says what it is worth.
+    """Where the hole may be: one to five poses, whatever the pictures show; the score says what each is worth.
+
+    Those first that leave least of what is near the rim unexplained. The first is mostly within a pixel, one of them
+    nearly always: a fit of each decides.
 
     `images` left and right, (height, width) each, grey 0 to 255, linear in light; `nominal` is `pose_base_hole` by the
     cell's drawing, `half_ranges` (6,) how far it may be off, m and rad.

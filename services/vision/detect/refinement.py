@@ -34,7 +34,7 @@ STEP_SPREAD_PX = 0.9
 WIDTH_STEP_PX = 0.5
 STEP_NOISE_SHARE = 1.0
 STEPS_LEAST = 0.3
-UNEXPLAINED_LEAST = 0.01
+UNEXPLAINED_LEAST = 0.002
 EDGE_LEAST = 0.25  # below this share of an edge a profile says nothing
 # profiles near each other see the same edge: one in ten counts, by how they scatter
 INDEPENDENT = 0.1
