@@ -24,12 +24,10 @@ TRIES = 40
 
 @dataclass(frozen=True, slots=True)
 class Care:
-    """Pixels of the fine level for one of the camera's, and samples a pixel of each level."""
+    """Pixels of the fine level for one of the camera's, and samples a pixel."""
 
     density: int = 2
-    fine: int = 25
-    plate: int = 16
-    coarse: int = 16
+    samples: int = 36
 
 
 def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Array, care: Care) -> list[Window]:
@@ -42,9 +40,9 @@ def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Arr
 
     plate = np.clip(seen(made.plate_m), field.min(axis=0), field.max(axis=0))
     return [
-        window_around(field, focal_px / 4.0, 2.0, care.coarse),
-        window_around(plate, focal_px, 5.0, care.plate),
-        window_around(seen(made.rim_m), focal_px * care.density, 9.0 * care.density, care.fine),
+        window_around(field, focal_px / 4.0, 2.0, care.samples),
+        window_around(plate, focal_px, 5.0, care.samples),
+        window_around(seen(made.rim_m), focal_px * care.density, 9.0 * care.density, care.samples),
     ]
 
 
