@@ -73,7 +73,7 @@ def make_scene(scene: SceneName, folder: Path, small: bool = False) -> bool:
 def make_pictures(
     out: Annotated[Path, typer.Option(help="The store: scenes are added, those that are there are kept.")] = RENDERED,
     rows: Annotated[str | None, typer.Option(help="Rows of the table, with commas; all when left out.")] = None,
-    seed: Annotated[str, typer.Option(help="The set: dev, held, small, first, or a number.")] = "dev",
+    seed: Annotated[str, typer.Option(help="The set: dev, held, or a number.")] = "dev",
     share: Annotated[float, typer.Option(min=0.01, max=100.0, help="Of the usual number of pairs a row.")] = 1.0,
     png: Annotated[Path | None, typer.Option(help="A folder that gets the pairs as PNG, with truth.json.")] = None,
     small: Annotated[bool, typer.Option("--small", help="8 bits instead of 12: a third of the size.")] = False,

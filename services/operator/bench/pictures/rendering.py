@@ -112,7 +112,9 @@ def _finished(level: Level, scale: float, coarse: bool) -> Level:
     light = np.minimum(level.light * np.float32(scale), np.float32(MOST_SHARE))
     if coarse:
         # far from the rim few samples do: a filter that keeps edges takes what they scatter
-        root = np.sqrt(light)
+        root = np.asarray(np.sqrt(light), dtype=np.float32)
+        middle = np.asarray(cv2.medianBlur(root, 3), dtype=np.float32)
+        root = np.where(np.abs(root - middle) > 0.25 * (middle + 0.1), middle, root)
         for _ in range(2):
             root = np.asarray(cv2.bilateralFilter(root, 5, 0.15, 1.5), dtype=np.float32)
         light = root**2
