@@ -60,22 +60,23 @@ def kept_about(folder: Path, seed: int, share: float, rows: list[str]) -> dict[s
     return about
 
 
-def make_scene(scene: SceneName, folder: Path) -> bool:
+def make_scene(scene: SceneName, folder: Path, small: bool = False) -> bool:
     """Render one scene into the store; False where it is there already."""
     path = folder / shots.SCENES / scene.file
     if path.is_file():
         return False
     spec, pair, care = scene.drawn()
-    store.save(path, render(spec, Workcell(), pair, scene.seed, care))
+    store.save(path, render(spec, Workcell(), pair, scene.seed, care), small)
     return True
 
 
 def make_pictures(
     out: Annotated[Path, typer.Option(help="The store: scenes are added, those that are there are kept.")] = RENDERED,
     rows: Annotated[str | None, typer.Option(help="Rows of the table, with commas; all when left out.")] = None,
-    seed: Annotated[str, typer.Option(help="The set: dev, held, first, or a number.")] = "dev",
+    seed: Annotated[str, typer.Option(help="The set: dev, held, or a number.")] = "dev",
     share: Annotated[float, typer.Option(min=0.01, max=100.0, help="Of the usual number of pairs a row.")] = 1.0,
     png: Annotated[Path | None, typer.Option(help="A folder that gets the pairs as PNG, with truth.json.")] = None,
+    small: Annotated[bool, typer.Option("--small", help="8 bits instead of 12: a third of the size.")] = False,
     variant: Annotated[str, typer.Option(help="Mitsuba's variant; llvm_ad_rgb wants LLVM 16+.")] = renderer.VARIANT,
 ) -> None:
     """Render pictures of a workshop with their truth by a path tracer, for `crosspih bench vision --pictures`."""
@@ -93,7 +94,7 @@ def make_pictures(
             for scene in scenes:
                 progress.update(task, description=scene.group)
                 try:
-                    make_scene(scene, out)
+                    make_scene(scene, out, small)
                 except CrosspihError as error:
                     if str(error) == renderer.EXTRA:
                         raise

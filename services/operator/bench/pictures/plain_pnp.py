@@ -99,7 +99,7 @@ def _corners(picture: NDArray[np.uint8], expected: Array, count: int) -> Array |
 
 
 def _polygons(part: NDArray[np.uint8], area: float, count: int) -> Iterator[Array]:
-    """Contours (count, 2) of about the area, of dark on bright or bright on dark, each edge a line fitted to its points."""
+    """Contours (count, 2) of about the area, dark on bright or bright on dark; each edge a line through its points."""
     fine = cv2.resize(part, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_CUBIC)
     level, _ = cv2.threshold(fine, 0, 255, cv2.THRESH_OTSU)
     for bright in (False, True):

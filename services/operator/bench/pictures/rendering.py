@@ -24,12 +24,10 @@ TRIES = 40
 
 @dataclass(frozen=True, slots=True)
 class Care:
-    """Pixels of the fine level for one of the camera's, and samples a pixel of each level."""
+    """Pixels of the fine level for one of the camera's, and samples a pixel."""
 
     density: int = 2
-    fine: int = 25
-    plate: int = 16
-    coarse: int = 16
+    samples: int = 36
 
 
 def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Array, care: Care) -> list[Window]:
@@ -42,9 +40,9 @@ def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Arr
 
     plate = np.clip(seen(made.plate_m), field.min(axis=0), field.max(axis=0))
     return [
-        window_around(field, focal_px / 4.0, 2.0, care.coarse),
-        window_around(plate, focal_px, 5.0, care.plate),
-        window_around(seen(made.rim_m), focal_px * care.density, 9.0 * care.density, care.fine),
+        window_around(field, focal_px / 4.0, 2.0, care.samples),
+        window_around(plate, focal_px, 5.0, care.samples),
+        window_around(seen(made.rim_m), focal_px * care.density, 9.0 * care.density, care.samples),
     ]
 
 
@@ -114,7 +112,9 @@ def _finished(level: Level, scale: float, coarse: bool) -> Level:
     light = np.minimum(level.light * np.float32(scale), np.float32(MOST_SHARE))
     if coarse:
         # far from the rim few samples do: a filter that keeps edges takes what they scatter
-        root = np.sqrt(light)
+        root = np.asarray(np.sqrt(light), dtype=np.float32)
+        middle = np.asarray(cv2.medianBlur(root, 3), dtype=np.float32)
+        root = np.where(np.abs(root - middle) > 0.25 * (middle + 0.1), middle, root)
         for _ in range(2):
             root = np.asarray(cv2.bilateralFilter(root, 5, 0.15, 1.5), dtype=np.float32)
         light = root**2

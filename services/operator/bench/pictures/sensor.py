@@ -63,7 +63,9 @@ def expose(
 def seen(levels: Sequence[Level], lens: Lens, sensor: Sensor, motion_rad: float = 0.0) -> FloatImage:
     """The clean, blurred light (height, width) on the sensor, a share of full scale."""
     finest = max(level.focal_px for level in levels)
-    count = int(np.clip(round(finest / lens.fx_px), 1, MOST_SUBPIXELS))
+    # where a lens squeezes the picture, places between sub-pixels must not be passed over
+    squeezed = 1.4 if lens.distortion_model != "none" else 1.0
+    count = int(np.clip(round(squeezed * finest / lens.fx_px), 1, MOST_SUBPIXELS))
     xy = _rays(lens, count)
     picture: FloatImage | None = None
     for level in levels:

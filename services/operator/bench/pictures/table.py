@@ -8,7 +8,8 @@ from rich.table import Table
 from services.operator.bench.pictures.judging import PicturesReport, RowFigures, Span
 
 COLUMNS = (
-    "row", "holes", "none", "found", "wrong", "lateral mm", "depth mm", "tilt °", "roll °", "in 95%", "ms", "plain", "paper",
+    "row", "holes", "none", "found", "wrong", "lateral mm", "depth mm", "tilt °", "roll °", "in 95%", "ms", "plain",
+    "paper",
 )  # fmt: skip
 
 
@@ -18,8 +19,8 @@ def table_of(report: PicturesReport) -> Table:
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
         title=f"vision on {report.pictures}, p50 / p95 of the poses given",
-        caption="none: pairs with no such hole in them; wrong: a pose given where there is no such hole, or outside the 99.99 % region of its own "
-        "covariance; plain: 12 corners by a threshold and solvePnP, lateral mm",
+        caption="none: pairs with no such hole; wrong: a pose where there is no such hole, or outside the 99.99 % "
+        "region of its own covariance; plain: corners by a threshold, and solvePnP: found, lateral mm",
     )
     for name in COLUMNS:
         table.add_column(name, justify="left" if name == "row" else "right", no_wrap=True)

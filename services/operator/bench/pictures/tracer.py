@@ -18,6 +18,7 @@ from services.operator.bench.pictures.renderer import mitsuba
 
 MOST_BOUNCES = 6
 CLOSE_M = 5e-4
+WINDOW_LEAST, WINDOW_STEP = 224, 32
 FloatImage = NDArray[np.float32]
 
 
@@ -46,10 +47,15 @@ class Window:
 
 
 def window_around(xy: Array, focal_px: float, margin_px: float, samples: int) -> Window:
-    """The window that holds normalised image places (n, 2), with a margin in its own pixels."""
+    """The square window that holds normalised image places (n, 2), with a margin in its own pixels.
+
+    A vectorised variant compiles a program for each size and number of samples: there are few sizes.
+    """
     low = np.floor(xy.min(axis=0) * focal_px - margin_px).astype(int)
     high = np.ceil(xy.max(axis=0) * focal_px + margin_px).astype(int)
-    return Window(focal_px, int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]), samples)
+    side = max(WINDOW_LEAST, -(-int(np.max(high - low)) // WINDOW_STEP) * WINDOW_STEP)
+    left, top = low - (side - (high - low)) // 2
+    return Window(focal_px, int(left), int(top), side, side, samples)
 
 
 class Tracer:
@@ -63,20 +69,19 @@ class Tracer:
     def draw(self, pose_world_camera: Pose, window: Window, seed: int) -> Level:
         """One window of one camera's picture."""
         mi = self._mi
-        half_x = max(abs(window.left), abs(window.left + window.width))
-        half_y = max(abs(window.top), abs(window.top + window.height))
-        # the renderer's camera has x to the left and y up
+        # the renderer's camera has x to the left and y up; the film is as large as the window, with the axis beside it:
+        # windows of one size are one kernel to a vectorised variant
         matrix = pose_world_camera.matrix() @ np.diag([-1.0, -1.0, 1.0, 1.0])
         sensor = mi.load_dict(
             {
                 "type": "perspective", "fov_axis": "x", "near_clip": 1e-3, "far_clip": 100.0,
-                "fov": float(np.degrees(2.0 * np.arctan(half_x / window.focal_px))),
+                "fov": float(np.degrees(2.0 * np.arctan(0.5 * window.width / window.focal_px))),
+                "principal_point_offset_x": window.left / window.width + 0.5,
+                "principal_point_offset_y": window.top / window.height + 0.5,
                 "to_world": mi.ScalarTransform4f(matrix.tolist()),
                 "film": {
-                    "type": "hdrfilm", "width": 2 * half_x, "height": 2 * half_y, "pixel_format": "luminance",
+                    "type": "hdrfilm", "width": window.width, "height": window.height, "pixel_format": "luminance",
                     "component_format": "float32", "rfilter": {"type": "box"},
-                    "crop_offset_x": half_x + window.left, "crop_offset_y": half_y + window.top,
-                    "crop_width": window.width, "crop_height": window.height,
                 },
                 "sampler": {"type": "multijitter", "sample_count": window.samples},
             }
