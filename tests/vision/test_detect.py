@@ -101,9 +101,18 @@ def test_the_cross_is_found_however_it_looks(look: str) -> None:
 
 @pytest.mark.parametrize(
     ("outline", "bright"),
-    zip(
-        ["L", "L", "T", "T", "square", "triangle", "star", "spline", "keyway", "round"], [False, True] * 5, strict=True
-    ),
+    [
+        ("L", False),
+        ("L", True),
+        ("T", False),
+        ("T", True),
+        ("square", False),
+        ("triangle", True),
+        ("star", False),
+        ("spline", True),
+        ("keyway", False),
+        ("round", True),
+    ],
 )
 def test_any_outline_is_found(outline: str, bright: bool) -> None:
     hole, truth = hole_of(outline), truth_of(STEREO, 8)

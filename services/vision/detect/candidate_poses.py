@@ -18,12 +18,13 @@ from services.vision.stereo import StereoModel
 SEARCH_SAMPLES, SAMPLES = 64, 96
 SKIP_CORNER_PX = 1.5
 PRIOR_SLACK = 1.3
-STARTS, KEPT = 8, 4
+STARTS, KEPT, MOST = 8, 4, 5
 # reach along the rim's normals, px of the level, one iteration each: by edges, then by the two steps of a chamfer
 FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
 # how far two rims are apart at least, px, to be worth refining both, and to be two answers
 WORTH_PX, SAME_PX = 1.5, 0.7
 SUPPORTED = 0.45
+UNEXPLAINED_LEAST = 0.001
 RIVAL_SCORE, RIVAL_APART = 0.95, 0.06
 
 
@@ -73,7 +74,10 @@ def rival(found: Sequence[Candidate]) -> Candidate | None:
 def candidates(
     images: Sequence[Floats], stereo: StereoModel, hole: Rimmed, nominal: Pose, half_ranges: Array
 ) -> list[Candidate]:
-    """Where the hole may be, best first; one at least, whatever the pictures show: its score says what it is worth.
+    """Where the hole may be: one to five poses, whatever the pictures show; the score says what each is worth.
+
+    Those first that leave least of what is near the rim unexplained. The first is mostly within a pixel, one of them
+    nearly always: a fit of each decides.
 
     `images` left and right, (height, width) each, grey 0 to 255, linear in light; `nominal` is `pose_base_hole` by the
     cell's drawing, `half_ranges` (6,) how far it may be off, m and rad.
@@ -100,13 +104,14 @@ def candidates(
             score = support(levels, samples, stereo, poses).mean(axis=(0, 2))
             poses = poses.taken(_apart(samples, stereo, poses, score, WORTH_PX * min(factors))[:KEPT])
             poses = refined(levels, samples, stereo, poses, prior, ranges, EDGES_PX)
-            score = likeness(levels, samples, stereo, poses).mean(axis=(0, 2))
+            score = _rank(np.asarray(likeness(levels, samples, stereo, poses), dtype=float))
             poses = poses.taken(_apart(samples, stereo, poses, score, SAME_PX * min(factors)))
+            poses = _with_slips(poses, samples)
         poses = refined(levels, samples, stereo, poses, prior, ranges, STEPS_PX, by_steps=True)
         first = False
-    seen = likeness(levels, samples, stereo, poses)
+    seen = np.asarray(likeness(levels, samples, stereo, poses), dtype=float)
     score = seen.mean(axis=(0, 2))
-    chosen = _apart(samples, stereo, poses, score, SAME_PX)
+    chosen = _apart(samples, stereo, poses, _rank(seen), SAME_PX)[:MOST]
     middle = samples.at(0.5)
     rims = stereo.project(poses.apply(middle))
     best = rims[:, chosen[0]]
@@ -115,6 +120,23 @@ def candidates(
         Candidate(poses[index], float(score[index]), middle, seen[:, index], float(apart[:, index].max()))
         for index in chosen
     ]
+
+
+def _with_slips(poses: Poses, samples: RimSamples) -> Poses:
+    """The poses, and the first one aside by a chamfer's width in four directions: one line of a chamfer that is bright
+    on one side and dark on the other is easily taken for the other line."""
+    width = float(np.abs(samples.inner_m - samples.outer_m)[:, 2].max())
+    steps = np.zeros((4, 6))
+    steps[:, :2] = width * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    slipped = poses.taken([0] * 4).moved(steps)
+    return Poses(
+        np.concatenate([poses.rotation, slipped.rotation]), np.concatenate([poses.translation_m, slipped.translation_m])
+    )
+
+
+def _rank(seen: Array) -> Array:
+    """(K,): what is left unexplained of each profile, (2, K, M), by its logarithm, as a likelihood counts it."""
+    return np.asarray(-np.log(1.0 + UNEXPLAINED_LEAST - seen).mean(axis=(0, 2)))
 
 
 def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array, least_px: float) -> list[int]:

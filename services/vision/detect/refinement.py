@@ -29,11 +29,12 @@ SPREAD_LEAST_PX = 0.35
 # an edge may be seen at -1, the chamfer's outer line, at 1, its inner one, or between: the same all around
 LINE_SD = 1.0
 # the profile that is compared with two steps: beyond the outer line and beyond the inner one; their blur
-FACE_PX, BORE_PX = 3.0, 2.0
+FACE_PX, BORE_PX = 3.5, 4.0
 STEP_SPREAD_PX = 0.9
 WIDTH_STEP_PX = 0.5
 STEP_NOISE_SHARE = 1.0
 STEPS_LEAST = 0.3
+UNEXPLAINED_LEAST = 0.002
 EDGE_LEAST = 0.25  # below this share of an edge a profile says nothing
 # profiles near each other see the same edge: one in ten counts, by how they scatter
 INDEPENDENT = 0.1
@@ -203,7 +204,9 @@ def refined(
             offsets = _offsets(window + float(half.max()))
             share = edges_along(levels, samples, rim, offsets)
             beyond = np.maximum(np.abs(offsets) - half[..., None], 0.0)
-        likely = share * np.exp(-0.5 * (beyond / (NEAR_SHARE * window)) ** 2)
+        # two steps explain most of many profiles a little off the rim: what they leave unexplained tells
+        likely = share / (1.0 + UNEXPLAINED_LEAST - share) if by_steps else share
+        likely = likely * np.exp(-0.5 * (beyond / (NEAR_SHARE * window)) ** 2)
         best = np.clip(np.argmax(likely, axis=-1), 1, len(offsets) - 2)[..., None]
         before, middle, after = (np.take_along_axis(likely, best + k, -1)[..., 0] for k in (-1, 0, 1))
         bend = np.minimum(before - 2.0 * middle + after, -1e-6)
@@ -226,20 +229,20 @@ def refined(
     return poses
 
 
-def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Array:
+def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Floats:
     """(2, K, M): 0 to 1, how much of an edge there is at each sample of the rim, on either line of its chamfer."""
     rim = SeenRim.of(samples, stereo, poses, levels)
     half = 0.5 * rim.chamfer_px
     offsets = _offsets(SUPPORT_WINDOW_PX + float(half.max()))
     share = edges_along(levels, samples, rim, offsets)
     beyond = np.maximum(np.abs(offsets) - half[..., None], 0.0)
-    return np.asarray(np.max(share * np.exp(-0.5 * (beyond / SUPPORT_PX) ** 2), axis=-1), dtype=np.float64)
+    return np.asarray(np.max(share * np.exp(-0.5 * (beyond / SUPPORT_PX) ** 2), axis=-1), dtype=np.float32)
 
 
-def likeness(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Array:
+def likeness(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Floats:
     """(2, K, M): 0 to 1, how much each profile of the rim looks like its two steps, half a pixel off at most."""
     rim = SeenRim.of(samples, stereo, poses, levels)
-    return np.asarray(np.max(steps_along(levels, samples, rim, _offsets(STEP_PX)), axis=-1), dtype=np.float64)
+    return np.asarray(np.max(steps_along(levels, samples, rim, _offsets(STEP_PX)), axis=-1), dtype=np.float32)
 
 
 def _sampled(picture: Floats, rows_px: Floats, beyond: int) -> Floats:
@@ -249,9 +252,9 @@ def _sampled(picture: Floats, rows_px: Floats, beyond: int) -> Floats:
 
 
 def _offsets_between(low_px: float, high_px: float) -> Array:
-    return low_px + STEP_PX * np.arange(int(np.ceil((high_px - low_px) / STEP_PX)) + 1)
+    return np.asarray(low_px + STEP_PX * np.arange(int(np.ceil((high_px - low_px) / STEP_PX)) + 1), dtype=float)
 
 
 def _offsets(reach_px: float) -> Array:
     count = int(np.ceil(reach_px / STEP_PX))
-    return STEP_PX * np.arange(-count, count + 1)
+    return np.asarray(STEP_PX * np.arange(-count, count + 1), dtype=float)
