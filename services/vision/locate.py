@@ -37,7 +37,7 @@ from services.vision.stereo import StereoModel
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.6, 0.6
-SATURATED_MOST = 0.25
+SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY, DARK_STEP_NOISES = 25.0, 8.0
@@ -188,6 +188,11 @@ def _checked(quality: Quality) -> None:
         raise TooBright(
             f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
             "expose less, or take the glare off it"
+        )
+    if quality.rim_saturated > RIM_SATURATED_MOST:
+        raise TooBright(
+            f"{quality.rim_saturated:.0%} of the rim is beside something saturated, want less than "
+            f"{RIM_SATURATED_MOST:.0%}: expose less, or take the glare off the chamfer"
         )
     if quality.inside < INSIDE_LEAST:
         raise CutOff(
