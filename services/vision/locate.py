@@ -37,13 +37,13 @@ from services.vision.stereo import StereoModel
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.6, 0.6
-SATURATED_MOST = 0.25
+SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
-DARK_GREY = 25.0
-RESIDUAL_MOST = 0.08
+DARK_GREY, DARK_STEP_NOISES = 25.0, 8.0
+RESIDUAL_MOST = 0.2
 # how rough what is seen at the rim may be, share of the step
-ROUGH_MOST = 0.2
+ROUGH_MOST = 0.15
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
 OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 # from there on they make the covariance larger
@@ -184,18 +184,26 @@ def _judged(task: _Task, fit: Fit) -> _Attempt:
 
 
 def _checked(quality: Quality) -> None:
-    if quality.inside < INSIDE_LEAST:
-        raise CutOff(
-            f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
-        )
     if quality.saturated > SATURATED_MOST:
         raise TooBright(
             f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
             "expose less, or take the glare off it"
         )
+    if quality.rim_saturated > RIM_SATURATED_MOST:
+        raise TooBright(
+            f"{quality.rim_saturated:.0%} of the rim is beside something saturated, want less than "
+            f"{RIM_SATURATED_MOST:.0%}: expose less, or take the glare off the chamfer"
+        )
+    if quality.inside < INSIDE_LEAST:
+        raise CutOff(
+            f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
+        )
     step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
+    dark = quality.face_grey < DARK_GREY
+    if dark:
+        step = max(DARK_STEP_NOISES * quality.noise_grey, step)
     if quality.step_grey < step:
-        if quality.face_grey > DARK_GREY:
+        if not dark:
             raise NoCross(
                 f"where the rim should be the step is {quality.step_grey:.0f} grey levels in noise of "
                 f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
@@ -248,7 +256,11 @@ def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
             _judged(swapped, fit)
         except VisionRefusal:
             return
-        raise NotAStereoPair("the hole is found with left and right exchanged, want the left camera's picture first")
+        offset = quality_of(fit, task.fine, task.doubts).offset_px
+        raise NotAStereoPair(
+            f"the hole is found within {np.linalg.norm(offset):.2f} px with left and right exchanged: give the left "
+            "camera's picture as the left one"
+        )
 
 
 def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> None:

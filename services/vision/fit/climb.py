@@ -26,7 +26,7 @@ FINE_STEPS = 5
 GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
-OTHER_STEPS = 3
+OTHER_STEPS, OTHER_HELD = 5, 3
 # one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
 BETTER_SHARE = 0.985
 MARGIN_PX = 40
@@ -163,9 +163,10 @@ def _best_of_alike(
             if not alike and not strange:
                 continue
             moved = perturbed(state.pose_camera_hole, np.array([*(-width * way), 0.0, 0.0, 0.0, 0.0]))
-            other = replace(start_state(rim, moved), blur_px2=np.tile(state.blur_px2.mean(axis=0), (2, 1)))
-            for _ in range(OTHER_STEPS):
-                other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=True)
+            # a wrong place is blurred by more than the lens
+            other = start_state(rim, moved, float(np.min(state.blur_px2[:, [0, 2]])))
+            for number in range(OTHER_STEPS):
+                other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=number < OTHER_HELD)
             found = misfit(other_fit, fit.even)
             if found < least:
                 best, best_fit, least = other, other_fit, found

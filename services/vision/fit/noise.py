@@ -48,6 +48,6 @@ def robust_weight(residual: Array, variance: Array, step: Array, inside: Array) 
     # one weight a group: a dark bore with little noise knows no better where the edge lies than the model is true
     level = np.sum(variance * inside, axis=(2, 3)) / np.maximum(inside.sum(axis=(2, 3)), 1.0)
     height = np.mean(step**2, axis=2)
-    even = (level + MODEL_SHARE**2 * height)[..., None, None]
+    even = np.maximum(level + MODEL_SHARE**2 * height, QUANTISED_GREY**2)[..., None, None]
     profile = np.minimum(whole, 1.0) ** 2
     return inside * np.minimum(one, 1.0) * profile[..., None] / even, profile, even[..., 0, 0]

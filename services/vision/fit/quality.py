@@ -24,7 +24,8 @@ class Quality:
     group's
     profiles
     that look like the rim; residual: what is left of the greys, share of the step; inside: share of the rim inside the
-    picture, the worse of both; saturated: share of the face beside the rim; offset_px (2,) and its conflict with the
+    picture, the worse of both; saturated: share of the face beside the rim; rim_saturated: of
+    the profiles across it, any part of them; offset_px (2,) and its conflict with the
     calibration, sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough:
     what
     the model leaves unsaid, share of the step, the more the farther along the rim it hangs together: texture."""
@@ -36,6 +37,7 @@ class Quality:
     residual: float
     inside: float
     saturated: float
+    rim_saturated: float
     offset_px: Array
     offset_conflict: float
     sizes_m: Array
@@ -93,6 +95,7 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
         float(np.sqrt(squares)) / max(typical, 1.0),
         float(np.mean(seen, axis=(1, 2)).min()),
         float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),
+        float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
         off,
         _conflict(off, fit.covariance[offset, offset], offset_sd),
         fit.state.sizes_m,
