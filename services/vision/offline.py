@@ -38,11 +38,14 @@ from services.vision.paper import locate_paper
 from services.vision.refusals import Doubtful, VisionRefusal
 from services.vision.rim_model import Rimmed
 from services.vision.stereo import StereoModel
+from services.vision.straightness import left_over
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
 SIDES = ("left", "right")
 # two lights show one hole: what they say of it differs by no more than this squared distance (chi2, 6 dof, 99.99 %)
 CONTRADICTION = 27.86
+# what one light shows for certain and another may hide: there is no such hole
+NO_HOLE = frozenset({"flat_print", "shallow_pocket"})
 
 
 class BadJob(Exception):
@@ -155,8 +158,9 @@ def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Lo
             found.append(one)
         except VisionRefusal as refusal:
             refusals.append(refusal)
-    if not found:
-        return None, refusals
+    certain = [refusal for refusal in refusals if refusal.code in NO_HOLE]
+    if not found or certain:
+        return None, certain + [refusal for refusal in refusals if refusal not in certain]
     try:
         return best_of(found), refusals
     except Doubtful as refusal:
@@ -193,8 +197,22 @@ def answer(job: Job, cell: CellFile) -> dict[str, Any]:
         "covariance": None if found is None else np.asarray(found.covariance).tolist(),
         "refusal": told,
         "time_s": time_s,
-        "quality": {**quality, "lights": float(len(pairs)), "lights_refused": float(len(refusals))},
-    }
+        "quality": {
+            **quality, **_lenses(pairs[0], scene.stereo),
+            "lights": float(len(pairs)), "lights_refused": float(len(refusals)),
+        },
+    }  # fmt: skip
+
+
+def _lenses(pair: tuple[Light, Light], stereo: StereoModel) -> dict[str, float]:
+    """By side what straight edges leave over of the lens, as a k1, where enough of them are seen; and 1 where that is
+    no chance: the calibration is not that of this lens."""
+    told: dict[str, float] = {}
+    for side, light, camera in zip(SIDES, pair, stereo.cameras, strict=True):
+        left = left_over(light, camera)
+        if left is not None:
+            told |= {f"bow_k1_{side}": left.k1, f"bow_k1_sd_{side}": left.sd, f"bow_sure_{side}": float(left.sure)}
+    return told
 
 
 def _write(folder: Path, pictures: list[Any]) -> None:

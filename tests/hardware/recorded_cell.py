@@ -18,7 +18,16 @@ from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.config import Workcell, load_cell
 from crosspih_common.geometry import Pose
 from crosspih_common.holding import ArmLease, hold_arm
-from crosspih_common.keys import CAPTURE, DWELL, GUARDED_MOVE, MOVE_LINEAR, RECORD_START, RECORD_STOP, RESET
+from crosspih_common.keys import (
+    CAPTURE,
+    DWELL,
+    GUARDED_MOVE,
+    MOVE_LINEAR,
+    RECORD_START,
+    RECORD_STOP,
+    RESET,
+    SET_PAYLOAD,
+)
 from crosspih_common.messages import (
     CaptureStereo,
     Dwell,
@@ -27,6 +36,7 @@ from crosspih_common.messages import (
     MoveLinear,
     PoseData,
     ResetCell,
+    SetPayload,
     StartRecording,
     StereoPair,
     StopRecording,
@@ -34,6 +44,7 @@ from crosspih_common.messages import (
 from crosspih_common.recording import Recording, read_recording
 from crosspih_common.service.lifecycle import ServiceContext
 from services.hardware.__main__ import build
+from services.hardware.drivers.simulated.config import ForceTorqueConfig
 from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
 
@@ -42,6 +53,10 @@ SIMULATED = {"driver": "simulated", "simulated": {"speed": "max", "camera": {"sa
 CELL: dict[str, Any] = {"name": "film", "camera": {"width_px": 160, "height_px": 120, "cx_px": 80.5, "cy_px": 60.5}}
 # across from the hole, the tip 30 mm in front of the plate
 BESIDE_THE_HOLE = PoseData.of(Pose.from_translation([0.02, 0.02, -Workcell().peg.shape().tip_m - 0.03]))
+FT = ForceTorqueConfig()
+PAYLOAD = SetPayload(
+    bias=FT.bias, weight_n=9.81 * FT.payload_kg, centroid_ft_m=FT.payload_centroid_m, gravity_base=(0.0, 0.0, -1.0)
+)
 
 
 @dataclass(frozen=True)
@@ -86,6 +101,7 @@ def session(bus: Bus, lease: ArmLease, name: str) -> Played:
     into = start.rotation[:, 2]
     goal = PoseData.of(Pose(start.rotation, start.translation_m + 0.01 * into))
     along = lease.ask(MOVE_LINEAR, MoveLinear(pose_base_peg=goal), DEADLINE_S)
+    lease.ask(SET_PAYLOAD, PAYLOAD, DEADLINE_S)
     touch = lease.ask(
         GUARDED_MOVE,
         GuardedMove(direction_base=tuple(into.tolist()), speed_m_s=0.02, travel_limit_m=0.03, retreat_m=0.002),

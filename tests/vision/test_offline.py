@@ -11,10 +11,13 @@ import cv2
 import numpy as np
 import pytest
 
-from crosspih_common.config import CameraSection, Workcell
+from crosspih_common.config import CameraSection, Workcell, load_cell
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, Gamma
+from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, Gamma, LocateMethod
+from services.vision import offline
+from services.vision.locate import Located
 from services.vision.offline import serve
+from services.vision.refusals import NoCross, VisionRefusal
 from tests.vision.lenses import OWN, calibration_of, fine_pair, seen_by
 
 NOMINAL = Workcell().hole_prior.pose_base_hole()
@@ -116,6 +119,21 @@ def test_of_several_lights_the_one_that_shows_the_hole_is_taken_and_the_pictures
             assert np.any(drawn[..., 0] != drawn[..., 2])  # something is drawn in colour
 
 
+def test_a_lens_that_is_not_as_calibrated_is_told_by_straight_edges(fine: tuple[Any, Any], tmp_path: Path) -> None:
+    barrel = PINHOLE.model_copy(update={"distortion_model": DistortionModel.PLUMB_BOB, "distortion": (-0.15,)})
+    pictures = [np.rint(noisy(seen_by(fine[side], barrel, STILL), side)).astype(np.uint8) for side in range(2)]
+    wrong, right = asked(
+        job_of(tmp_path, calibration_of(PINHOLE, PINHOLE, STILL, STILL), *pictures),
+        job_of(tmp_path, calibration_of(barrel, barrel, STILL, STILL), *pictures),
+    )
+    for side in ("left", "right"):
+        assert wrong["quality"][f"bow_sure_{side}"] == 1.0
+        assert wrong["quality"][f"bow_k1_{side}"] == pytest.approx(-0.15, abs=0.06)
+        assert right["quality"][f"bow_sure_{side}"] == 0.0
+        assert abs(right["quality"][f"bow_k1_{side}"]) < 3.0 * right["quality"][f"bow_k1_sd_{side}"]
+    require_found(right)
+
+
 def test_a_hole_that_was_moved_between_two_lights_is_doubted(fine: tuple[Any, Any], tmp_path: Path) -> None:
     calibration = calibration_of(PINHOLE, PINHOLE, STILL, STILL)
     pictures = [np.rint(noisy(seen_by(fine[side], PINHOLE, STILL), side)).astype(np.uint8) for side in range(2)]
@@ -157,3 +175,31 @@ def test_a_job_that_cannot_be_done_is_told_its_field_and_the_next_one_is_done(
         assert answer.keys() == {"error"}
         assert answer["error"]["field"] == field and said in answer["error"]["text"], answer
     assert answers[-1]["located"] and OWN.width_px == 640
+
+
+def test_one_light_that_shows_a_print_for_certain_outweighs_another_that_gives_a_pose(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Print(VisionRefusal):
+        code = "flat_print"
+
+    pose = Located(NOMINAL, np.eye(6), {}, np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1, 3), np.uint8))
+
+    def lights(*told: Any) -> tuple[Located | None, list[VisionRefusal]]:
+        answers = iter(told)
+
+        def located(*_: Any) -> Located:
+            answer = next(answers)
+            if isinstance(answer, VisionRefusal):
+                raise answer
+            return pose
+
+        monkeypatch.setitem(offline.METHODS, LocateMethod.RIM, located)
+        calibration = calibration_of(PINHOLE, PINHOLE, STILL, STILL)
+        job = offline.Job(left=("l",), right=("r",), calibration=calibration)
+        nothing = np.zeros((1, 1), np.float32)
+        return offline.locate(job, offline.Scene.of(calibration, load_cell(CELL)), [(nothing, nothing)] * len(told))
+
+    assert lights(pose, NoCross("dark"))[0] is pose
+    found, refusals = lights(NoCross("dark"), pose, Print("seen"))
+    assert found is None and [refusal.code for refusal in refusals] == ["flat_print", "no_cross"]

@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from crosspih_common.bus.codec import decode
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, PoseData
+from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, PoseData, StereoPair
 from services.vision.stereo import Camera, StereoModel
 
 LENSES: dict[str, dict[str, Any]] = {
@@ -158,6 +159,8 @@ def test_the_calibration_of_before_is_two_equal_parallel_cameras() -> None:
     assert (read.stamp_ns, read.seq, read.left, read.left.fy_px) == (5, 2, read.right, 380.0)
     assert read.pose_left_right.position_m == (0.05, 0.0, 0.0)
     assert CameraCalibration.model_validate_json(read.model_dump_json()) == read
+    pair = json.dumps({"stamp_ns": 9, "capture_id": 1, "exposure_s": 0.02, "calibration": FLAT}).encode()
+    assert decode(StereoPair, pair, "crosspih.StereoPair/1 4", "k").calibration.left == read.left  # of a recording
     pixels = StereoModel.of(read).project(np.array([0.01, 0.02, 0.4]))
     assert pixels[0, 0] - pixels[1, 0] == pytest.approx(381.36 * 0.05 / 0.4)
 

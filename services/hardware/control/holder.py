@@ -12,6 +12,7 @@ from crosspih_common.messages import LeaseState
 
 BEATS_A_TIMEOUT = 5
 CUT_OFF_S = 0.5  # of the arm's own loop, without any beat at all
+WINDOW_S = 0.05  # over which silence is counted: longer than a loop sleeps between two heaps of cycles
 WAIT_S = 3.0  # for a beat, of a cell whose time stands still meanwhile
 
 
@@ -34,9 +35,9 @@ class Holder:
         self._beat_at_s = 0.0  # wall clock
         self._seen_beats = -1
         self._seen_ns = 0
-        self._silent_s = 0.0
-        self._cycle_at_s = 0.0
-        self._cycle_ns = 0
+        self._silent_s = 0.0  # in the windows that are over
+        self._window_at_s = 0.0
+        self._window_ns = 0
         self._own_beats = 0  # since the holder's last one
         self._own_at_s = 0.0
         self.on_change: Callable[[LeaseState], object] = lambda state: None
@@ -107,8 +108,8 @@ class Holder:
         """A motion of the holder begins."""
         with self._changed:
             self._seen_beats, self._seen_ns = self._beats, now_ns
-            self._silent_s, self._cycle_at_s = 0.0, time.monotonic()
-            self._cycle_ns, self._own_beats = now_ns, 0
+            self._silent_s, self._window_at_s = 0.0, time.monotonic()
+            self._window_ns, self._own_beats = now_ns, 0
 
     def lost(self, now_ns: int) -> bool:
         """Once a cycle: whether the holder is gone. Never of a motion that nobody holds the lease for."""
@@ -118,12 +119,13 @@ class Holder:
             wall_s = time.monotonic()
             if self._beats != self._seen_beats:
                 self._seen_beats, self._seen_ns, self._silent_s = self._beats, now_ns, 0.0
+                self._window_at_s, self._window_ns = wall_s, now_ns
             elif self._realtime:
-                self._silent_s += min(wall_s - self._cycle_at_s, (now_ns - self._cycle_ns) * 1e-9)
+                silent_s = self._count_silence(now_ns, wall_s)
                 heard_us_only = self._own_beats * self.beat_s >= 0.999 * self.timeout_s
                 if heard_us_only and wall_s - self._beat_at_s >= self.timeout_s:
                     return True
-                if self._silent_s > max(CUT_OFF_S, self.timeout_s):
+                if silent_s > max(CUT_OFF_S, self.timeout_s):
                     return True
             elif now_ns - self._seen_ns > 1e9 * self.timeout_s:
                 beats = self._beats
@@ -131,8 +133,20 @@ class Holder:
                     self._silent_s = self.timeout_s
                 else:
                     self._seen_beats, self._seen_ns = self._beats, now_ns
-            self._cycle_at_s, self._cycle_ns = wall_s, now_ns
             return not self._realtime and self._silent_s >= self.timeout_s
+
+    def _count_silence(self, now_ns: int, wall_s: float) -> float:
+        """How long nothing was heard, s. Of each window the shorter time counts, the loop's or the wall's.
+
+        While the loop was held up, beats waited as it did; while it catches up, its clock runs ahead of them. In a
+        single cycle the shorter one would say little: a loop may do many cycles at once and then sleep.
+        """
+        window_s = min(wall_s - self._window_at_s, (now_ns - self._window_ns) * 1e-9)
+        if wall_s - self._window_at_s < WINDOW_S:
+            return self._silent_s + window_s
+        self._silent_s += window_s
+        self._window_at_s, self._window_ns = wall_s, now_ns
+        return self._silent_s
 
     def drop_expired(self, now_ns: int) -> None:
         """Between motions: let go of a holder whose beats have stayed away, and say so."""

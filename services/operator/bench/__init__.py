@@ -13,6 +13,7 @@ from services.operator.bench.kills.command import kills
 from services.operator.bench.pictures.command import make_pictures
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
+from services.operator.bench.sizes import sizes
 from services.operator.bench.states import states
 from services.operator.bench.vision import vision
 from services.operator.for_cell import for_cell
@@ -25,6 +26,7 @@ app.command()(for_cell(states))
 app.command()(for_cell(compare))
 app.command()(for_cell(vision))
 app.command("pictures")(make_pictures)
+app.command()(for_cell(sizes))
 app.command()(for_cell(refine))
 app.command()(engines)
 app.command()(cell)

@@ -106,7 +106,7 @@ def locate(
     console = Console(stderr=True)
     try:
         with using_cell(cell):
-            answer, place = _asked(left, right, calibration, annotated, gamma, method, rectified, unit)
+            answer, place = _asked(console, left, right, calibration, annotated, gamma, method, rectified, unit)
     except (BadInput, CalibrationFileError, ConfigError) as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(BAD_INPUT) from None
@@ -122,8 +122,8 @@ def locate(
 
 
 def _asked(
-    left: str, right: str, calibration: list[str], annotated: Path | None, gamma: Gamma | None, method: LocateMethod,
-    rectified: bool, unit: Unit,
+    console: Console, left: str, right: str, calibration: list[str], annotated: Path | None, gamma: Gamma | None,
+    method: LocateMethod, rectified: bool, unit: Unit,
 ) -> tuple[dict[str, object], str]:  # fmt: skip
     lefts, rights = files_of(left, "left"), files_of(right, "right")
     cell = cell_file()
@@ -136,6 +136,13 @@ def _asked(
             sizes=lambda: (size_px(lefts[0], "left"), size_px(rights[0], "right")),
         ),
     )  # fmt: skip
+    photos = [path for path in (*lefts, *rights) if path.suffix.lower() in (".jpg", ".jpeg")]
+    if photos and gamma is None and Gamma.SRGB not in (camera.left.gamma, camera.right.gamma):
+        console.print(
+            f"{photos[0]} is a JPEG, which most cameras write with a gamma, and the calibration says linear: try "
+            "--gamma srgb",
+            style="yellow", markup=False, highlight=False, soft_wrap=True,
+        )  # fmt: skip
     job = {
         "left": [str(path) for path in lefts],
         "right": [str(path) for path in rights],

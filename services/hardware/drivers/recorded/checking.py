@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from crosspih_common.config import Workcell, cell_of_text
+from crosspih_common.config import CellFile, Workcell, cell_of_text
 from crosspih_common.errors import ConfigError
 from crosspih_common.recording import Recording
+from services.hardware.config import HardwareConfig
 from services.hardware.drivers.recorded.film import FIELD, JointTrack, RecordedPair
+from services.hardware.protocols import Landing
 
 SLACK_RAD = 0.02  # encoders say a little more than the limit at the limit
 
@@ -40,21 +42,42 @@ def differences(recorded: Any, given: Any, where: str) -> Iterator[tuple[str, An
         yield where, recorded, given
 
 
-def require_same_cell(recording: Recording, workcell: Workcell, devices: frozenset[str]) -> bool:
-    """Whether the recording says what cell it is of; then it is the one of the cell's file.
-
-    Raises ConfigError naming the first field that differs, or what of the stored description cannot be read here.
-    """
+def cell_then(recording: Recording) -> CellFile | None:
+    """The cell's file that the recording holds. Raises ConfigError where it cannot be read here."""
     stored = recording.metadata.get("cell", {})
     if "yaml" not in stored:
-        return False
+        return None
     try:
-        cell = cell_of_text(Path(stored.get("path", "recorded-cell.yaml")), stored["yaml"])
+        return cell_of_text(Path(stored.get("path", "recorded-cell.yaml")), stored["yaml"])
     except ConfigError as error:
         raise ConfigError(
             f"{FIELD}: the cell's file that {recording.path} holds does not read here: {error}; files that it names "
             "must be where they were when it was recorded"
         ) from None
+
+
+def landing_then(cell: CellFile | None) -> Landing | None:
+    """What a landing was reckoned with when this cell was recorded: with anything else its motions would be others.
+
+    None where the file does not say: its arm's own driver declared it.
+    """
+    if cell is None:
+        return None
+    config = cell.section("hardware", HardwareConfig)
+    simulated = config.simulated
+    declared = Landing(simulated.landing_mass_kg, simulated.landing_stiffness_n_m)
+    landing, missing = config.limits.landing(declared if config.driver_of("arm") == "simulated" else None)
+    return None if missing else landing
+
+
+def require_same_cell(recording: Recording, workcell: Workcell, devices: frozenset[str]) -> bool:
+    """Whether the recording says what cell it is of; then it is the one of the cell's file.
+
+    Raises ConfigError naming the first field that differs, or what of the stored description cannot be read here.
+    """
+    cell = cell_then(recording)
+    if cell is None:
+        return False
     found = list(differences(described(cell.workcell, devices), described(workcell, devices), "cell"))
     if found:
         field, recorded, given = found[0]

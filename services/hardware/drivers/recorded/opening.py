@@ -6,7 +6,13 @@ import sys
 from collections.abc import Callable
 
 from crosspih_common.errors import ConfigError
-from services.hardware.drivers.recorded.checking import require_same_arm, require_same_camera, require_same_cell
+from services.hardware.drivers.recorded.checking import (
+    cell_then,
+    landing_then,
+    require_same_arm,
+    require_same_camera,
+    require_same_cell,
+)
 from services.hardware.drivers.recorded.devices import RecordedCamera, RecordedJoints, RecordedWrench, pairs_from
 from services.hardware.drivers.recorded.film import (
     FIELD,
@@ -45,6 +51,7 @@ def open_devices(request: OpenRequest) -> Devices:
             track, config.from_s, config.period_s, config.tolerance_rad, workcell.arm().limits.speed_rad_s, pace
         )
         wrench = wrench_track(recording)
+        devices.landing = landing_then(cell_then(recording))
         devices.joints = RecordedJoints(playback, workcell.arm())
         devices.wrench = RecordedWrench(playback, wrench)
         said.append(
