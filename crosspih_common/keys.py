@@ -216,7 +216,13 @@ LEASE_TAKE = Command(
 )
 LEASE_GIVE = Command("arm/lease/give", GiveLease, LeaseGiven, "hardware", ("planning", "operator"), "let go of the arm")
 LEASE_BEAT = Topic(
-    "arm/lease/beat/{service}", LeaseBeat, Kind.STREAM, "{service}", ("hardware", *RECORDED), "the holder lives", 50.0
+    "arm/lease/beat/{service}",
+    LeaseBeat,
+    Kind.STREAM,
+    "{service}",
+    ("hardware", "operator", *RECORDED),
+    "the holder lives",
+    50.0,
 )
 LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ("operator", *RECORDED), "who holds the arm")
 CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")

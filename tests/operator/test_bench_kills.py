@@ -74,6 +74,7 @@ INSERTED = {"inserted": True, "failure": None, "backed_off": False, "tip_before_
         ("recorder", INSERTED),
         ("hardware", {"tip_before_m": None, "backed_off": False}),
         ("planning", {"failure": None, "asker_told": "nobody answers", "stop_s": 0.12, "tip_before_m": -0.02}),
+        ("planning", {"failure": None, "asker_told": "nobody answers", "stop_s": 0.36, "beats_s": 0.08}),
     ],
 )
 def test_what_is_in_order(service: str, changes: dict[str, object]) -> None:
@@ -96,7 +97,12 @@ def test_what_is_in_order(service: str, changes: dict[str, object]) -> None:
         ("recorder", {}, "did not go on"),
         ("hardware", INSERTED, "without hardware"),
         ("planning", {"failure": None}, "was not told"),
-        ("planning", {"asker_told": "nobody answers", "stop_s": 0.31}, "went on for 0.31 s, want 0.3 s"),
+        (
+            "planning",
+            {"asker_told": "nobody answers", "stop_s": 0.31},
+            "went on for 0.31 s without a beat of its holder, want 0.3 s",
+        ),
+        ("planning", {"asker_told": "nobody answers", "stop_s": 0.45, "beats_s": 0.1}, "went on for 0.35 s"),
     ],
 )
 def test_what_is_not(service: str, changes: dict[str, object], said: str) -> None:

@@ -139,17 +139,19 @@ class _Run:
             return Observed(signalled=False, detail=detail)
         if self._told and self._case.service in self._told:
             watch.told_by_asker()
-        stop_s = None
+        stop_s = beats_s = None
         if self._case.service == "planning":
             with contextlib.suppress(ValueError):
                 until_ns = watch.broken_off_ns() or watch.let_go_ns
                 stop_s = stopped_after_s(*watch.joints_until(until_ns), watch.signal_ns)
+                beats_s = (watch.gone_ns - watch.signal_ns) * 1e-9
         named_s, named_by = watch.named or (None, "")
         return Observed(
             signalled=True,
             moving=moving,
             force_n=force_n,
             stop_s=stop_s,
+            beats_s=beats_s,
             stop_reason=watch.stop_reason(),
             named_s=named_s,
             named_by=named_by,

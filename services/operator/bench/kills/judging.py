@@ -26,9 +26,9 @@ class Limits(BaseModel):
 
 
 class Observed(BaseModel):
-    """One case. `_s` of the cell's clock for `stop_s`, of the wall's for the others, all from the signal on.
+    """One case. `_s` of the cell's clock for `stop_s` and `beats_s`, of the wall's for the others, all from the signal on.
 
-    `stop_s` is told for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how
+    `beats_s` is when the last beat of the holder was heard: one that is killed takes a while to be gone. `stop_s` is told for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how
     far the peg's tip stands before the hole's face in the end, negative in the hole; None where the cell began anew.
     """
 
@@ -38,6 +38,7 @@ class Observed(BaseModel):
     moving: bool = False
     force_n: float = 0.0
     stop_s: float | None = None
+    beats_s: float | None = None
     stop_reason: str = ""
     named_s: float | None = None
     named_by: str = ""
@@ -100,8 +101,9 @@ def complaints(case: Case, seen: Observed, limits: Limits) -> list[str]:
 def _planner_gone(case: Case, seen: Observed, limits: Limits) -> list[str]:
     found = []
     allowed_s = limits.holder_timeout_s + STOP_S
-    if seen.stop_s is not None and seen.stop_s > allowed_s:
-        found.append(f"the arm went on for {seen.stop_s:.2f} s, want {allowed_s:g} s")
+    went_on_s = None if seen.stop_s is None else seen.stop_s - (seen.beats_s or 0.0)
+    if went_on_s is not None and went_on_s > allowed_s:
+        found.append(f"the arm went on for {went_on_s:.2f} s without a beat of its holder, want {allowed_s:g} s")
     if case.ending is Ending.KILL:
         if not seen.asker_told:
             found.append("whoever asked for the assembly was not told")

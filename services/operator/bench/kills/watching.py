@@ -17,6 +17,7 @@ from crosspih_common.keys import (
     GUARDED_MOVE,
     JOINT_STATE,
     LEASE,
+    LEASE_BEAT,
     MOVE_LINEAR,
     PHASE,
     TRUTH,
@@ -26,6 +27,7 @@ from crosspih_common.messages import (
     AssemblyPhase,
     Event,
     JointState,
+    LeaseBeat,
     LeaseState,
     MotionOutcome,
     Phase,
@@ -49,6 +51,7 @@ class Watch:
         self.speed_rad_s = self.force_n = 0.0
         self._at_s = float("inf")
         self._signal_ns, self._phases_before, self._truths_before = 0, 0, 0
+        self._gone_ns = 0
         self._named: tuple[float, str] | None = None
         self.let_go_ns: int | None = None
         self.outcome: MotionOutcome | None = None
@@ -58,6 +61,7 @@ class Watch:
         bus.hear(PHASE, self._on_phase)
         bus.hear(EVENTS, self._on_event)
         bus.hear(LEASE, self._on_lease)
+        bus.hear(LEASE_BEAT, self._on_beat)
         bus.watch_alive(self._on_alive)
         for command in MOTIONS:
             bus.hear(command.reply_echo, self._on_outcome)
@@ -98,6 +102,11 @@ class Watch:
             if self._service == "planning":
                 self._name("the arm, which let go")
 
+    def _on_beat(self, beat: LeaseBeat) -> None:
+        with self._changed:
+            if beat.holder == self._service and self._joints:
+                self._gone_ns = self._joints[-1].stamp_ns
+
     def _on_outcome(self, outcome: MotionOutcome) -> None:
         ended_ns = outcome.start_stamp_ns + round(outcome.duration_s * 1e9)
         with self._changed:
@@ -124,6 +133,7 @@ class Watch:
         with self._changed:
             self._service, self._at_s = service, time.monotonic()
             self._signal_ns = max((state.stamp_ns for state in self._joints[-1:]), default=0)
+            self._gone_ns = self._signal_ns
             self._phases_before, self._truths_before = len(self.phases), len(self._truths)
 
     def told_by_asker(self) -> None:
@@ -139,6 +149,11 @@ class Watch:
     def signal_ns(self) -> int:
         """The cell's time of the signal."""
         return self._signal_ns
+
+    @property
+    def gone_ns(self) -> int:
+        """The cell's time at the last beat of the holder: a process that is killed takes a while to be gone."""
+        return self._gone_ns
 
     def since_signal_s(self) -> float:
         """Wall time."""
