@@ -70,6 +70,7 @@ def table_of(rows: Sequence[Row], speed: str) -> Table:
     table = Table(title=f"a service ended in the middle of an assembly; the cell at {speed}")
     for name, justify in (
         ("service", "left"), ("signal", "left"), ("phase", "left"), ("|F| then, N", "right"), ("motion then", "left"),
+       
         ("beats, s", "right"), ("arm stops, s", "right"), ("named, s", "right"), ("by", "left"), ("assembly", "left"), ("ends, s", "right"),
         ("peak after, N", "right"), ("tip, from the face", "right"), ("holds", "left"),
     ):  # fmt: skip
@@ -82,8 +83,8 @@ def table_of(rows: Sequence[Row], speed: str) -> Table:
 
         table.add_row(
             case.service, case.ending.value, case.phase.value, figure(seen.force_n, 1), seen.stop_reason or "none",
-            figure(seen.beats_s, 3), figure(seen.stop_s, 3), figure(seen.named_s), seen.named_by, _ended(seen), figure(seen.ended_s, 1),
-            figure(seen.peak_n, 1), _peg(seen), "[red]no[/red]" if row.complaints else "yes",
+            figure(seen.beats_s, 3), figure(seen.stop_s, 3), figure(seen.named_s), seen.named_by, _ended(seen),
+            figure(seen.ended_s, 1), figure(seen.peak_n, 1), _peg(seen), "[red]no[/red]" if row.complaints else "yes",
         )  # fmt: skip
     return table
 

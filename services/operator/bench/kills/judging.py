@@ -26,10 +26,12 @@ class Limits(BaseModel):
 
 
 class Observed(BaseModel):
-    """One case. `_s` of the cell's clock for `stop_s` and `beats_s`, of the wall's for the others, all from the signal on.
+    """One case. `_s` of the cell's clock for `stop_s` and `beats_s`, of the wall's for the others, all from the signal
+    on.
 
-    `beats_s` is when the last beat of the holder was heard: one that is killed takes a while to be gone. `stop_s` is told for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how
-    far the peg's tip stands before the hole's face in the end, negative in the hole; None where the cell began anew.
+    `beats_s` is when the last beat of the holder was heard: one that is killed takes a while to be gone. Both are told
+    for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how far the peg's tip
+    stands before the hole's face in the end, negative in the hole; None where the cell began anew.
     """
 
     model_config = ConfigDict(frozen=True)
