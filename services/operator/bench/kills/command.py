@@ -70,9 +70,8 @@ def table_of(rows: Sequence[Row], speed: str) -> Table:
     table = Table(title=f"a service ended in the middle of an assembly; the cell at {speed}")
     for name, justify in (
         ("service", "left"), ("signal", "left"), ("phase", "left"), ("|F| then, N", "right"), ("motion then", "left"),
-       
-        ("beats, s", "right"), ("arm stops, s", "right"), ("named, s", "right"), ("by", "left"), ("assembly", "left"), ("ends, s", "right"),
-        ("peak after, N", "right"), ("tip, from the face", "right"), ("holds", "left"),
+        ("beats, s", "right"), ("arm stops, s", "right"), ("named, s", "right"), ("by", "left"), ("assembly", "left"),
+        ("ends, s", "right"), ("peak after, N", "right"), ("tip, from the face", "right"), ("holds", "left"),
     ):  # fmt: skip
         table.add_column(name, justify="right" if justify == "right" else "left")
     for row in rows:
