@@ -30,8 +30,8 @@ class Observed(BaseModel):
     on.
 
     `beats_s` is when the last beat of the holder was heard: one that is killed takes a while to be gone. Both are told
-    for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how far the tip of the
-    peg stands before the hole's face in the end, negative in the hole; None where the cell began anew.
+    for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how far the
+    peg's tip stands before the hole's face in the end, negative in the hole; None where the cell began anew.
     """
 
     model_config = ConfigDict(frozen=True)
