@@ -21,6 +21,7 @@ from services.vision.fit.solve import Doubts, Fit, Images
 from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
     CutOff,
+    Doubtful,
     NoCross,
     NotAStereoPair,
     NotEnoughRim,
@@ -53,6 +54,9 @@ TAIL = 1.25
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
+# another fit about the same place that leaves less than so many times as much unexplained, and chi2 (6) of how far away
+# it may be
+ALIKE_SHARE, RIVAL_MOST = 1.06, 27.9
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 
@@ -126,9 +130,9 @@ def locate_rim(
         )
     refusal: VisionRefusal | None = None
     attempt = None
-    for fit in _fits(task, found):
+    for fit, rival in _fits(task, found):
         try:
-            attempt = _judged(task, fit)
+            attempt = _judged(task, fit, rival)
             break
         except VisionRefusal as error:
             refusal = refusal or error
@@ -149,10 +153,9 @@ def locate_rim(
     )
 
 
-def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
+def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
     """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for
-    all,
-    whether it is then found sound or not."""
+    all, whether it is then found sound or not; with it how far away another one is that explains as much."""
     rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
     while rest:
         centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
@@ -172,12 +175,28 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[Fit]:
             except np.linalg.LinAlgError:
                 continue
         if fits:
-            yield min(fits, key=lambda fit: misfit(fit, fits[0].even))
+            left_over = [misfit(fit, fits[0].even) for fit in fits]
+            order = np.argsort(left_over)
+            best = fits[order[0]]
+            alike = [fits[index] for index in order[1:] if left_over[index] < ALIKE_SHARE * left_over[order[0]]]
+            yield best, max((_apart(best, other) for other in alike), default=0.0)
 
 
-def _judged(task: _Task, fit: Fit) -> _Attempt:
+def _apart(fit: Fit, other: Fit) -> float:
+    """How far another fit's pose lies from the first one's, against both covariances, squared."""
+    off = fit.state.pose_camera_hole.inverse() @ other.state.pose_camera_hole
+    error = np.concatenate([off.translation_m, off.rotvec_rad()])
+    return float(error @ np.linalg.solve(fit.covariance[:6, :6] + other.covariance[:6, :6], error))
+
+
+def _judged(task: _Task, fit: Fit, rival: float) -> _Attempt:
     quality = quality_of(fit, task.fine, task.doubts)
     _checked(quality)
+    if rival > RIVAL_MOST:
+        raise Doubtful(
+            "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
+            "use a larger, softer light, or one from another side"
+        )
     evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality, task.doubts)
     judge(evidence, quality)
     return _Attempt(fit, quality, evidence)
@@ -251,9 +270,9 @@ def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
         return
     swapped = _Task((right, left), task.stereo, task.hole, task.coarse, task.fine, task.doubts)
     found = candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)
-    for fit in _fits(swapped, found[:1]):
+    for fit, rival in _fits(swapped, found[:1]):
         try:
-            _judged(swapped, fit)
+            _judged(swapped, fit, rival)
         except VisionRefusal:
             return
         offset = quality_of(fit, task.fine, task.doubts).offset_px
@@ -271,8 +290,8 @@ def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> N
         if apart.min() < APART_PX or other.score < OTHER_SCORE * found[0].score:
             continue
         try:
-            for fit in _fits(task, [other]):
-                _judged(task, fit)
+            for fit, rival in _fits(task, [other]):
+                _judged(task, fit, rival)
         except VisionRefusal:
             continue
         raise TwoCrosses(f"two such holes are seen, {apart.min():.0f} px apart, want one: cover the other one")

@@ -30,6 +30,8 @@ EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.62, 0.72
 BETTER = 0.12
 # from the first on a bottom, a wall or the background; up to the second a pocket, up to the third the face itself
 DEEP_M, SHALLOW_M, FLAT_M = 0.012, 0.0065, 0.0008
+# a bottom deeper than SHALLOW_M and not yet DEEP_M: one plane explains all but that much, and deeper ones leave more by
+ONE_PLANE, ONE_PLANE_BETTER = 0.12, 0.05
 # log likelihood of a chamfer that goes down against one that is drawn on the face
 DEEPER_LEAST = 8.0
 # the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line
@@ -105,6 +107,8 @@ def _depth_by(inside: Inside, quality: Quality) -> float | None:
     best = int(np.nanargmin(share))
     if share[best] < EXPLAINED and inside.depths_m[best] <= SHALLOW_M and share[-1] > share[best] + BETTER:
         return float(inside.depths_m[best])
+    if share[best] < ONE_PLANE and inside.depths_m[best] < DEEP_M and deep > share[best] + ONE_PLANE_BETTER:
+        return float(inside.depths_m[best])
     if deep < share[0] - BETTER:
         return DEEP_M
     return np.inf if share[0] > (NOT_EXPLAINED if seen > PLAIN_NOISES else FAINTLY_NOT_EXPLAINED) else None
@@ -114,12 +118,12 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside."""
     inside = evidence.inside
     depth = _depth_by(inside, quality)
-    if depth is not None and depth > SHALLOW_M:
+    if depth is not None and depth >= DEEP_M:
         return
     if depth is not None and depth > FLAT_M:
         raise ShallowPocket(
             f"what is seen inside the outline lies {depth * 1e3:.1f} mm below the face, want more than "
-            f"{SHALLOW_M * 1e3:g} mm: a pocket, not the hole; is the right part in the fixture?"
+            f"{DEEP_M * 1e3:g} mm: a pocket, not the hole; is the right part in the fixture?"
         )
     share = inside.unexplained[0] / max(inside.structure, 1e-9)
     if depth is not None or evidence.deeper < -DEEPER_LEAST:
