@@ -24,6 +24,7 @@ from crosspih_common.bus.clock import AHEAD_NS
 from crosspih_common.bus.codec import label_of
 from crosspih_common.bus.zenoh_transport import ALIVE_BEATS, ALIVE_LEASE_MS, DEFAULT_ENDPOINT, HEARTBEAT_S, LEASE_MS
 from crosspih_common.messages import GuardedMove, Message
+from crosspih_common.messages.images import ENCODINGS
 from crosspih_common.refusals import REFUSALS
 from services.operator.contract.schema import image_proto, types
 from services.operator.keys_table import HEADINGS, rows
@@ -236,6 +237,7 @@ def page() -> str:
         now_lane=NOW_LANE,
         alive=keys.ALIVE_PATH,
         camera=keys.CAMERA_ALIVE,
+        encodings=", ".join(f"`{name}`" for name in ENCODINGS),
         needed=NEEDED,
         keys=table(HEADINGS, [(f"`{row[0]}`", f"`{row[1]}`", *row[2:]) for row in rows()]),
         lanes=table(("command", "lane", "when the lane is at work"), lanes()),

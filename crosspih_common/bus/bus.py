@@ -52,7 +52,7 @@ class Publisher(Generic[PayloadT]):
             stamp_ns = value.stamp_ns if value.stamp_ns >= 0 else self._bus.clock.now_ns()
             sent: Any
             if isinstance(value, Image):
-                sent = Image(value.frame, value.pixels, stamp_ns, seq)
+                sent = Image(value.frame, value.pixels, stamp_ns, seq, value.encoding)
             else:
                 sent = value.model_copy(update={"stamp_ns": stamp_ns, "seq": seq})
             self._sender.put(encode(sent), label_with_seq(self._topic.type, seq))

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from crosspih_common.errors import CommandRefused, ContractError
 from crosspih_common.messages.base import Message
-from crosspih_common.messages.images import IMAGE_TYPE, Image
+from crosspih_common.messages.images import ENCODINGS, IMAGE_TYPE, Image, Pixels
 
 if TYPE_CHECKING:
     from crosspih_common.keys import Payload
@@ -88,8 +88,9 @@ def _encode_image(image: Image) -> bytes:
     message.frame_id = image.frame
     message.height, message.width = image.pixels.shape[:2]
     message.encoding = image.encoding
-    message.step = image.pixels.shape[1] * (1 if image.pixels.ndim == 2 else 3)
-    message.data = np.ascontiguousarray(image.pixels).tobytes()
+    kind, channels = ENCODINGS[image.encoding]
+    message.step = image.pixels.shape[1] * channels * np.dtype(kind).itemsize
+    message.data = np.ascontiguousarray(image.pixels, dtype=kind).tobytes()
     return bytes(message.SerializeToString())
 
 
@@ -99,15 +100,23 @@ def _decode_image(payload: bytes, seq: int) -> Image:
     message = _raw_image()()
     try:
         message.ParseFromString(payload)
-        channels = {"mono8": 1, "rgb8": 3}[message.encoding]
-        row, step = message.width * channels, message.step
+        kind, channels = ENCODINGS[message.encoding]
+        sample = np.dtype(kind)
+        row, step = message.width * channels * sample.itemsize, message.step
         if step < row or len(message.data) != step * message.height:
             raise ValueError(
                 f"step {step} and {len(message.data)} bytes of data do not fit {message.height} rows of {row} bytes"
             )
         shape = (message.height, message.width) if channels == 1 else (message.height, message.width, 3)
         # a driver may pad its rows to a multiple of some bytes
-        pixels = np.frombuffer(message.data, dtype=np.uint8).reshape(message.height, step)[:, :row].reshape(shape)
+        rows = np.frombuffer(message.data, dtype=np.uint8).reshape(message.height, step)[:, :row]
+        if sample.itemsize == 1:
+            pixels: Pixels = rows.reshape(shape)
+        else:
+            pixels = np.ascontiguousarray(rows).view(sample).astype(np.uint16).reshape(shape)
+        encoding = "mono16" if message.encoding == "mono16be" else message.encoding
     except (DecodeError, KeyError, ValueError) as error:
-        raise ContractError(f"{IMAGE_TYPE}: is not an image that crosspih reads (mono8 or rgb8): {error}") from None
-    return Image(message.frame_id, pixels, stamp_ns=message.timestamp.ToNanoseconds(), seq=seq)
+        raise ContractError(
+            f"{IMAGE_TYPE}: is not an image that crosspih reads ({', '.join(ENCODINGS)}): {error}"
+        ) from None
+    return Image(message.frame_id, pixels, message.timestamp.ToNanoseconds(), seq, encoding)

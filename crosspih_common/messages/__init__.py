@@ -25,7 +25,14 @@ from crosspih_common.messages.base import (
     Vector6,
     floats,
 )
-from crosspih_common.messages.camera import CameraCalibration, CaptureStereo, StereoPair
+from crosspih_common.messages.camera import (
+    CameraCalibration,
+    CameraModel,
+    CaptureStereo,
+    DistortionModel,
+    Gamma,
+    StereoPair,
+)
 from crosspih_common.messages.clock import CellClock
 from crosspih_common.messages.contact import ClassifyContacts, ContactClassifier, ContactState, ContactStates
 from crosspih_common.messages.estimate import (
@@ -88,6 +95,7 @@ __all__ = [
     "BoreContact",
     "CalibrateFt",
     "CameraCalibration",
+    "CameraModel",
     "CaptureStereo",
     "CellClock",
     "ClassifyContacts",
@@ -98,6 +106,7 @@ __all__ = [
     "ContactStates",
     "ContactWrench",
     "Covariance6",
+    "DistortionModel",
     "Dwell",
     "EstimateByNetwork",
     "EstimateBySequence",
@@ -108,6 +117,7 @@ __all__ = [
     "FollowTrajectory",
     "Frame",
     "FtCalibration",
+    "Gamma",
     "GiveLease",
     "GuardedMove",
     "GuardedMoveOutcome",

@@ -21,9 +21,14 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from zenoh import ext
 
 WIDTH, HEIGHT, F_PX, BASELINE_M, SQUARE_M, DEPTH_M, EXPOSURE_S = 640, 480, 381.36, 0.05, 0.06, 0.4, 0.02
-CALIBRATION = {
+CAMERA = {
     "width_px": WIDTH, "height_px": HEIGHT, "fx_px": F_PX, "fy_px": F_PX, "cx_px": 319.5, "cy_px": 239.5,
-    "baseline_m": BASELINE_M,
+    "distortion_model": "none", "distortion": [], "gamma": "linear",
+}  # fmt: skip
+CALIBRATION = {
+    "left": CAMERA, "right": CAMERA,
+    # where the right camera stands in the left one's frame
+    "pose_left_right": {"position_m": [BASELINE_M, 0.0, 0.0], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},
     # where the left camera stands in the base frame: z forward, x right, y down
     "pose_base_camera": {"position_m": [0.131, -0.2406, 0.2225], "quaternion_xyzw": [-0.5, 0.5, -0.5, 0.5]},
 }  # fmt: skip

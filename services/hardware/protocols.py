@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from crosspih_common.arm import ArmModel
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, ResetCell, SimulationTruth
+from crosspih_common.messages.images import Pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,12 +50,17 @@ class Landing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoCapture:
-    """A pair of pictures, each (height, width) grey or (height, width, 3) RGB, and when they were exposed."""
+    """A pair of pictures, each (height, width) or (height, width, 3), uint8 or uint16, and when they were exposed.
+
+    The encodings are those of docs/wire.md; left out they are mono8, mono16 or rgb8 by the picture's shape.
+    """
 
     stamp_ns: int
     exposure_s: float
-    left: NDArray[np.uint8]
-    right: NDArray[np.uint8]
+    left: Pixels
+    right: Pixels
+    left_encoding: str = ""
+    right_encoding: str = ""
 
 
 class JointDevice(Protocol):
@@ -90,7 +96,7 @@ class WrenchDevice(Protocol):
 
 
 class CameraDevice(Protocol):
-    """Two parallel cameras."""
+    """Two cameras that see the hole."""
 
     @property
     def exposure_s(self) -> float:

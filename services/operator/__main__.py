@@ -14,6 +14,7 @@ from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
+from services.operator.locate.command import locate
 from services.operator.replay.cli import replay
 from services.operator.report.cli import report
 from services.operator.results import results
@@ -35,6 +36,7 @@ app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
 app.add_typer(cell_app, name="cell")
 app.add_typer(calibrate_app, name="calibrate")
+app.command()(locate)
 app.command()(report)
 app.command()(replay)
 app.command()(results)

@@ -10,16 +10,14 @@ import zlib
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
+from crosspih_common.messages.images import Pixels
 from services.vision.config import ExtraNoise
 from services.vision.locate import Located
 
 
-def disturbed(
-    found: Located, noise: ExtraNoise, left: NDArray[np.uint8], right: NDArray[np.uint8], orientation_measured: bool
-) -> Located:
+def disturbed(found: Located, noise: ExtraNoise, left: Pixels, right: Pixels, orientation_measured: bool) -> Located:
     """`found` with the noise added (right perturbation: x, y, z, rx, ry, rz of the hole frame); itself where it is 0.
 
     A method that assumes the orientation has no orientation to disturb.

@@ -1,20 +1,28 @@
-"""From a pair of pictures to the hole's pose, or to the reason why not."""
+"""From a pair of pictures to the hole's pose, or to the reason why not: find, fit, judge."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.vision.annotate import annotated
-from services.vision.coarse_fit import coarse_fit
-from services.vision.profile_fit import ProfileFit, drawing_offset_m, profile_fit, right_image_offset_px
+from crosspih_common.messages.images import Pixels
+from services.vision.annotate import annotated_rim
+from services.vision.detect import Candidate, candidates
+from services.vision.evidence.verdict import Evidence, evidence_of, judge
+from services.vision.fit.climb import climb, misfit, rims
+from services.vision.fit.quality import Quality, quality_of
+from services.vision.fit.rim import Rim, Rimmed
+from services.vision.fit.solve import Doubts, Fit, Images
+from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
+    CutOff,
     Doubtful,
+    NoCross,
     NotAStereoPair,
     NotEnoughRim,
     NotTheDrawing,
@@ -22,35 +30,35 @@ from services.vision.refusals import (
     PoorFit,
     TooBright,
     TooDark,
+    TwoCrosses,
     VisionRefusal,
     WrongImage,
 )
-from services.vision.region import ExpectedRegion, Region, find_hole, solidity_and_aspect
-from services.vision.rim_model import Rimmed, RimModel
 from services.vision.stereo import StereoModel
 
-# bounds of the refusals; the figures they are compared with stand in the diagnostics of every pose
-DV_MOST_PX = 0.12
-DU_MOST_PX = 0.3
-DRAWING_MOST_M = 0.12e-3
-SUPPORT_LEAST = 0.75
-EDGES_LEAST = 0.75
-SATURATED_GREY = 250.0
-SATURATED_MOST = 0.05
-# of the four consistency checks, each over its own bound, the sum of squares
-DOUBT_MOST = 1.3
-# a fit better than this many times the noise is no wrong valley
-SURE_COST = 1.0
-STEP_LEAST_GREY = 12.0
-COST_MOST = 2.0
-ROW_MOST_PX = 12.0
+# of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
+INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.6, 0.6
+SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
+STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
+# a face darker than that could hide a hole
+DARK_GREY, DARK_STEP_NOISES = 25.0, 8.0
+RESIDUAL_MOST = 0.2
+# how rough what is seen at the rim may be, share of the step
+ROUGH_MOST = 0.15
+# chi2 of what the pictures say against the calibration (2) and against the drawing (4)
+OFFSET_MOST, SIZES_MOST = 7.0, 25.0
+# from there on they make the covariance larger
+OFFSET_FREE, SIZES_FREE = 2.0, 6.0
+# errors have wider tails than a Gaussian: its variances times
+TAIL = 1.25
 PRIOR_SLACK = 1.3
-CHAMFER_SHARES = (0.5, 0.0, 1.0)
-# systematic errors, one sd, px: of each edge in each picture, and of all edges that face one way; of each edge's ends
-SYSTEMATIC_SD_PX = 0.045
-TURN_SHARE = 0.7
-# and more where the step at the rim is small beside the noise: a dim picture
-SYSTEMATIC_SD_NOISE_PX = 0.5
+# candidates that are tried, and how good, against the best, one must be
+TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
+# another fit about the same place that leaves less than so many times as much unexplained, and chi2 (6) of how far away
+# it may be
+ALIKE_SHARE, RIVAL_MOST = 1.06, 27.9
+# another hole in the pictures: as well supported, and that far away, px
+OTHER_SCORE, APART_PX = 0.85, 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,47 +73,46 @@ class Located:
     annotated_right: NDArray[np.uint8]
 
 
-def as_grey(image: NDArray[np.uint8], stereo: StereoModel, side: str) -> NDArray[np.uint8]:
-    """A grey picture of the camera's size; WrongImage otherwise."""
-    if image.shape[:2] != (stereo.height_px, stereo.width_px) or image.dtype != np.uint8:
-        raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want ({stereo.height_px}, {stereo.width_px}) uint8")
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What is asked of one pair."""
+
+    images: Images
+    stereo: StereoModel
+    hole: Rimmed
+    coarse: Rim
+    fine: Rim
+    doubts: Doubts
 
 
-def noise_of(grey: NDArray[np.uint8]) -> float:
-    """The pixel noise, grey levels, from the median absolute second difference (Immerkaer 1996 uses the mean)."""
-    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    laplace = cv2.filter2D(grey.astype(np.float32), -1, mask)[2:-2, 2:-2]
-    return max(float(np.median(np.abs(laplace))) * 1.4826 / 6.0, 0.5)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Attempt:
+    """What one candidate came to."""
+
+    fit: Fit
+    quality: Quality
+    evidence: Evidence
 
 
-def find_both(
-    left: NDArray[np.uint8], right: NDArray[np.uint8], stereo: StereoModel, hole: Rimmed, nominal: Pose
-) -> tuple[Region, Region]:
-    """The hole in both pictures; NotAStereoPair when the rows or the disparity cannot be one hole's."""
-    pose_camera_hole = stereo.pose_base_camera.inverse() @ nominal
-    centre = pose_camera_hole.translation_m
-    scale = stereo.fx_px * stereo.fy_px / centre[2] ** 2
-    # the grey falls on the chamfer
-    x, y = (0.5 * (hole.inner_rim_m() + hole.outer_rim_m())[:, :2]).T
-    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) * scale
-    solidity, aspect = solidity_and_aspect(hole.inner_rim_m()[:, :2])
-    expected = [ExpectedRegion(area, (float(u), float(v)), solidity, aspect) for u, v in stereo.project(centre)]
-    regions = find_hole(left, expected[0], "left"), find_hole(right, expected[1], "right")
-    disparity = float(regions[0].centre_px[0] - regions[1].centre_px[0])
-    rows = float(regions[0].centre_px[1] - regions[1].centre_px[1])
-    if disparity <= 0.0:
-        raise NotAStereoPair(f"disparity {disparity:.1f} px, want above 0: are left and right swapped?")
-    if abs(rows) > ROW_MOST_PX:
-        raise NotAStereoPair(
-            f"the hole's rows differ by {rows:.1f} px, want less than {ROW_MOST_PX:g}: was a camera moved?"
-        )
-    return regions
+Picture = Light | Pixels
+
+
+def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:
+    """Linear light (height, width), 0 to 255, of the camera's size: a float32 picture is that already, the numbers of
+    another (mono or RGB, 8 or 16 bit) get the camera's gamma undone. WrongImage otherwise."""
+    camera = stereo.left if side == "left" else stereo.right
+    if image.shape[:2] != (camera.height_px, camera.width_px):
+        raise WrongImage(f"{side}: got {image.shape}, the calibration says ({camera.height_px}, {camera.width_px})")
+    if image.dtype == np.float32 and image.ndim == 2:
+        return np.asarray(image, dtype=np.float32)
+    if image.dtype in (np.uint8, np.uint16) and image.shape[2:] in ((), (3,)):
+        return linear_light(np.asarray(image, dtype=image.dtype), "", camera.gamma)
+    raise WrongImage(f"{side}: got {image.shape} {image.dtype}, want float32, or uint8 or uint16 with 1 or 3 channels")
 
 
 def locate_rim(
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
+    left: Picture,
+    right: Picture,
     stereo: StereoModel,
     hole: Rimmed,
     nominal: Pose,
@@ -113,90 +120,210 @@ def locate_rim(
 ) -> Located:
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
     may be off, m and rad. Raises a VisionRefusal."""
-    grey = np.stack([as_grey(left, stereo, "left"), as_grey(right, stereo, "right")])
-    regions = find_both(grey[0], grey[1], stereo, hole, nominal)
-    step = min(regions[0].face_grey - regions[0].threshold, regions[1].face_grey - regions[1].threshold)
-    if step < 0.5 * STEP_LEAST_GREY:
-        raise TooDark(f"face against hole {2 * step:.0f} grey levels, want {STEP_LEAST_GREY:g} or more")
-    noise = max(noise_of(grey[0]), noise_of(grey[1]))
-    images = np.asarray(grey, dtype=np.float32)
-    model = RimModel.of(hole)
-    centre = stereo.triangulate(regions[0].centre_px, regions[1].centre_px)
-    rotation = (stereo.pose_base_camera.inverse() @ nominal).rotation
-    # where on the chamfer the grey falls most depends on the light; a wrong guess can end in a wrong valley
+    images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
+    coarse, fine = rims(hole)
+    task = _Task(images, stereo, hole, coarse, fine, Doubts())
+    found = candidates(images, stereo, hole, nominal, half_ranges)
+    if not found:
+        raise NoCross(
+            "nothing near where the hole should be has its outline in both pictures: is the part there, is it lit?"
+        )
     refusal: VisionRefusal | None = None
-    best: tuple[ProfileFit, dict[str, float]] | None = None
-    for share in CHAMFER_SHARES:
-        start = coarse_fit(images, model, stereo, Pose(rotation, centre), noise, share)
-        fit = profile_fit(images, model, stereo, start, noise)
+    attempt = None
+    for fit, rival in _fits(task, found):
         try:
-            checked = _checked(images, model, stereo, fit, noise)
+            attempt = _judged(task, fit, rival)
+            break
         except VisionRefusal as error:
             refusal = refusal or error
-            continue
-        if best is None or fit.cost < best[0].cost:
-            best = fit, checked
-        if fit.cost < SURE_COST:
-            break
-    if best is None:
-        assert refusal is not None
-        raise refusal
-    fit, diagnostics = best
-    pose_base_hole = stereo.pose_base_camera @ fit.pose_camera_hole
+    if attempt is None:
+        _unless_swapped(task, nominal, half_ranges)
+        raise refusal or PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
+    _unless_another(task, found, attempt)
+    pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
-    pictures = [annotated(grey[side], regions[side], side, model, stereo, fit.pose_camera_hole) for side in range(2)]
-    covariance = covariance_of(fit, model.facing(), half_ranges, noise)
-    return Located(pose_base_hole, covariance, diagnostics, pictures[0], pictures[1])
+    pictures = [
+        annotated_rim(
+            shown(images[side], stereo.cameras[side].gamma), side, fine, stereo, attempt.fit.state.pose_camera_hole
+        )
+        for side in range(2)
+    ]
+    return Located(
+        pose_base_hole, covariance_of(attempt.fit, attempt.quality, half_ranges), _figures(attempt), *pictures
+    )
 
 
-def _checked(
-    images: NDArray[np.float32], model: RimModel, stereo: StereoModel, fit: ProfileFit, noise: float
-) -> dict[str, float]:
-    support = float(np.mean(fit.support))
-    edges, all_edges = int(np.sum(np.mean(fit.support, axis=2) > 0.5)), 2 * fit.support.shape[1]
-    saturated = float(np.mean(fit.face_grey > SATURATED_GREY))
-    if saturated > SATURATED_MOST:
-        raise TooBright(
-            f"{saturated:.0%} of the face beside the rim is above grey {SATURATED_GREY:g}, want less than "
-            f"{SATURATED_MOST:.0%}: expose less, or is there glare on it?"
-        )
-    step = float(np.median(fit.step_grey))
-    if step < STEP_LEAST_GREY:
-        raise TooDark(f"face against bore {step:.0f} grey levels at the rim, want {STEP_LEAST_GREY:g} or more")
-    if support < SUPPORT_LEAST or edges < EDGES_LEAST * all_edges:
-        raise NotEnoughRim(
-            f"{support:.0%} of the profiles and {edges} of {all_edges} edges look like the rim, want "
-            f"{SUPPORT_LEAST:.0%} and {EDGES_LEAST * all_edges:.0f}: is something in front of it, or glare on it?"
-        )
-    if fit.cost > COST_MOST:
-        raise PoorFit(f"residual {fit.cost:.1f} times the noise, want less than {COST_MOST:g}")
-    du, dv = right_image_offset_px(images, model, stereo, fit, noise)
-    if abs(dv) > DV_MOST_PX or abs(du) > DU_MOST_PX:
-        raise NotAStereoPair(
-            f"the right picture is off by ({du:.2f}, {dv:.2f}) px, want less than ({DU_MOST_PX:g}, {DV_MOST_PX:g})"
-        )
-    width, length = drawing_offset_m(images, model, stereo, fit, noise)
-    if max(abs(width), abs(length)) > DRAWING_MOST_M:
-        raise NotTheDrawing(
-            f"the hole is larger than the drawing by {width * 1e3:.2f} mm at its near edges (half-width) and "
-            f"{length * 1e3:.2f} mm at its far ones (half-length), want less than {DRAWING_MOST_M * 1e3:g}"
-        )
-    checks = np.array([du / DU_MOST_PX, dv / DV_MOST_PX, width / DRAWING_MOST_M, length / DRAWING_MOST_M])
-    if checks @ checks > DOUBT_MOST:
+def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
+    """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for
+    all, whether it is then found sound or not; with it how far away another one is that explains as much."""
+    rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
+    while rest:
+        centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
+        near = [
+            one
+            for one in rest
+            if np.linalg.norm(task.stereo.project(one.pose_camera_hole.translation_m) - centre, axis=-1).min()
+            < APART_PX
+        ]
+        rest = [one for one in rest if one not in near]
+        fits = []
+        for one in near:
+            if one.score < COMPETES * near[0].score:
+                continue
+            try:
+                fits.append(climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts))
+            except np.linalg.LinAlgError:
+                continue
+        if fits:
+            left_over = [misfit(fit, fits[0].even) for fit in fits]
+            order = np.argsort(left_over)
+            best = fits[order[0]]
+            alike = [fits[index] for index in order[1:] if left_over[index] < ALIKE_SHARE * left_over[order[0]]]
+            yield best, max((_apart(best, other) for other in alike), default=0.0)
+
+
+def _apart(fit: Fit, other: Fit) -> float:
+    """How far another fit's pose lies from the first one's, against both covariances, squared."""
+    off = fit.state.pose_camera_hole.inverse() @ other.state.pose_camera_hole
+    error = np.concatenate([off.translation_m, off.rotvec_rad()])
+    return float(error @ np.linalg.solve(fit.covariance[:6, :6] + other.covariance[:6, :6], error))
+
+
+def _judged(task: _Task, fit: Fit, rival: float) -> _Attempt:
+    quality = quality_of(fit, task.fine, task.doubts)
+    _checked(quality)
+    if rival > RIVAL_MOST:
         raise Doubtful(
-            f"right picture off by ({du:.2f}, {dv:.2f}) px and the hole by ({width * 1e3:.2f}, {length * 1e3:.2f}) mm: "
-            f"together {checks @ checks:.1f}, want less than {DOUBT_MOST:g}"
+            "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
+            "use a larger, softer light, or one from another side"
         )
+    evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality, task.doubts)
+    judge(evidence, quality)
+    return _Attempt(fit, quality, evidence)
+
+
+def _checked(quality: Quality) -> None:
+    if quality.saturated > SATURATED_MOST:
+        raise TooBright(
+            f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
+            "expose less, or take the glare off it"
+        )
+    if quality.rim_saturated > RIM_SATURATED_MOST:
+        raise TooBright(
+            f"{quality.rim_saturated:.0%} of the rim is beside something saturated, want less than "
+            f"{RIM_SATURATED_MOST:.0%}: expose less, or take the glare off the chamfer"
+        )
+    if quality.inside < INSIDE_LEAST:
+        raise CutOff(
+            f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
+        )
+    step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
+    dark = quality.face_grey < DARK_GREY
+    if dark:
+        step = max(DARK_STEP_NOISES * quality.noise_grey, step)
+    if quality.step_grey < step:
+        if not dark:
+            raise NoCross(
+                f"where the rim should be the step is {quality.step_grey:.0f} grey levels in noise of "
+                f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
+                f"the "
+                "right part, and the right way round?"
+            )
+        raise TooDark(
+            f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
+            f"{step:.0f} or more: expose longer, or light it more"
+        )
+    edges = float(np.mean(quality.support > 0.5))
+    if quality.supported < SUPPORT_LEAST or edges < EDGES_LEAST:
+        raise NotEnoughRim(
+            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want "
+            f"{SUPPORT_LEAST:.0%}: take "
+            "away what covers it, or light the dark side"
+        )
+    if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
+        raise PoorFit(
+            f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
+            f"{RESIDUAL_MOST:.0%}, and "
+            f"its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
+        )
+    if quality.offset_conflict > OFFSET_MOST:
+        du, dv = quality.offset_px
+        raise NotAStereoPair(
+            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want less "
+            f"than "
+            f"{OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare in one?"
+        )
+    if quality.sizes_conflict > SIZES_MOST:
+        outer, inner, near, far = quality.sizes_m * 1e3
+        raise NotTheDrawing(
+            f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
+            f"{near:+.2f}, "
+            f"far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the right part "
+            f"and cell?"
+        )
+
+
+def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
+    """NotAStereoPair when the pictures show the hole if left is taken for right."""
+    left, right = task.images
+    if left.shape != right.shape:
+        return
+    swapped = _Task((right, left), task.stereo, task.hole, task.coarse, task.fine, task.doubts)
+    found = candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)
+    for fit, rival in _fits(swapped, found[:1]):
+        try:
+            _judged(swapped, fit, rival)
+        except VisionRefusal:
+            return
+        offset = quality_of(fit, task.fine, task.doubts).offset_px
+        raise NotAStereoPair(
+            f"the hole is found within {np.linalg.norm(offset):.2f} px with left and right exchanged: give the left "
+            "camera's picture as the left one"
+        )
+
+
+def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> None:
+    """TwoCrosses when another candidate, elsewhere in the pictures, is a hole as well."""
+    centre = task.stereo.project(attempt.fit.state.pose_camera_hole.translation_m)
+    for other in found:
+        apart = np.linalg.norm(task.stereo.project(other.pose_camera_hole.translation_m) - centre, axis=-1)
+        if apart.min() < APART_PX or other.score < OTHER_SCORE * found[0].score:
+            continue
+        try:
+            for fit, rival in _fits(task, [other]):
+                _judged(task, fit, rival)
+        except VisionRefusal:
+            continue
+        raise TwoCrosses(f"two such holes are seen, {apart.min():.0f} px apart, want one: cover the other one")
+
+
+def _figures(attempt: _Attempt) -> dict[str, float]:
+    fit, quality, evidence = attempt.fit, attempt.quality, attempt.evidence
+    blur = np.sqrt(fit.state.blur_px2[:, [0, 2]])
+    outer, inner, near, far = quality.sizes_m * 1e3
     return {
-        "support": support,
-        "edges": float(edges),
-        "step_grey": step,
-        "noise_grey": noise,
-        "cost": fit.cost,
-        "du_px": du,
-        "dv_px": dv,
-        "width_off_mm": width * 1e3,
-        "length_off_mm": length * 1e3,
+        "support": quality.supported,
+        "step_grey": quality.step_grey,
+        "noise_grey": quality.noise_grey,
+        "residual": quality.residual,
+        "rough": quality.rough,
+        "shine": fit.state.gloss,
+        "blur_left_u_px": float(blur[0, 0]),
+        "blur_left_v_px": float(blur[0, 1]),
+        "blur_right_u_px": float(blur[1, 0]),
+        "blur_right_v_px": float(blur[1, 1]),
+        "du_px": float(quality.offset_px[0]),
+        "dv_px": float(quality.offset_px[1]),
+        "offset_conflict": quality.offset_conflict,
+        "outer_off_mm": float(outer),
+        "inner_off_mm": float(inner),
+        "near_off_mm": float(near),
+        "far_off_mm": float(far),
+        "sizes_conflict": quality.sizes_conflict,
+        "seen_inside": evidence.seen,
+        "chamfer": evidence.chamfer,
+        "black": evidence.black,
+        "deeper": evidence.deeper,
     }
 
 
@@ -213,18 +340,12 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
         )
 
 
-def covariance_of(fit: ProfileFit, facing: Array, half_ranges: Array, noise_grey: float) -> Array:
-    """Noise, and the systematic errors that dominate it: each edge by itself, and all edges that face one way.
-
-    facing (n,): which edges face the same way; half_ranges (6,): what is known without any picture, m and rad.
-    """
-    inverse = np.linalg.inv(fit.information + np.diag(3.0 / half_ranges**2))
-    noise_px = SYSTEMATIC_SD_NOISE_PX * noise_grey / max(float(np.median(fit.step_grey)), STEP_LEAST_GREY)
-    edges = np.einsum("kei,kej->ij", fit.edge_lever, fit.edge_lever)
-    edges += TURN_SHARE**2 * np.einsum("kei,kej->ij", fit.edge_turn, fit.edge_turn)
-    walls = np.zeros((6, 6))
-    for way in np.unique(facing):
-        lever = fit.edge_lever[:, facing == way].sum(axis=(0, 1))
-        walls += np.outer(lever, lever)
-    systematic = (SYSTEMATIC_SD_PX**2 + noise_px**2) * (edges + walls)
-    return np.asarray(inverse + inverse @ systematic @ inverse)
+def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
+    """The fit's own (noise, blur, calibration, drawing, edges that are off), with what is known without any picture,
+    and
+    more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
+    posterior = fit.covariance[:6, :6]
+    strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
+    known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)
+    covariance = np.linalg.inv(known)
+    return np.asarray(0.5 * (covariance + covariance.T))

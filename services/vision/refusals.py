@@ -8,7 +8,10 @@ VisionRefusal
 ├── TwoCrosses         more than one has
 ├── CutOff             the hole is at the edge of a picture
 ├── NotAStereoPair     the two pictures do not belong together: swapped, or a camera moved
-├── NotTheDrawing      a cross, but not of the drawing's size
+├── NotTheDrawing      an outline, but not the drawing's, or not of its size
+├── FlatPrint          what is seen inside lies in the face's plane: a print, a sticker
+├── ShallowPocket      what is seen inside lies just below the face
+├── NotSeenInside      nothing tells whether it is a hole or a print of one
 ├── NotEnoughRim       too much of the rim cannot be seen: covered, glare
 ├── PoorFit            the rim does not look like a rim
 ├── Doubtful           each check passes, all together do not
@@ -67,9 +70,27 @@ class NotAStereoPair(VisionRefusal):
 
 
 class NotTheDrawing(VisionRefusal):
-    """A cross, but not of the drawing's size."""
+    """An outline, but not the drawing's, or not of its size."""
 
     code = "not_the_drawing"
+
+
+class FlatPrint(VisionRefusal):
+    """What is seen inside lies in the face's plane: a print or a sticker."""
+
+    code = "flat_print"
+
+
+class ShallowPocket(VisionRefusal):
+    """What is seen inside lies just below the face."""
+
+    code = "shallow_pocket"
+
+
+class NotSeenInside(VisionRefusal):
+    """Evenly dark inside, and no chamfer to be seen: nothing tells a hole from a print of one."""
+
+    code = "not_seen_inside"
 
 
 class NotEnoughRim(VisionRefusal):

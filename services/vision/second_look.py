@@ -8,7 +8,7 @@ LONGER, SHORTER = 4.0, 0.35
 EXPOSURES = (0.05, 32.0)
 LAMPS = 4
 # what no other light can mend: the hole is not there, or the cell is not what it is thought to be
-HOPELESS = frozenset({"wrong_image", "cut_off", "two_crosses", "outside_prior"})
+HOPELESS = frozenset({"wrong_image", "cut_off", "two_crosses", "outside_prior", "flat_print", "shallow_pocket"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-from numpy.typing import NDArray
-
 from crosspih_common.errors import CommandRefused
-from crosspih_common.geometry import Pose
 from crosspih_common.keys import ANNOTATED_LEFT, ANNOTATED_RIGHT, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT, LOCATE
 from crosspih_common.messages import (
-    CameraCalibration,
     CaptureStereo,
     Frame,
     HoleEstimate,
@@ -25,6 +20,7 @@ from crosspih_common.messages import (
 from crosspih_common.service import ServiceContext
 from services.vision.config import VisionConfig
 from services.vision.disturbance import disturbed
+from services.vision.light import linear_light
 from services.vision.locate import locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import VisionRefusal
@@ -32,21 +28,6 @@ from services.vision.second_look import Look, next_look
 from services.vision.stereo import StereoModel
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
-
-
-def stereo_model(calibration: CameraCalibration, correction: Pose | None = None) -> StereoModel:
-    """The core's camera from the message; `correction` is where it really is, in the frame that the message says."""
-    pose_base_camera = calibration.pose_base_camera.pose()
-    return StereoModel(
-        calibration.width_px,
-        calibration.height_px,
-        calibration.fx_px,
-        calibration.fy_px,
-        calibration.cx_px,
-        calibration.cy_px,
-        calibration.baseline_m,
-        pose_base_camera if correction is None else pose_base_camera @ correction,
-    )
 
 
 class VisionShell:
@@ -62,7 +43,7 @@ class VisionShell:
         self._annotated = self._bus.publisher(ANNOTATED_LEFT), self._bus.publisher(ANNOTATED_RIGHT)
         self._bus.serve(LOCATE, self._locate)
 
-    def _capture(self, look: Look) -> tuple[StereoPair, list[NDArray[np.uint8]]]:
+    def _capture(self, look: Look) -> tuple[StereoPair, list[Image]]:
         command = CaptureStereo(exposure_scale=look.exposure_scale, lamp=look.lamp)
         pair = self._bus.call(CAPTURE, command, self._config.capture_deadline_s)
         pictures = []
@@ -72,7 +53,7 @@ class VisionShell:
                 raise CommandRefused(
                     "no_image", f"the {side} image of capture {pair.capture_id} did not arrive in time; ask again"
                 )
-            pictures.append(image.pixels)
+            pictures.append(image)
         return pair, pictures
 
     def _locate(self, request: LocateHole) -> HoleEstimate:
@@ -85,9 +66,15 @@ class VisionShell:
             started = time.perf_counter()
             pair, (left, right) = self._capture(look)
             capture_wall_s += time.perf_counter() - started
-            stereo = stereo_model(pair.calibration, self._config.camera_correction.pose())
+            stereo = StereoModel.of(pair.calibration, self._config.camera_correction.pose())
             try:
-                found = METHODS[request.method](left, right, stereo, self._hole, self._nominal, self._half_ranges)
+                lights = [
+                    linear_light(image.pixels, image.encoding, camera.gamma)
+                    for image, camera in zip((left, right), stereo.cameras, strict=True)
+                ]
+                found = METHODS[request.method](
+                    lights[0], lights[1], stereo, self._hole, self._nominal, self._half_ranges
+                )
                 break
             except VisionRefusal as refusal:
                 refusals.append(refusal)
@@ -97,7 +84,9 @@ class VisionShell:
             if len(refusals) > 1:
                 told += f" (and {len(refusals) - 1} more under other light: {', '.join(r.code for r in refusals[1:])})"
             raise CommandRefused(refusals[0].code, told)
-        found = disturbed(found, self._config.extra_noise, left, right, request.method is LocateMethod.RIM)
+        found = disturbed(
+            found, self._config.extra_noise, left.pixels, right.pixels, request.method is LocateMethod.RIM
+        )
         for publisher, frame, picture in zip(
             self._annotated,
             (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT),

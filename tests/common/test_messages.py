@@ -16,6 +16,7 @@ from crosspih_common.bus.codec import decode, encode, label_of, label_with_seq, 
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import ALL, Topic, commands, topics
 from crosspih_common.messages import ContactState, Dwell, Image, JointKnot, JointState, Message, PoseData
+from crosspih_common.messages.images import ENCODINGS
 
 MESSAGES = [
     value
@@ -35,6 +36,34 @@ def test_every_message_travels(kind: type[Message]) -> None:
 def test_round_trip_is_exact(joints: tuple[float, ...], speeds: tuple[float, ...], stamp: int, seq: int) -> None:
     sent = JointState(stamp_ns=stamp, seq=seq, joints_rad=joints, speeds_rad_s=speeds)
     assert decode(JointState, encode(sent), label_with_seq(JointState, seq), "k") == sent
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("padding", [0, 6])
+def test_every_encoding_is_read_with_and_without_padding(encoding: str, padding: int) -> None:
+    kind, channels = ENCODINGS[encoding]
+    shape = (4, 6, 3) if channels == 3 else (4, 6)
+    pixels = np.random.default_rng(0).integers(0, np.iinfo(kind).max, shape, dtype=np.uint16)
+    row = pixels.reshape(4, -1).astype(kind).view(np.uint8)
+    message = RawImage(width=6, height=4, encoding=encoding, step=row.shape[1] + padding)
+    message.data = np.hstack([row, np.full((4, padding), 77, dtype=np.uint8)]).tobytes()
+    back = decode(Image, message.SerializeToString(), label_of(Image), "k")
+    assert np.array_equal(back.pixels, pixels) and back.pixels.dtype.isnative
+    assert back.encoding == ("mono16" if encoding == "mono16be" else encoding)
+    again = decode(Image, encode(back), label_of(Image), "k")
+    assert np.array_equal(again.pixels, pixels) and again.encoding == back.encoding
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "encoding"),
+    [
+        ((4, 4), np.uint8, "rgb8"), ((4, 4, 3), np.uint8, "mono8"), ((4, 4), np.uint16, "mono8"),
+        ((4, 4, 4), np.uint8, ""), ((4, 4), np.float32, ""), ((4, 4), np.uint8, "yuv422"), ((4, 4, 3), np.uint16, ""),
+    ],
+)  # fmt: skip
+def test_pixels_that_are_not_what_the_encoding_says_are_no_image(shape: Any, kind: Any, encoding: str) -> None:
+    with pytest.raises(ValueError, match="encodings: mono8, mono16"):
+        Image("camera_left", np.zeros(shape, kind), encoding=encoding)
 
 
 @given(st.integers(1, 40), st.integers(1, 30), st.booleans(), st.integers(0, 2**60))

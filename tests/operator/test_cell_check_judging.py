@@ -15,6 +15,7 @@ from crosspih_common.config.force_torque import FORCE_UNITS
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import (
     CameraCalibration,
+    CameraModel,
     CellClock,
     Image,
     JointState,
@@ -279,10 +280,12 @@ def test_the_clock() -> None:
 
 
 def test_pictures_against_what_is_said_of_them() -> None:
+    camera = CameraModel(width_px=640, height_px=480, fx_px=400.0, fy_px=400.0, cx_px=320.0, cy_px=240.0)
+    here = PoseData(position_m=(0.0, 0.0, 0.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))
+    beside = here.model_copy(update={"position_m": (0.05, 0.0, 0.0)})
     calibration = CameraCalibration(
-        stamp_ns=0, width_px=640, height_px=480, fx_px=400.0, fy_px=400.0, cx_px=320.0, cy_px=240.0, baseline_m=0.05,
-        pose_base_camera=PoseData(position_m=(0.0, 0.0, 0.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0)),
-    )  # fmt: skip
+        stamp_ns=0, left=camera, right=camera, pose_left_right=beside, pose_base_camera=here
+    )
     pair = StereoPair(stamp_ns=7, capture_id=1, calibration=calibration, exposure_s=0.02)
     grey = np.zeros((480, 640), np.uint8)
 
@@ -295,13 +298,13 @@ def test_pictures_against_what_is_said_of_them() -> None:
     assert "320 x 240" in look(grey[::2, ::2]).found
     assert "from the reply" in look(stamp_ns=8).found
     assert look(frame="camera_right").verdict is Verdict.FAIL
-    assert "mono8 or rgb8" in look(rejected="foxglove.RawImage: 'bgr8'").mend
+    assert "mono16, rgb8" in look(rejected="foxglove.RawImage: 'yuv422'").mend
     assert images.check_image("left", None, pair, "").verdict is Verdict.FAIL
     left, right = Image("camera_left", grey, 7), Image("camera_right", grey + np.uint8(1), 7)
     assert images.check_pair(left, right, pair, calibration).verdict is Verdict.PASS
     assert "same picture" in images.check_pair(left, left, pair, calibration).found
     assert "never told" in images.check_pair(left, right, pair, None).found
-    other = calibration.model_copy(update={"fx_px": 401.0})
+    other = calibration.model_copy(update={"pose_left_right": here.model_copy(update={"position_m": (0.06, 0.0, 0.0)})})
     assert "not the published" in images.check_pair(left, right, pair, other).found
 
 

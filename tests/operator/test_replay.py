@@ -13,6 +13,7 @@ from crosspih_common.bus.codec import encode, label_of
 from crosspih_common.keys import CAPTURE, LOCATE, NEXT_TOUCH, Topic
 from crosspih_common.messages import (
     CameraCalibration,
+    CameraModel,
     HoleEstimate,
     LocateHole,
     LocateMethod,
@@ -34,12 +35,10 @@ ESTIMATE_THEN = HoleEstimate(
     pose_base_hole=POSE, covariance=(1e-6,) * 36, method=LocateMethod.RIM, orientation_measured=True, capture_id=3,
     capture_wall_s=0.1, diagnostics={"cost": 0.5, "looks": 1.0},
 )  # fmt: skip
+CAMERA = CameraModel(width_px=64, height_px=48, fx_px=40.0, fy_px=40.0, cx_px=32.0, cy_px=24.0)
 PAIR = StereoPair(
     capture_id=1, exposure_s=0.02,
-    calibration=CameraCalibration(
-        width_px=64, height_px=48, fx_px=40.0, fy_px=40.0, cx_px=32.0, cy_px=24.0, baseline_m=0.05,
-        pose_base_camera=POSE,
-    ),
+    calibration=CameraCalibration(left=CAMERA, right=CAMERA, pose_left_right=POSE, pose_base_camera=POSE),
 )  # fmt: skip
 
 

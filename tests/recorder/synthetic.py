@@ -82,7 +82,7 @@ class SyntheticRecording:
         self._numbers[key] = seq + 1
         self._wall_ns += 1_000_000
         if isinstance(value, Image):
-            value = Image(value.frame, value.pixels, value.stamp_ns, seq)
+            value = Image(value.frame, value.pixels, value.stamp_ns, seq, value.encoding)
         else:
             value = value.model_copy(update={"seq": seq})
         self.file.write(Sample(key, topic, encode(value), seq, value.stamp_ns, self._wall_ns))

@@ -28,7 +28,7 @@ from crosspih_common.keys import (
 )
 from crosspih_common.messages import CaptureStereo, CellClock, Dwell, LocateHole, StereoPair
 from services.vision.refusals import VisionRefusal
-from services.vision.shell import stereo_model
+from services.vision.stereo import StereoModel
 from tests.conftest import ServiceProcess
 
 CAMERA = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plain_camera.py"
@@ -86,11 +86,12 @@ def test_our_services_take_the_plain_camera_for_their_own(endpoint: str, camera:
             assert time.monotonic() < until
             pair = ask(vision, CaptureStereo(exposure_scale=2.0))
         pictures = [latest.wait_for(lambda sample: sample.stamp_ns == pair.stamp_ns, DEADLINE_S) for latest in images]
-        stereo = stereo_model(pair.calibration)
+        stereo = StereoModel.of(pair.calibration)
         centres = []
-        for picture, frame in zip(pictures, ("camera_left", "camera_right"), strict=True):
+        cameras = pair.calibration.left, pair.calibration.right
+        for picture, frame, camera_told in zip(pictures, ("camera_left", "camera_right"), cameras, strict=True):
             assert picture is not None and picture.frame == frame and picture.seq >= 0
-            assert picture.pixels.shape == (pair.calibration.height_px, pair.calibration.width_px)
+            assert picture.pixels.shape == (camera_told.height_px, camera_told.width_px)
             dark = 200.0 - picture.pixels.astype(float)
             centres.append(
                 np.array([(dark.sum(axis=0) @ np.arange(dark.shape[1])), (dark.sum(axis=1) @ np.arange(dark.shape[0]))])
@@ -135,4 +136,4 @@ def test_vision_looks_through_the_plain_camera_beside_a_simulated_arm(
             operator.call(LOCATE, LocateHole(), 2 * DEADLINE_S)
         assert refused.value.code in {kind.code for kind in VisionRefusal.__subclasses__()}
         last = pairs.wait_for(lambda pair: pair.capture_id >= 1, DEADLINE_S)
-        assert last is not None and last.calibration.cx_px == 319.5  # the plain camera's, not the simulator's
+        assert last is not None and last.calibration.left.cx_px == 319.5  # the plain camera's, not the simulator's

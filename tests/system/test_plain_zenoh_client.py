@@ -93,7 +93,7 @@ def test_a_plain_client_can_do_what_the_page_says(found: dict[str, Any]) -> None
     pair = StereoPair.model_validate_json(found["capture"][1])
     image = found["image"]
     assert image["stamp_ns"] == pair.stamp_ns and image["frame_id"] == "camera_left"
-    assert (image["width"], image["height"]) == (calibration.width_px, calibration.height_px)
+    assert (image["width"], image["height"]) == (calibration.left.width_px, calibration.left.height_px)
     channels = {"mono8": 1, "rgb8": 3}[image["encoding"]]
     assert image["step"] == channels * image["width"] and image["bytes"] == image["step"] * image["height"]
     assert 20.0 < image["mean"] < 235.0

@@ -8,8 +8,8 @@ import pytest
 from crosspih_common.config import CameraSection, Workcell
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
+from services.vision.fit.rim import Rim, perturbed, seen
 from services.vision.paper import hole_from_centres
-from services.vision.rim_model import RimModel, normal_shift_jacobian, perturbed, project
 from services.vision.stereo import StereoModel
 
 WORKCELL = Workcell()
@@ -19,7 +19,9 @@ HALF_LENGTH_M = WORKCELL.peg.half_length_m + WORKCELL.hole.clearance_m
 
 def stereo_of(rig: StereoRig) -> StereoModel:
     """The core's camera of the simulated one."""
-    return StereoModel(rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera)
+    return StereoModel.parallel(
+        rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera
+    )
 
 
 STEREO = stereo_of(StereoRig.of(CameraSection()))
@@ -51,19 +53,19 @@ def test_triangulation_undoes_projection() -> None:
 
 def test_exactly_projected_rim_points_give_the_pose_back() -> None:
     """Gauss-Newton on exact rim points with the fit's own slopes: a wrong slope would not converge to the truth."""
-    model = RimModel.of(HOLE)
+    model = Rim.of(HOLE)
     rng = np.random.default_rng(1)
     nominal = STEREO.pose_base_camera.inverse() @ WORKCELL.hole_prior.pose_base_hole()
     half = np.asarray(WORKCELL.hole_prior.half_ranges(), float)
     for _ in range(5):
         truth = perturbed(nominal, rng.uniform(-1.0, 1.0, 6) * half)
-        seen = project(model, STEREO, truth).outer_px
+        lines = seen(model, STEREO, truth).outer_px
         pose = nominal
         for _ in range(40):
-            rim = project(model, STEREO, pose)
-            slopes = normal_shift_jacobian(model, STEREO, pose, rim).reshape(-1, 6)
+            rim = seen(model, STEREO, pose)
+            slopes = rim.outer_slope.reshape(-1, 6)
             # along an edge nothing is seen: only the distance from the line through the true points counts
-            start, along = seen[..., :1, :], seen[..., -1:, :] - seen[..., :1, :]
+            start, along = lines[..., :1, :], lines[..., -1:, :] - lines[..., :1, :]
             normal = np.stack([-along[..., 1], along[..., 0]], axis=-1)
             normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
             normal = normal * np.sign(np.sum(normal * rim.normal, axis=-1, keepdims=True))
@@ -74,7 +76,7 @@ def test_exactly_projected_rim_points_give_the_pose_back() -> None:
 
 
 def test_the_rims_of_the_model_are_the_holes() -> None:
-    model = RimModel.of(HOLE)
+    model = Rim.of(HOLE)
     assert model.outer_m[..., 2] == pytest.approx(0.0, abs=1e-15)
     assert model.inner_m[..., 2] == pytest.approx(HOLE.chamfer_m)
     assert np.abs(model.inner_m[..., :2]).max() == pytest.approx(HALF_LENGTH_M)
@@ -83,8 +85,8 @@ def test_the_rims_of_the_model_are_the_holes() -> None:
 
 def test_every_normal_of_the_projected_rim_points_into_the_hole() -> None:
     rng = np.random.default_rng(2)
-    model = RimModel.of(HOLE)
+    model = Rim.of(HOLE)
     nominal = STEREO.pose_base_camera.inverse() @ WORKCELL.hole_prior.pose_base_hole()
     for _ in range(10):
         pose = nominal @ Pose.from_rotvec(rng.uniform(-0.1, 0.1, 3), rng.uniform(-0.01, 0.01, 3))
-        assert np.all(project(model, STEREO, pose).chamfer_px > 0.3)
+        assert np.all(seen(model, STEREO, pose).chamfer_px > 0.3)

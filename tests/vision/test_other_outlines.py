@@ -8,8 +8,8 @@ import pytest
 from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.camera import SimulatedScene
+from services.vision.fit.rim import Rim
 from services.vision.locate import locate_rim
-from services.vision.rim_model import RimModel
 from services.vision.stereo import StereoModel
 
 NOMINAL = Workcell().hole_prior.pose_base_hole()
@@ -24,7 +24,7 @@ def test_a_hole_of_another_outline_is_found(outline: str) -> None:
     hole = cell.hole.shape(peg)
     with SimulatedScene(hole, peg=peg) as scene:
         rig = scene.rig
-        stereo = StereoModel(
+        stereo = StereoModel.parallel(
             rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera
         )
         rng = np.random.default_rng(11)
@@ -46,11 +46,13 @@ def test_a_hole_of_another_outline_is_found(outline: str) -> None:
 
 def test_the_rim_knows_what_its_outline_can_tell() -> None:
     models = {
-        name: RimModel.of(cell.hole.shape(cell.peg.shape()))
+        name: Rim.of(cell.hole.shape(cell.peg.shape()))
         for name in ("cross", "square", "round")
         for cell in [Workcell(peg=PegDrawing(outline=name))]
     }
     assert [models[name].round for name in ("cross", "square", "round")] == [False, False, True]
-    # a cross has a width and a length to check against the drawing, a square has one size
-    assert [models[name].sizes for name in ("cross", "square", "round")] == [2, 1, 1]
-    assert len(np.unique(models["cross"].facing())) == 4
+    # a cross has near and far edges, a square one size
+    assert [float(np.ptp(models[name].reach)) for name in ("cross", "square", "round")] == [1.0, 0.0, 0.0]
+    assert len(np.unique(models["cross"].facing)) == 4
+    # a curve is cut into pieces that turn little, as many profiles as anywhere
+    assert 10 <= models["round"].shape[0] <= 16

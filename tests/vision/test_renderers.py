@@ -58,7 +58,9 @@ def test_both_draw_the_same(pair: tuple[SimulatedScene, SimulatedScene], faults:
 
 def test_the_hole_is_found_alike(pair: tuple[SimulatedScene, SimulatedScene]) -> None:
     rig = pair[0].rig
-    stereo = StereoModel(rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera)
+    stereo = StereoModel.parallel(
+        rig.width, rig.height, rig.fx, rig.fy, rig.cx, rig.cy, rig.baseline_m, rig.pose_base_camera
+    )
     for seed in range(3):
         offset = np.random.default_rng(seed).uniform(-HALF_RANGES, HALF_RANGES)
         truth = NOMINAL @ Pose.from_rotvec(offset[3:], offset[:3])

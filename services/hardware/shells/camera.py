@@ -23,10 +23,14 @@ class CameraShell:
     def _capture(self, command: CaptureStereo) -> StereoPair:
         taken = self._camera.capture(command)
         self._captures += 1
-        for publisher, frame, pixels in zip(
-            self._images, (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT), (taken.left, taken.right), strict=True
+        for publisher, frame, pixels, encoding in zip(
+            self._images,
+            (Frame.CAMERA_LEFT, Frame.CAMERA_RIGHT),
+            (taken.left, taken.right),
+            (taken.left_encoding, taken.right_encoding),
+            strict=True,
         ):
-            publisher.publish(Image(frame.value, pixels, taken.stamp_ns))
+            publisher.publish(Image(frame.value, pixels, taken.stamp_ns, encoding=encoding))
         return StereoPair(
             stamp_ns=taken.stamp_ns,
             capture_id=self._captures,

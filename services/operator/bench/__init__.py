@@ -10,8 +10,10 @@ from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
 from services.operator.bench.engines import engines
 from services.operator.bench.kills.command import kills
+from services.operator.bench.pictures.command import make_pictures
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
+from services.operator.bench.sizes import sizes
 from services.operator.bench.states import states
 from services.operator.bench.vision import vision
 from services.operator.for_cell import for_cell
@@ -23,6 +25,8 @@ app.command()(for_cell(scaling))
 app.command()(for_cell(states))
 app.command()(for_cell(compare))
 app.command()(for_cell(vision))
+app.command()(for_cell(sizes))
+app.command("pictures")(make_pictures)
 app.command()(for_cell(refine))
 app.command()(engines)
 app.command()(cell)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -18,6 +19,9 @@ from scipy.stats import chi2
 from crosspih_common.errors import CommandRefused, CrosspihError
 from crosspih_common.keys import LOCATE
 from crosspih_common.messages import LocateHole, ResetCell, SceneFaults
+from services.operator.bench.options import told
+from services.operator.bench.pictures.running import bench_pictures
+from services.operator.bench.pictures.table import table_of
 from services.operator.scoring import pose_error
 from services.operator.session import Session
 from services.operator.stack import cell_session
@@ -170,13 +174,36 @@ def vision(
     poses: Annotated[int, typer.Option(min=1, help="How many sound picture pairs.")] = 400,
     faults: Annotated[int, typer.Option(min=0, help="How many pairs of each fault.")] = 25,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
+    pictures: Annotated[
+        str | None, typer.Option(help="Pairs with truth instead of the cell's own: rendered, or a folder of them.")
+    ] = None,
+    rows: Annotated[str | None, typer.Option(help="Of --pictures: only these rows, with commas.")] = None,
+    pairs: Annotated[int | None, typer.Option(min=1, help="Of --pictures: at most so many a row.")] = None,
+    annotated: Annotated[Path | None, typer.Option(help="Of --pictures: a folder for the annotated pictures.")] = None,
+    beside: Annotated[
+        bool, typer.Option("--beside/--alone", help="Of --pictures: ask solvePnP and the paper's method too.")
+    ] = True,
+    report: Annotated[Path | None, typer.Option(help="Of --pictures: the JSON object into a file as well.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
-    """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and lies."""
+    """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and lies.
+
+    With --pictures: in pictures of another renderer, or of yours, with their truth (docs/vision-pictures.md).
+    """
     console = Console(stderr=True)
+    if pictures is not None:
+        with told(console):
+            judged = bench_pictures(pictures, rows, pairs, annotated, beside, console)
+            if report is not None:
+                report.write_text(judged.model_dump_json(indent=1), encoding="utf-8")
+            if as_json:
+                print(judged.model_dump_json(indent=1))
+            else:
+                Console().print(table_of(judged))
+        return
     wanted: list[tuple[str, SceneFaults | None, int]] = [("sound", None, poses)]
     wanted += [(name, scene, faults) for name, scene in FAULTS.items() if faults]
-    rows: list[SightSummary] = []
+    summaries: list[SightSummary] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     try:
         with (
@@ -190,12 +217,12 @@ def vision(
                 for index in range(count):
                     sights.append(see(session, seed + index, scene))
                     progress.advance(task)
-                rows.append(summarise_sights(name, sights))
+                summaries.append(summarise_sights(name, sights))
     except CrosspihError as error:
         console.print(f"bench ended early: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     if as_json:
-        json.dump([row.model_dump() for row in rows], sys.stdout, indent=1)
+        json.dump([row.model_dump() for row in summaries], sys.stdout, indent=1)
         print()
     else:
-        Console().print(_table(rows))
+        Console().print(_table(summaries))

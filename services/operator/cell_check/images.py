@@ -13,7 +13,7 @@ def check_image(side: str, image: Image | None, pair: StereoPair, rejected: str)
     picture of it could not be read, if one could not."""
     name = f"{side} image"
     if rejected:
-        return failed(name, rejected[:300], "encode it mono8 or rgb8, rows without padding (docs/wire.md)")
+        return failed(name, rejected[:300], "encode it as docs/wire.md says: mono8, mono16, rgb8, bgr8 or bayer")
     if image is None:
         return failed(
             name,
@@ -27,7 +27,7 @@ def check_image(side: str, image: Image | None, pair: StereoPair, rejected: str)
             "both pictures and the reply carry one stamp: that of the exposure",
         )
     height, width = image.pixels.shape[:2]
-    wanted = pair.calibration
+    wanted = pair.calibration.left if side == "left" else pair.calibration.right
     if (width, height) != (wanted.width_px, wanted.height_px):
         swapped = ": width and height are exchanged" if (height, width) == (wanted.width_px, wanted.height_px) else ""
         return failed(
@@ -54,4 +54,5 @@ def check_pair(left: Image | None, right: Image | None, pair: StereoPair, told: 
         )
     if left is not None and right is not None and np.array_equal(left.pixels, right.pixels):
         return failed(name, "left and right are the same picture", "send each camera's own picture")
-    return passed(name, f"baseline {pair.calibration.baseline_m * 1e3:.1f} mm, exposure {pair.exposure_s * 1e3:.3g} ms")
+    apart_m = float(np.linalg.norm(pair.calibration.pose_left_right.position_m))
+    return passed(name, f"baseline {apart_m * 1e3:.1f} mm, exposure {pair.exposure_s * 1e3:.3g} ms")

@@ -105,8 +105,10 @@ def require_same_arm(track: JointTrack, workcell: Workcell, path: Path) -> None:
 
 def require_same_camera(pair: RecordedPair, workcell: Workcell, path: Path) -> None:
     """For a recording without a description: its pictures are of the size that the cell's file says."""
-    for name in ("width_px", "height_px"):
-        recorded, given = getattr(pair.calibration, name), getattr(workcell.camera, name)
+    # the cell's file describes two equal cameras
+    cameras = pair.calibration.left, pair.calibration.right
+    for name, camera in ((name, camera) for name in ("width_px", "height_px") for camera in cameras):
+        recorded, given = getattr(camera, name), getattr(workcell.camera, name)
         if recorded != given:
             raise ConfigError(
                 f"cell.camera.{name}: {path} was recorded with {recorded}, the cell's file says {given}; play it with "

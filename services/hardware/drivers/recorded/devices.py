@@ -92,7 +92,7 @@ class RecordedCamera:
                     )
             self._next += 1
         left, right = (decode(Image, sample.payload, sample.label, sample.key) for sample in (pair.left, pair.right))
-        return StereoCapture(pair.stamp_ns, pair.exposure_s, left.pixels, right.pixels)
+        return StereoCapture(pair.stamp_ns, pair.exposure_s, left.pixels, right.pixels, left.encoding, right.encoding)
 
     def _coming(self) -> RecordedPair:
         playback = self._playback

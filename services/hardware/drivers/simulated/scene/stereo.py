@@ -9,7 +9,7 @@ import numpy as np
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import CameraCalibration, SceneFaults
+from crosspih_common.messages import CameraCalibration, CameraModel, SceneFaults
 from crosspih_common.messages.base import PoseData
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
@@ -50,15 +50,14 @@ class SimulatedStereoCamera:
     def calibration(self) -> CameraCalibration:
         """What the cameras are and where they stand."""
         rig = self._rig
+        camera = CameraModel(
+            width_px=rig.width, height_px=rig.height, fx_px=rig.fx, fy_px=rig.fy, cx_px=rig.cx, cy_px=rig.cy
+        )
         return CameraCalibration(
             stamp_ns=self._world.now_ns,
-            width_px=rig.width,
-            height_px=rig.height,
-            fx_px=rig.fx,
-            fy_px=rig.fy,
-            cx_px=rig.cx,
-            cy_px=rig.cy,
-            baseline_m=rig.baseline_m,
+            left=camera,
+            right=camera,
+            pose_left_right=PoseData.of(Pose.from_translation([rig.baseline_m, 0.0, 0.0])),
             pose_base_camera=PoseData.of(rig.pose_base_camera),
         )
 

@@ -1,0 +1,1 @@
+"""`crosspih locate`: where the hole is, from photos, with no stack running."""

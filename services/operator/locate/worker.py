@@ -1,0 +1,70 @@
+"""Vision as a process of its own, asked by lines of JSON: the operator knows none of its code."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from types import TracebackType
+from typing import Any
+
+from crosspih_common.errors import CrosspihError
+
+COMMAND = (sys.executable, "-m", "services.vision.offline")
+
+
+class BadInput(CrosspihError):
+    """What was given cannot be used; the text names the field and the mend."""
+
+
+class VisionLost(CrosspihError):
+    """The process ended, or answered what is no answer."""
+
+
+class OfflineVision:
+    """The process; started at once, ended with the context."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+        )
+
+    def __enter__(self) -> OfflineVision:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def ask(self, job: dict[str, Any]) -> dict[str, Any]:
+        """The answer to one job (fields: services/vision/offline.py). Raises BadInput, VisionLost."""
+        source, sink = self._process.stdout, self._process.stdin
+        assert source is not None and sink is not None
+        try:
+            sink.write(json.dumps(job) + "\n")
+            sink.flush()
+            line = source.readline()
+        except BrokenPipeError:
+            line = ""
+        if not line:
+            raise VisionLost(
+                f"the vision process ended with status {self._process.wait()}; what it printed stands above. Is the "
+                "extra `vision` installed?"
+            )
+        try:
+            answer = json.loads(line)
+        except ValueError:
+            raise VisionLost(f"the vision process answered {line[:80]!r}, which is no JSON") from None
+        if not isinstance(answer, dict):
+            raise VisionLost(f"the vision process answered {line[:80]!r}, which is no object")
+        if "error" in answer:
+            raise BadInput(f"{answer['error']['field']}: {answer['error']['text']}")
+        return answer
+
+    def close(self) -> None:
+        """End the process; a second call does nothing."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                stream.close()
+        self._process.wait()

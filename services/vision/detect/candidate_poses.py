@@ -1,0 +1,155 @@
+"""Poses at which both pictures show the rim, for a fit to start from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.vision.detect.coarse_search import SearchGrid, best_starts
+from services.vision.detect.picture_level import Floats, Level
+from services.vision.detect.refinement import Poses, likeness, refined, support
+from services.vision.detect.rim_samples import Rimmed, RimSamples
+from services.vision.stereo import StereoModel
+
+SEARCH_SAMPLES, SAMPLES = 64, 96
+SKIP_CORNER_PX = 1.5
+PRIOR_SLACK = 1.3
+STARTS, KEPT, MOST = 8, 4, 5
+# reach along the rim's normals, px of the level, one iteration each: by edges, then by the two steps of a chamfer
+FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
+# how far two rims are apart at least, px, to be worth refining both, and to be two answers
+WORTH_PX, SAME_PX = 1.5, 0.7
+SUPPORTED = 0.45
+UNEXPLAINED_LEAST = 0.001
+RIVAL_SCORE, RIVAL_APART = 0.95, 0.06
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A pose at which the rim may be, and what speaks for it.
+
+    `score` 0 to 1: the mean support over both pictures. `rim_m` (M, 3): places on the middle of the chamfer, hole
+    frame, m, evenly along the rim; `support` (2, M): 0 to 1, how much the left and the right picture look like a rim
+    at each.
+    `apart`: how far its rim lies from the best candidate's at most, as a share of the rim's extent in that picture.
+    """
+
+    pose_camera_hole: Pose
+    score: float
+    rim_m: Array
+    support: Array
+    apart: float = 0.0
+
+    @property
+    def supported(self) -> tuple[float, float]:
+        """The share of the rim that is seen in the left and in the right picture."""
+        left, right = (self.support > SUPPORTED).mean(axis=1)
+        return float(left), float(right)
+
+    def gap(self, side: int) -> tuple[float, Array]:
+        """The longest stretch of the rim that is not seen in a picture (0 left, 1 right): its share of the rim, and the
+        place (3,) on the rim, hole frame, m, in its middle: what covers the rim, or hides it in the dark, is there."""
+        hidden = self.support[side] <= SUPPORTED
+        count = len(hidden)
+        longest, start, run = 0, 0, 0
+        for index in range(2 * count):  # the rim is closed: twice around
+            run = run + 1 if hidden[index % count] else 0
+            if longest < run <= count:
+                longest, start = run, index - run + 1
+        return longest / count, np.asarray(self.rim_m[(start + longest // 2) % count])
+
+
+def rival(found: Sequence[Candidate]) -> Candidate | None:
+    """Another candidate that the pictures support as well as the first, and whose rim lies elsewhere."""
+    for other in found[1:]:
+        if other.score > RIVAL_SCORE * found[0].score and other.apart > RIVAL_APART:
+            return other
+    return None
+
+
+def candidates(
+    images: Sequence[Floats], stereo: StereoModel, hole: Rimmed, nominal: Pose, half_ranges: Array
+) -> list[Candidate]:
+    """Where the hole may be: one to five poses, whatever the pictures show; the score says what each is worth.
+
+    Those first that leave least of what is near the rim unexplained. The first is mostly within a pixel, one of them
+    nearly always: a fit of each decides.
+
+    `images` left and right, (height, width) each, grey 0 to 255, linear in light; `nominal` is `pose_base_hole` by the
+    cell's drawing, `half_ranges` (6,) how far it may be off, m and rad.
+    """
+    prior = stereo.pose_base_camera.inverse() @ nominal
+    ranges = PRIOR_SLACK * np.asarray(half_ranges, float)
+    skip_m = SKIP_CORNER_PX * _pixel_m(stereo, prior)
+    grid = SearchGrid.of(RimSamples.of(hole, SEARCH_SAMPLES, skip_m), stereo, prior, ranges)
+    samples = RimSamples.of(hole, SAMPLES, skip_m)
+    windows = grid.windows()
+
+    def at(factors: Sequence[int]) -> tuple[Level, Level]:
+        left, right = (Level.of(images[side], windows[side], factors[side]) for side in range(2))
+        return left, right
+
+    factors: tuple[int, ...] = grid.factors
+    poses = Poses.of(best_starts(at(grid.factors), grid, STARTS))
+    first = True
+    while first or max(factors) > 1:
+        factors = tuple((factor + 1) // 2 for factor in factors)
+        levels = at(factors)
+        if first:
+            poses = refined(levels, samples, stereo, poses, prior, ranges, FIRST_PX)
+            score = support(levels, samples, stereo, poses).mean(axis=(0, 2))
+            poses = poses.taken(_apart(samples, stereo, poses, score, WORTH_PX * min(factors))[:KEPT])
+            poses = refined(levels, samples, stereo, poses, prior, ranges, EDGES_PX)
+            score = _rank(np.asarray(likeness(levels, samples, stereo, poses), dtype=float))
+            poses = poses.taken(_apart(samples, stereo, poses, score, SAME_PX * min(factors)))
+            poses = _with_slips(poses, samples)
+        poses = refined(levels, samples, stereo, poses, prior, ranges, STEPS_PX, by_steps=True)
+        first = False
+    seen = np.asarray(likeness(levels, samples, stereo, poses), dtype=float)
+    score = seen.mean(axis=(0, 2))
+    chosen = _apart(samples, stereo, poses, _rank(seen), SAME_PX)[:MOST]
+    middle = samples.at(0.5)
+    rims = stereo.project(poses.apply(middle))
+    best = rims[:, chosen[0]]
+    apart = np.linalg.norm(rims - best[:, None], axis=-1).max(axis=2) / np.ptp(best, axis=1).max(axis=1)[:, None]
+    return [
+        Candidate(poses[index], float(score[index]), middle, seen[:, index], float(apart[:, index].max()))
+        for index in chosen
+    ]
+
+
+def _with_slips(poses: Poses, samples: RimSamples) -> Poses:
+    """The poses, and the first one aside by a chamfer's width in four directions: one line of a chamfer that is bright
+    on one side and dark on the other is easily taken for the other line."""
+    width = float(np.abs(samples.inner_m - samples.outer_m)[:, 2].max())
+    steps = np.zeros((4, 6))
+    steps[:, :2] = width * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    slipped = poses.taken([0] * 4).moved(steps)
+    return Poses(
+        np.concatenate([poses.rotation, slipped.rotation]), np.concatenate([poses.translation_m, slipped.translation_m])
+    )
+
+
+def _rank(seen: Array) -> Array:
+    """(K,): what is left unexplained of each profile, (2, K, M), by its logarithm, as a likelihood counts it."""
+    return np.asarray(-np.log(1.0 + UNEXPLAINED_LEAST - seen).mean(axis=(0, 2)))
+
+
+def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array, least_px: float) -> list[int]:
+    """Poses, best first, without those whose rim nowhere lies farther than that from a better one's."""
+    where = stereo.project(poses.apply(samples.at(0.5)))
+    result: list[int] = []
+    for index in np.argsort(score)[::-1]:
+        if all(np.abs(where[:, index] - where[:, other]).max() > least_px for other in result):
+            result.append(int(index))
+    return result
+
+
+def _pixel_m(stereo: StereoModel, pose_camera_hole: Pose) -> float:
+    """What one pixel of the coarser picture covers at the hole, m."""
+    seen = stereo.project(pose_camera_hole.apply(np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])))
+    return float(1e-3 / np.linalg.norm(seen[:, 1] - seen[:, 0], axis=-1).min())

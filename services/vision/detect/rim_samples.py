@@ -1,0 +1,80 @@
+"""Points along the rim, evenly spaced, of any outline: what a picture is searched for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+
+SMOOTH_RAD = 0.35  # where the rim turns by less it is one smooth section: the facets of a curve
+SKIP_MOST = 0.25  # of a section that is short: its middle is always sampled
+
+
+class Rimmed(Protocol):
+    """A hole with its chamfer: corners of the rim, counter-clockwise, hole frame, m."""
+
+    def inner_rim_m(self) -> Array:
+        """(n, 3) where the chamfer meets the bore."""
+
+    def outer_rim_m(self) -> Array:
+        """(n, 3) where the face meets the chamfer."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RimSamples:
+    """Points on the rim in the hole frame, m: `outer_m` and `inner_m` (M, 3), straight across the chamfer from each
+    other; `along` (M, 3) the rim's direction there; `smooth` (M, M) the weighted mean of each with its neighbours of
+    the same section, rows that add up to 1; `round` says that a turn about the axis changes nothing."""
+
+    outer_m: Array
+    inner_m: Array
+    along: Array
+    smooth: Array
+    round: bool
+
+    @classmethod
+    def of(cls, hole: Rimmed, count: int, skip_m: float) -> RimSamples:
+        """`count` samples, evenly along the rim but for `skip_m` on both sides of each corner, m."""
+        outer, inner = hole.outer_rim_m(), hole.inner_rim_m()
+        run = np.roll(inner, -1, axis=0) - inner
+        length = np.linalg.norm(run, axis=1)
+        along = run / length[:, None]
+        cosine = np.clip(np.sum(along * np.roll(along, 1, axis=0), axis=1), -1.0, 1.0)
+        corner = np.arccos(cosine) > SMOOTH_RAD  # at the start of each edge
+        section = np.cumsum(corner) - 1
+        section[section < 0] = section[-1]  # the outline starts amid a smooth section
+        skip = np.minimum(skip_m, SKIP_MOST * length)
+        first = np.where(corner, skip, 0.0)
+        last = length - np.where(np.roll(corner, -1), skip, 0.0)
+        ends = np.cumsum(last - first)
+        at = (np.arange(count) + 0.5) * ends[-1] / count
+        edge = np.minimum(np.searchsorted(ends, at), len(inner) - 1)
+        reach = first[edge] + at - (ends - (last - first))[edge]
+        outward = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(along))])
+        across = np.abs(np.sum((outer - inner) * outward, axis=1))[:, None] * outward
+        across[:, 2] = outer[:, 2] - inner[:, 2]
+        points = inner[edge] + reach[:, None] * along[edge]
+        away = np.hypot(*inner[:, :2].T)
+        return cls(
+            points + across[edge],
+            points,
+            along[edge],
+            _neighbours(section[edge]),
+            not corner.any() and float(np.ptp(away)) < 1e-3 * float(away.mean()),
+        )
+
+    def at(self, share: float) -> Array:
+        """(M, 3): the points at a share of the way across the chamfer, 0 outside, 1 inside."""
+        return self.outer_m + share * (self.inner_m - self.outer_m)
+
+
+def _neighbours(section: Array) -> Array:
+    count = len(section)
+    weight = np.eye(count) * 2.0
+    for step in (-1, 1):
+        other = (np.arange(count) + step) % count
+        weight[np.arange(count), other] += section == section[other]
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True))

@@ -1,0 +1,144 @@
+"""Whether what was fitted is a hole: three witnesses, in the order of what they are worth.
+
+1. What is seen inside does not lie in the face's plane, nor a little below it (parallax).
+2. The rim has a chamfer: two steps whose middle grey is neither the face's nor the bore's.
+3. The inside is blacker than ink: light that goes in does not come out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+from services.vision.evidence.flat_picture import deeper_by
+from services.vision.evidence.inside import Inside, seen_inside
+from services.vision.fit.quality import Quality
+from services.vision.fit.rim import Rim, Rimmed
+from services.vision.fit.solve import Doubts, Fit, Images
+from services.vision.refusals import FlatPrint, NotSeenInside, ShallowPocket
+from services.vision.stereo import StereoModel
+
+DEPTHS_M = np.array([0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.018, 0.03])
+# what is seen inside is more than noise from there on, times the noise; plainly more; and share of the step
+SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
+# a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
+# faintly
+EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.62, 0.72
+# how much better or worse a plane must explain it than another, share of what is seen
+BETTER = 0.12
+# from the first on a bottom, a wall or the background; up to the second a pocket, up to the third the face itself
+DEEP_M, SHALLOW_M, FLAT_M = 0.012, 0.0065, 0.0008
+# a bottom deeper than SHALLOW_M and not yet DEEP_M: one plane explains all but that much, and deeper ones leave more by
+ONE_PLANE, ONE_PLANE_BETTER = 0.12, 0.05
+# log likelihood of a chamfer that goes down against one that is drawn on the face
+DEEPER_LEAST = 8.0
+# the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line
+CHAMFER_LEAST = 0.085
+CHAMFER_NOISES = 2.0
+# of the face's light: the blackest inks give back more
+BLACK_SHARE = 0.027
+# with more seen inside than that a hole would show its depth
+FAINT_NOISES = 1.4
+CHAMFERED_M = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
+    the less of both; black: the inside's grey over the face's; deeper: log likelihood of a chamfer that goes down
+    against
+    one that is drawn on the face."""
+
+    inside: Inside
+    chamfer: float
+    black: float
+    deeper: float
+
+    @property
+    def seen(self) -> float:
+        """What is seen inside, times the noise."""
+        return self.inside.structure / max(self.inside.noise, 1e-9)
+
+
+def chamfer_shade(fit: Fit, rim: Rim, step_grey: float) -> Array:
+    """(F, 2): by the way that the walls face, and picture, the chamfer's grey: 0 as the bore, 1 as the face; NaN where
+    these are alike."""
+    steps = fit.steps
+    height = steps.face - steps.bore
+    least = max(5.0, 0.2 * step_grey)
+    shade = np.where(
+        np.abs(height) < least, np.nan, (steps.chamfer - steps.bore) / np.where(height == 0.0, 1.0, height)
+    )
+    rows = []
+    for way in range(int(rim.facing.max()) + 1):
+        part = shade[:, rim.facing == way].reshape(2, -1)
+        rows.append([float(np.nanmedian(one)) if np.isfinite(one).sum() > 2 else np.nan for one in part])
+    return np.array(rows)
+
+
+def evidence_of(
+    images: Images, stereo: StereoModel, hole: Rimmed, rim: Rim, fit: Fit, quality: Quality, doubts: Doubts
+) -> Evidence:
+    """All that tells a hole from a picture of one."""
+    noise = tuple(float(np.median(fit.variance[side][..., -3:])) for side in range(2))
+    pose = fit.state.pose_camera_hole
+    inside = seen_inside(images, stereo, pose, hole.inner_rim_m(), DEPTHS_M, (noise[0], noise[1]))
+    shade = chamfer_shade(fit, rim, quality.step_grey)
+    known = shade[np.isfinite(shade)]
+    chamfer, deeper = 0.0, 0.0
+    if float(np.abs(hole.inner_rim_m()[:, 2]).max()) > CHAMFERED_M:
+        if len(known) >= 2:
+            chamfer = float(min(np.sqrt(np.mean(known**2)), np.sqrt(np.mean((known - 1.0) ** 2))))
+        if _depth_by(inside, quality) is None:
+            deeper = deeper_by(images, rim, stereo, fit, doubts)
+    face = float(np.median(fit.steps.face))
+    return Evidence(inside, chamfer, float(np.median(fit.steps.bore)) / max(face, 1.0), deeper)
+
+
+def _depth_by(inside: Inside, quality: Quality) -> float | None:
+    """How deep what is seen inside lies, m; infinite where no plane explains it; None where it does not say."""
+    seen = inside.structure / max(inside.noise, 1e-9)
+    if seen < SEEN_NOISES or inside.structure < SEEN_SHARE * quality.step_grey:
+        return None
+    share = inside.unexplained / inside.structure
+    deep = float(np.nanmin(np.where(inside.depths_m >= DEEP_M, share, np.nan)))
+    best = int(np.nanargmin(share))
+    if share[best] < EXPLAINED and inside.depths_m[best] <= SHALLOW_M and share[-1] > share[best] + BETTER:
+        return float(inside.depths_m[best])
+    if share[best] < ONE_PLANE and inside.depths_m[best] < DEEP_M and deep > share[best] + ONE_PLANE_BETTER:
+        return float(inside.depths_m[best])
+    if deep < share[0] - BETTER:
+        return DEEP_M
+    return np.inf if share[0] > (NOT_EXPLAINED if seen > PLAIN_NOISES else FAINTLY_NOT_EXPLAINED) else None
+
+
+def judge(evidence: Evidence, quality: Quality) -> None:
+    """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside."""
+    inside = evidence.inside
+    depth = _depth_by(inside, quality)
+    if depth is not None and depth >= DEEP_M:
+        return
+    if depth is not None and depth > FLAT_M:
+        raise ShallowPocket(
+            f"what is seen inside the outline lies {depth * 1e3:.1f} mm below the face, want more than "
+            f"{DEEP_M * 1e3:g} mm: a pocket, not the hole; is the right part in the fixture?"
+        )
+    share = inside.unexplained[0] / max(inside.structure, 1e-9)
+    if depth is not None or evidence.deeper < -DEEPER_LEAST:
+        raise FlatPrint(
+            f"what is seen inside the outline lies in the face's plane ({share:.0%} of it left unexplained there): a "
+            "print or a sticker, not a hole; is the right part in the fixture?"
+        )
+    sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
+    faint = inside.structure < FAINT_NOISES * inside.noise
+    if faint and (evidence.chamfer > sure or evidence.black < BLACK_SHARE):
+        return
+    raise NotSeenInside(
+        f"the inside (grey {inside.bright:.0f}, {evidence.black:.1%} of the face) does not tell its depth and the "
+        f"chamfer, "
+        f"{evidence.chamfer:.0%} of the step from a printed line, want {sure:.0%}, is no proof: hole or print? "
+        f"light it "
+        "from another side, or expose longer, so that a wall or the chamfer is seen"
+    )

@@ -1,0 +1,104 @@
+"""What speaks for a fit and against it, whatever the light: all of it measured against the height of the step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+from services.vision.fit.rim import Rim
+from services.vision.fit.solve import COMMON, POSE, Doubts, Fit, kinds_of
+from services.vision.fit.steps import SATURATED_GREY
+
+STEP_NOISES = 4.0
+STEP_SHARE_LEAST = 0.15
+WEIGHT_LEAST = 0.3
+TINY = 1e-9
+ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quality:
+    """step_grey: median height of the step at the rim; noise_grey, face_grey: median; support (2, G): share of each
+    group's
+    profiles
+    that look like the rim; residual: what is left of the greys, share of the step; inside: share of the rim inside the
+    picture, the worse of both; saturated: share of the face beside the rim; rim_saturated: of
+    the profiles across it, any part of them; offset_px (2,) and its conflict with the
+    calibration, sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough:
+    what
+    the model leaves unsaid, share of the step, the more the farther along the rim it hangs together: texture."""
+
+    step_grey: float
+    noise_grey: float
+    face_grey: float
+    support: Array
+    residual: float
+    inside: float
+    saturated: float
+    rim_saturated: float
+    offset_px: Array
+    offset_conflict: float
+    sizes_m: Array
+    sizes_conflict: float
+    rough: float
+
+    @property
+    def supported(self) -> float:
+        """Share of the profiles of both pictures."""
+        return float(self.support.mean())
+
+
+def roughness_of(fit: Fit) -> float:
+    """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together:
+    texture."""
+    steps, rest = fit.steps, fit.steps.residual * fit.profiles.inside
+    height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
+    share = float(
+        np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0)
+    )
+    alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
+    alike = float(np.clip(alike, 0.0, ALIKE_MOST))
+    return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
+
+
+def _conflict(mean: Array, posterior: Array, prior_sd: Array) -> float:
+    """How far the pictures pull what was believed: squared, over its spread."""
+    spread = np.diag(prior_sd**2) - posterior
+    spread = spread + 1e-3 * np.diag(prior_sd**2)
+    return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
+
+
+def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
+    """The figures of a fit at its end."""
+    steps, inside = fit.steps, fit.profiles.inside
+    height = np.maximum(np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face)),
+                        np.abs(steps.bore - steps.chamfer))  # fmt: skip
+    noise = np.sqrt(np.median(fit.variance, axis=-1))
+    typical = float(np.median(height))
+    weight = fit.weight * fit.even[..., None, None]
+    count = np.maximum(inside.sum(axis=-1), 1.0)
+    kept = weight.sum(axis=-1) / count
+    seen = inside.mean(axis=-1) > 0.4
+    ok = (height > STEP_NOISES * noise) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
+    squares = np.sum(weight * steps.residual**2) / max(float(weight.sum()), 1.0)
+    kinds = kinds_of(rim)
+    offset, sizes = kinds["offset"], slice(POSE, COMMON)
+    off = fit.effects[offset]
+    offset_sd = np.full(2, doubts.offset_sd_px)
+    return Quality(
+        typical,
+        float(np.median(noise)),
+        float(np.median(steps.face)),
+        ok.mean(axis=2),
+        float(np.sqrt(squares)) / max(typical, 1.0),
+        float(np.mean(seen, axis=(1, 2)).min()),
+        float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),
+        float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
+        off,
+        _conflict(off, fit.covariance[offset, offset], offset_sd),
+        fit.state.sizes_m,
+        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds()),
+        roughness_of(fit),
+    )

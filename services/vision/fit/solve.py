@@ -1,0 +1,340 @@
+"""Pose, blur and what is off in the drawing from both pictures: Gauss-Newton with random effects.
+
+Every edge may be off by a little in each picture, and all edges that face one way together: chamfers are not evenly
+grey, walls are lit, edges are broken. By how much is measured from how well the edges agree with one pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.vision.fit.noise import robust_weight, variance_by_grey
+from services.vision.fit.rim import Rim, SeenRim, perturbed, seen
+from services.vision.fit.steps import STEP_PX, Profiles, Steps, columns_of, profiles, steps
+from services.vision.stereo import StereoModel
+
+Images = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
+SIZES = 4  # outer line, inner line, near edges, far edges
+COMMON = POSE + SIZES
+LOCAL = 21
+# a shift in one picture stands twice: the edge's own and its facing's
+TWICE = [*range(LOCAL), 15]
+BLUR_START_PX2 = 0.8
+HELD = 1e9
+BLUR_MEAN_PX2 = np.array([0.6, 0.0, 0.6])
+BLUR_SD_PX2 = (0.8, 0.15, 0.8)
+# uu and vv of one picture, uu and uu of both, vv and vv of both
+BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 2), (3, 5), (0, 3), (2, 5)), 0.3
+BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
+EFFECT_DEGREES = 4.0
+ROUGH_GREY = 3.0  # before the noise is measured
+SHADE_MEAN, SHADE_SD = 0.5, 1.0
+CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
+# what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
+# as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
+# broken edge shines or not by where it faces); a lip: the inner one. The rest px in one picture: all edges that face
+# one way; an edge; its
+# ends.
+# The chamfer's grey over the face's, beside what all chamfers that face one way share
+EFFECTS: dict[str, tuple[float, float]] = {
+    "wall": (0.02e-3, 4.0),
+    "rim": (0.03e-3, 4.0),
+    "lip": (0.03e-3, 4.0),
+    "facing": (0.015, 4.0),
+    "edge": (0.02, 8.0),
+    "turn": (0.015, 8.0),
+    "chamfer": (0.05, 8.0),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Doubts:
+    """How far the drawing may be off, one sd, m: the outer and the inner line by broken edges, all of it by tolerance;
+    and the right picture against the left one by the calibration, px."""
+
+    outer_sd_m: float = 0.06e-3
+    inner_sd_m: float = 0.06e-3
+    size_sd_m: float = 0.03e-3
+    offset_sd_px: float = 0.03
+
+    def sds(self) -> Array:
+        """(4,): outer line, inner line, near edges, far edges."""
+        return np.array([self.outer_sd_m, self.inner_sd_m, self.size_sd_m, self.size_sd_m])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Where the fit stands: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and by
+    kind
+    of effect the variance of each, m^2, px^2 or 1. gloss: how differently both
+    cameras see the face; chamfer_grey (2, G) and profile_weight (2, G, S): None before the first look."""
+
+    pose_camera_hole: Pose
+    sizes_m: Array
+    blur_px2: Array
+    effects: dict[str, Array]
+    gloss: float = 0.0
+    chamfer_grey: Array | None = None
+    profile_weight: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The end: the state, posterior covariance (P, P) with the pose first, effects (P,), information of the pose by
+    each
+    edge, and what the last look at the pictures gave."""
+
+    state: State
+    covariance: Array
+    effects: Array
+    seen: SeenRim
+    profiles: Profiles
+    steps: Steps
+    variance: Array
+    even: Array
+    weight: Array
+    local: Array
+    gradient: Array
+    cost: float
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "lip": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
+GLOSS_MOST = 0.3
+
+
+def believed(kind: str, gloss: float) -> float:
+    """What is off by itself, one sd: the shinier the more, a shine moves with the eye."""
+    return float(np.hypot(EFFECTS[kind][0], GLOSS_SD[kind] * min(gloss, GLOSS_MOST)))
+
+
+def start_state(rim: Rim, pose: Pose, blur_px2: float = BLUR_START_PX2) -> State:
+    """A fit's beginning at a pose."""
+    kinds = _indices(rim)[2]
+    return State(
+        pose,
+        np.zeros(SIZES),
+        np.tile([blur_px2, 0.0, blur_px2], (2, 1)).astype(float),
+        {kind: np.full(kinds[kind].stop - kinds[kind].start, sd**2) for kind, (sd, _) in EFFECTS.items()},
+    )
+
+
+def grown(rim: Rim, sizes: Array) -> Rim:
+    """The rim with its lines moved outward by sizes (4,), m: outer line, inner line, near edges, far edges."""
+    both = (sizes[2] + (sizes[3] - sizes[2]) * rim.reach)[:, None, None] * rim.outward
+    return replace(
+        rim, outer_m=rim.outer_m + both + sizes[0] * rim.outward, inner_m=rim.inner_m + both + sizes[1] * rim.outward
+    )
+
+
+def _look(
+    images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2: float
+) -> tuple[SeenRim, Array, Array, Profiles]:
+    moved = seen(grown(rim, state.sizes_m), stereo, state.pose_camera_hole)
+    n = moved.normal
+    square = np.stack([n[..., 0] ** 2, 2.0 * n[..., 0] * n[..., 1], n[..., 1] ** 2], axis=-1)
+    variance_px2 = np.einsum("kgsi,ki->kgs", square, state.blur_px2) + extra_px2
+    blur = float(np.sqrt(np.clip(np.median(variance_px2), 0.25, 6.0)))
+    taken = profiles(images, moved, blur)
+    return moved, square, variance_px2, taken
+
+
+def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
+    """(2, G, S, 5, 21): outer step, inner step, their blur and the chamfer's grey, by the local parameters: pose 6,
+    sizes 4, blur 3, wall, rim, edge, the edge's turn, the chamfer's grey, the right picture's offset (u, v), lip."""
+    groups, samples = rim.shape
+    maps = np.zeros((2, groups, samples, 5, LOCAL))
+    maps[..., 0, :6], maps[..., 1, :6] = moved.outer_slope, moved.inner_slope
+    out = moved.outward_slope
+    maps[..., 0, OUTER], maps[..., 1, INNER] = out, out
+    maps[..., 0, 14] = out
+    maps[..., 4, 17] = 1.0
+    maps[..., 1, 20] = out
+    for step in range(2):
+        maps[1, ..., step, 18:20] = moved.normal[1]
+    for step in range(2):
+        maps[..., step, NEAR] = out * (1.0 - rim.reach)[:, None]
+        maps[..., step, FAR] = out * rim.reach[:, None]
+        maps[..., step, 13] = out
+        maps[..., step, 15] = 1.0
+        maps[..., step, 16] = np.linspace(-1.0, 1.0, samples)
+        maps[..., 2 + step, 10:13] = square
+    return maps
+
+
+def _share(moved: SeenRim) -> Array:
+    """(2, G, S): how many independent pixels a sample stands for."""
+    return np.minimum(moved.spacing_px, 1.0) * STEP_PX
+
+
+def iterate(
+    images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts, extra_px2: float = 0.0,
+    hold_blur: bool = False,
+) -> tuple[State, Fit]:  # fmt: skip
+    """One Gauss-Newton step; `extra_px2` blur was added to the pictures. `hold_blur`: the blur stays what it is."""
+    moved, square, variance_px2, taken = _look(images, rim, stereo, state, extra_px2)
+    columns = columns_of(taken, moved, variance_px2)
+    known = state.profile_weight if state.profile_weight is not None else np.ones(taken.grey.shape[:3])
+    first = steps(columns, taken.inside * known[..., None] / ROUGH_GREY**2, state.chamfer_grey)
+    variance = variance_by_grey(first.model, first.residual, taken.inside)
+    height = np.maximum(np.abs(first.chamfer - first.face), np.abs(first.bore - first.face))
+    weight, profile_weight, even = robust_weight(first.residual, variance, height, taken.inside)
+    chamfer = state.chamfer_grey
+    if chamfer is None:
+        chamfer = np.asarray(first.chamfer.mean(axis=2))
+    share = _share(moved)
+    now = steps(columns, weight * share[..., None], chamfer)
+    cost = float(np.sum(weight * now.residual**2) / max(float(np.sum(taken.inside)), 1.0))
+    maps = _maps(rim, moved, square)
+    table = now.table[..., 1:, 1:]
+    local = np.einsum("kgsim,kgsij,kgsjn->kgmn", maps, table, maps, optimize=True)
+    to_four = np.einsum("kgsim,kgsif->kgmf", maps, now.shared[..., 1:, :], optimize=True)
+    local = local - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
+    pull = np.einsum("kgsim,kgsi->kgm", maps, now.table[..., 0, 1:], optimize=True)
+    level = np.maximum(now.face.mean(axis=2), height.mean(axis=2)) + 1.0
+    covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
+    fit = Fit(state, covariance, effects, moved, taken, now, variance, even, weight, local, pull, cost)
+    return _stepped(rim, replace(state, profile_weight=profile_weight), chamfer, covariance, effects, level), fit
+
+
+def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
+    return _indices_of(rim.shape[0], tuple(int(way) for way in rim.facing))
+
+
+@lru_cache(maxsize=32)
+def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
+    """(2, G, 22) global number of each local parameter (a shift in one picture stands twice: edge's and facing's),
+    their
+    count, and where the kinds lie."""
+    facings = max(facing) + 1
+    ways = np.array(facing)
+    counts = {
+        "wall": groups,
+        "rim": facings,
+        "lip": facings,
+        "facing": 2 * facings,
+        "edge": 2 * groups,
+        "turn": 2 * groups,
+        "chamfer": 2 * groups,
+        "shade": facings,
+        "offset": 2,
+    }
+    kinds, total = {}, COMMON + 6
+    for kind, count in counts.items():
+        kinds[kind] = slice(total, total + count)
+        total += count
+    index = np.zeros((2, groups, LOCAL + 1), dtype=int)
+    each = np.arange(groups)
+    for side in range(2):
+        index[side, :, :COMMON] = np.arange(COMMON)
+        index[side, :, COMMON : COMMON + 3] = COMMON + 3 * side + np.arange(3)
+        index[side, :, 13] = kinds["wall"].start + each
+        index[side, :, 14] = kinds["rim"].start + ways
+        index[side, :, 15] = kinds["edge"].start + side * groups + each
+        index[side, :, 16] = kinds["turn"].start + side * groups + each
+        index[side, :, 17] = kinds["chamfer"].start + side * groups + each
+        index[side, :, 18:20] = kinds["offset"].start + np.arange(2)
+        index[side, :, 20] = kinds["lip"].start + ways
+        index[side, :, LOCAL] = kinds["facing"].start + side * facings + ways
+    return index, total, kinds
+
+
+def kinds_of(rim: Rim) -> dict[str, slice]:
+    """Where each kind of effect lies in the covariance and in the effects."""
+    return _indices(rim)[2]
+
+
+def _solve(
+    rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
+) -> tuple[Array, Array]:
+    index, total, kinds = _indices(rim)
+    wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
+    cells = (index[..., :, None] * total + index[..., None, :]).ravel()
+    information = np.asarray(np.bincount(cells, wide.ravel(), total * total), dtype=float).reshape(total, total)
+    gradient = np.asarray(np.bincount(index.ravel(), wide_pull.ravel(), total), dtype=float)
+    prior = np.zeros(total)
+    prior[:POSE] = 1e-6 * np.maximum(np.diag(information)[:POSE], 1.0)
+    sizes = 1.0 / doubts.sds() ** 2
+    prior[POSE:COMMON] = sizes
+    gradient[POSE:COMMON] -= sizes * state.sizes_m
+    blur = 1.0 / np.tile(np.array(BLUR_SD_PX2), 2) ** 2 + (HELD if hold_blur else 0.0)
+    prior[COMMON : COMMON + 6] = blur
+    gradient[COMMON : COMMON + 6] -= blur * (state.blur_px2 - BLUR_MEAN_PX2).ravel() * (0.0 if hold_blur else 1.0)
+    if not hold_blur:
+        # a lens is round and both are alike, more or less
+        flat = state.blur_px2.ravel()
+        for one, other in BLUR_ALIKE:
+            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / BLUR_ALIKE_SD_PX2
+            information[np.ix_(pair, pair)] += np.outer(row, row)
+            gradient[pair] -= row * (row @ flat[[one, other]])
+    for kind, variances in state.effects.items():
+        if kind != "chamfer":
+            prior[kinds[kind]] = 1.0 / variances
+    # each chamfer's grey over its level is what all that face its way share, and a little of its own
+    prior[kinds["shade"]] = SHADE_SD**-2
+    gradient[kinds["shade"]] += SHADE_SD**-2 * SHADE_MEAN
+    prior[kinds["offset"]] = 1.0 / doubts.offset_sd_px**2
+    own = 1.0 / state.effects["chamfer"]
+    own_at = np.arange(kinds["chamfer"].start, kinds["chamfer"].stop)
+    all_at = kinds["shade"].start + np.tile(rim.facing, 2)
+    to_own, to_all = own / level.ravel(), own
+    information[own_at, own_at] += to_own / level.ravel()
+    np.add.at(information, (all_at, all_at), to_all)
+    information[own_at, all_at] -= to_own
+    information[all_at, own_at] -= to_own
+    gradient[own_at] -= to_own * shade.ravel()
+    np.add.at(gradient, all_at, to_all * shade.ravel())
+    information[np.diag_indices(total)] += prior
+    scale = 1.0 / np.sqrt(np.diag(information))
+    factor, failed = dpotrf(information * scale[:, None] * scale, lower=True)
+    if failed:
+        raise np.linalg.LinAlgError("the rim's equations have no solution")
+    lower, _ = dpotri(factor, lower=True)
+    inverse = np.tril(lower) + np.tril(lower, -1).T
+    covariance = inverse * scale[:, None] * scale
+    return covariance, covariance @ gradient
+
+
+def _stepped(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
+    _, _, kinds = _indices(rim)
+    step = effects[:POSE].copy()
+    # far from the rim the profile is flat and a step means nothing
+    step *= min(1.0, 0.002 / max(float(np.linalg.norm(step[:3])), 1e-12))
+    blur = state.blur_px2 + effects[COMMON : COMMON + 6].reshape(2, 3)
+    blur[:, [0, 2]] = np.clip(blur[:, [0, 2]], BLUR_LEAST_PX2, BLUR_MOST_PX2)
+    most = 0.8 * np.sqrt(blur[:, 0] * blur[:, 2])
+    blur[:, 1] = np.clip(blur[:, 1], -most, most)
+    second = effects**2 + np.diag(covariance)
+    chamfer = chamfer_grey + effects[kinds["chamfer"]].reshape(level.shape)
+    chamfer = np.clip(chamfer, CHAMFER_SHARES[0] * level, CHAMFER_SHARES[1] * level)
+    # of a chamfer what it differs by from the others that face its way
+    shade = effects[kinds["shade"]][np.tile(rim.facing, 2)]
+    spread = np.diag(covariance)[kinds["chamfer"]] / level.ravel() ** 2
+    second[kinds["chamfer"]] = (chamfer.ravel() / level.ravel() - shade) ** 2 + spread
+
+    measured = {}
+    for kind, (_, belief) in EFFECTS.items():
+        sd = believed(kind, state.gloss)
+        values = second[kinds[kind]]
+        now = max(float(np.median(state.effects[kind])), sd**2)
+        heavy = (EFFECT_DEGREES + 1.0) / (EFFECT_DEGREES + values / now)
+        common = (belief * sd**2 + float(np.sum(heavy * values))) / (belief + values.size)
+        measured[kind] = (EFFECT_DEGREES * common + values) / (EFFECT_DEGREES + 1.0)
+    return State(
+        perturbed(state.pose_camera_hole, step),
+        state.sizes_m + effects[POSE:COMMON],
+        blur,
+        measured,
+        state.gloss,
+        chamfer,
+        state.profile_weight,
+    )

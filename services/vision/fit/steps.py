@@ -1,0 +1,182 @@
+"""Two steps across the rim, face to chamfer and chamfer to bore, with every grey free and projected out.
+
+grey(t) = F (1 - Phi1) + C (Phi1 - Phi2) + B Phi2, t along the normal: F and B a profile each, C linear along a group,
+with the slopes of face and bore (variable projection, Golub and Pereyra 1973, Kaufman's form). Either sign of either
+step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from crosspih_common.geometry.pose import Array
+from services.vision.fit.rim import SeenRim
+
+STEP_PX = 0.5
+SPREAD_LEAST_PX = 0.3
+# slope of face and bore beside the rim, sd, share of the step a pixel
+FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
+# the chamfer's grey from the middle of a group to its end, sd, share of the step
+CHAMFER_CHANGE_SHARE = 0.05
+SATURATED_GREY, SATURATED_REACH = 250.0, 2
+# of a face or a bore that is saturated, one sd of its grey
+UNSEEN_GREY = 2000.0
+# columns of a profile's table
+FACE, BORE, GREY, CHAMFER, FACE_SLOPE, BORE_SLOPE, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
+
+
+def sample(image: NDArray[np.float32], points_px: Array) -> Array:
+    """Grey at points (..., 2), px, cubic interpolation; beyond the border the border's grey."""
+    # remap wants its maps below 32768 in each direction: a row a profile
+    rows = points_px.reshape(-1, points_px.shape[-2], 2).astype(np.float32)
+    grey = cv2.remap(image, rows[..., 0], rows[..., 1], interpolation=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(grey, dtype=float).reshape(points_px.shape[:-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profiles:
+    """Greys (2, G, S, L) at `offsets_px` (L,) along the normals, and where a profile counts (2, G, S, L), 0 or 1."""
+
+    offsets_px: Array
+    grey: Array
+    inside: Array
+
+
+def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenRim, blur_px: float) -> Profiles:
+    """Sampled across the rim: the wider the blur, the farther to both sides."""
+    face, bore = 2.0 + 2.0 * blur_px, 0.8 + 1.3 * blur_px
+    chamfer = np.maximum(rim.chamfer_px, 0.0)
+    offsets = np.arange(-np.ceil(2 * face) / 2, float(chamfer.max()) + bore + STEP_PX, STEP_PX)
+    points = rim.outer_px[..., None, :] + offsets[:, None] * rim.normal[..., None, :]
+    grey = np.stack([sample(images[side], points[side]) for side in range(2)])
+    inside = np.ones_like(grey)
+    for side in range(2):
+        height, width = images[side].shape
+        u, v = points[side, ..., 0], points[side, ..., 1]
+        inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
+    inside *= offsets < chamfer[..., None] + bore
+    # a saturated pixel says how bright it is at least, not how bright; what is sampled within a pixel of it holds it
+    full = grey > SATURATED_GREY
+    if full.any():
+        wide = full.copy()
+        for step in range(1, SATURATED_REACH + 1):
+            wide[..., step:] |= full[..., :-step]
+            wide[..., :-step] |= full[..., step:]
+        inside *= ~wide
+    return Profiles(offsets, grey, inside)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steps:
+    """What the greys say at a pose and blur, everything per profile unless said.
+
+    Greys: face, chamfer, bore (2, G, S); model and residual (2, G, S, L).
+    table (2, G, S, 6, 6): scalar products of the residual, and of the derivatives by the outer step, the inner step,
+    their blur variances and the chamfer's grey; weighted, the profile's own two greys projected out.
+    shared (2, G, S, 6, 3): of the same with what the group shares; inverse (2, G, 3, 3) of the latter.
+    """
+
+    face: Array
+    chamfer: Array
+    bore: Array
+    model: Array
+    residual: Array
+    table: Array
+    shared: Array
+    inverse: Array
+
+
+def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Array:
+    """(2, G, S, 10, L): what a profile's grey is made of, and how that changes; `variance_px2` (2, G, S): the blur's
+    along
+    each normal."""
+    offsets, grey = seen_profiles.offsets_px, seen_profiles.grey
+    spread = np.sqrt(np.maximum(variance_px2, SPREAD_LEAST_PX**2))[..., None]
+    chamfer = np.maximum(rim.chamfer_px, 0.0)[..., None]
+    from_inner = offsets - chamfer
+    bell = 1.0 / (spread * np.sqrt(2.0 * np.pi))
+    half = 0.5 / spread**2
+    columns = np.empty((*grey.shape[:3], 10, grey.shape[3]))
+    second = ndtr(from_inner / spread)
+    columns[..., FACE, :] = 1.0 - ndtr(offsets / spread)
+    columns[..., BORE, :] = second
+    columns[..., GREY, :] = grey
+    columns[..., CHAMFER, :] = 1.0 - columns[..., FACE, :] - second
+    columns[..., FACE_SLOPE, :] = offsets * columns[..., FACE, :]
+    columns[..., BORE_SLOPE, :] = from_inner * second
+    columns[..., FIRST, :] = -np.exp(-half * offsets**2) * bell
+    columns[..., SECOND, :] = -np.exp(-half * from_inner**2) * bell
+    columns[..., FIRST_BLUR, :] = offsets * columns[..., FIRST, :] * half
+    columns[..., SECOND_BLUR, :] = from_inner * columns[..., SECOND, :] * half
+    return columns
+
+
+def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> Steps:
+    """The greys that fit best: `weight` (2, G, S, L): one over the noise's variance; `chamfer_grey` (2, G): in the
+    middle
+    of each group, None to take what fits best."""
+    grey = columns[..., GREY, :]
+    groups, samples = grey.shape[1], grey.shape[2]
+    gram = (columns * weight[..., None, :]) @ np.swapaxes(columns, -1, -2)
+    own = gram[..., :2, :2] + UNSEEN_GREY**-2 * np.eye(2)
+    across = gram[..., :2, 2:]
+    solved = _solve2(own, across)
+    left = gram[..., 2:, 2:] - np.swapaxes(across, -1, -2) @ solved
+    # what the group shares: the change of the chamfer's grey along it, the slopes of face and of bore; and its grey
+    ramp = np.linspace(-1.0, 1.0, samples)
+    kinds = np.array([CHAMFER, FACE_SLOPE, BORE_SLOPE, CHAMFER]) - 2
+    scale = np.ones((samples, 4))
+    scale[:, 0] = ramp
+    between = left[..., kinds] * scale[:, None, :]
+    within = (between[..., kinds, :] * scale[:, :, None]).sum(axis=2)
+    to_grey = between[..., 0, :].sum(axis=2)
+    height = np.sqrt(np.mean((solved[..., 0, 0] - solved[..., 1, 0]) ** 2, axis=-1)) + 1.0
+    ridge = np.zeros((2, groups, 4, 4))
+    ridge[..., 0, 0] = 1.0 / (CHAMFER_CHANGE_SHARE * height) ** 2
+    ridge[..., 1, 1] = 1.0 / (FACE_SLOPE_SHARE * height) ** 2
+    ridge[..., 2, 2] = 1.0 / (BORE_SLOPE_SHARE * height) ** 2
+    ridge[..., 3, 3] = 1.0 / (5.0 * height) ** 2
+    within = within + ridge
+    inverse = np.linalg.inv(within[..., :3, :3])
+    if chamfer_grey is None:
+        made = np.linalg.solve(within, to_grey[..., None])[..., 0]
+    else:
+        rest = to_grey[..., :3] - within[..., :3, 3] * chamfer_grey[..., None]
+        made = np.concatenate([np.einsum("kgij,kgj->kgi", inverse, rest), chamfer_grey[..., None]], axis=-1)
+    change, slope_face, slope_bore, middle = (made[..., index, None] for index in range(4))
+    grey_chamfer = middle + change * ramp
+    taken = solved[..., 0] - (
+        solved[..., CHAMFER - 2] * grey_chamfer[..., None]
+        + solved[..., FACE_SLOPE - 2] * slope_face[..., None]
+        + solved[..., BORE_SLOPE - 2] * slope_bore[..., None]
+    )
+    face, bore = taken[..., 0], taken[..., 1]
+    ones = np.ones_like(face)
+    amounts = np.stack([face, bore, grey_chamfer, slope_face * ones, slope_bore * ones], axis=-1)
+    shown = [FACE, BORE, CHAMFER, FACE_SLOPE, BORE_SLOPE]
+    model = (amounts[..., None, :] @ columns[..., shown, :])[..., 0, :]
+    # residual, and the derivatives by where the steps are and by the blur: each its shape times the height of its step
+    first_step, second_step = grey_chamfer - face, bore - grey_chamfer
+    wanted = np.array([GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR, CHAMFER]) - 2
+    heights = np.stack([ones, first_step, second_step, first_step, second_step, ones], axis=-1)
+    table = left[..., wanted[:, None], wanted] * heights[..., :, None] * heights[..., None, :]
+    # the residual is the grey less what the group's greys explain; a profile's own two are gone already
+    explained = left[..., wanted[:, None], kinds[1:]] @ amounts[..., [3, 4, 2], None]
+    table[..., 0, 1:] -= (explained[..., 0] * heights)[..., 1:]
+    table[..., 1:, 0] = table[..., 0, 1:]
+    shared = left[..., wanted[:, None], kinds[:3]] * heights[..., :, None] * scale[:, None, :3]
+    return Steps(face, grey_chamfer, bore, model, grey - model, table, shared, inverse)
+
+
+def _solve2(matrix: Array, right: Array) -> Array:
+    """Many 2 by 2 systems at once."""
+    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+    determinant = a * d - b * c
+    top = (d[..., None] * right[..., 0, :] - b[..., None] * right[..., 1, :]) / determinant[..., None]
+    bottom = (a[..., None] * right[..., 1, :] - c[..., None] * right[..., 0, :]) / determinant[..., None]
+    return np.stack([top, bottom], axis=-2)

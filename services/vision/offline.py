@@ -1,0 +1,268 @@
+"""Vision without a bus: `python -m services.vision.offline` reads one job a line and answers one line, both JSON.
+
+A job: {"left": [paths], "right": [paths], "calibration": {the camera message}, "cell": path or null, "annotated":
+folder or null, "method": "rim" or "paper"}. Several pictures a camera are the same hole under as many lights, first
+with first.
+
+An answer: {"located": bool, "pose_base_hole": 4 x 4 or null, "covariance": 6 x 6 (x, y, z, rx, ry, rz of the hole's own
+frame, m and rad) or null, "refusal": null or {"code", "text"}, "time_s": number, "quality": {name: number}}; or, of a
+job that cannot be done, {"error": {"field", "text"}}.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+import cv2
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from crosspih_common.config import CellFile, load_cell
+from crosspih_common.errors import ConfigError
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import CameraCalibration, LocateMethod
+from crosspih_common.messages.images import Pixels
+from crosspih_common.service.lifecycle import DEFAULT_CELL
+from services.vision.config import VisionConfig
+from services.vision.expected import expected_picture
+from services.vision.fit.rim import Rimmed
+from services.vision.light import Light, linear_light, shown
+from services.vision.locate import Located, locate_rim
+from services.vision.paper import locate_paper
+from services.vision.refusals import Doubtful, VisionRefusal
+from services.vision.stereo import StereoModel
+from services.vision.straightness import left_over
+
+METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
+SIDES = ("left", "right")
+# two lights show one hole: what they say of it differs by no more than this squared distance (chi2, 6 dof, 99.99 %)
+CONTRADICTION = 27.86
+# what one light shows for certain and another may hide: there is no such hole
+NO_HOLE = frozenset({"flat_print", "shallow_pocket"})
+
+
+class BadJob(Exception):
+    """A job that cannot be done: which field, and how to mend it."""
+
+    def __init__(self, field: str, text: str) -> None:
+        super().__init__(f"{field}: {text}")
+        self.field, self.text = field, text
+
+
+class Job(BaseModel):
+    """One line of standard input."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    left: tuple[str, ...] = Field(min_length=1)
+    right: tuple[str, ...] = Field(min_length=1)
+    calibration: CameraCalibration
+    cell: str | None = None
+    annotated: str | None = None
+    method: LocateMethod = LocateMethod.RIM
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What is known before a picture is seen."""
+
+    stereo: StereoModel
+    hole: Rimmed
+    nominal: Pose
+    half_ranges: Array
+
+    @classmethod
+    def of(cls, calibration: CameraCalibration, cell: CellFile) -> Scene:
+        """The cameras by their calibration, the hole by the cell's file."""
+        workcell = cell.workcell
+        correction = cell.section("vision", VisionConfig).camera_correction.pose()
+        return cls(
+            StereoModel.of(calibration, correction),
+            workcell.hole.shape(workcell.peg.shape()),
+            workcell.hole_prior.pose_base_hole(),
+            np.asarray(workcell.hole_prior.half_ranges(), float),
+        )
+
+
+def read_picture(path: str, field: str) -> tuple[Pixels, str]:
+    """The numbers of a picture as they are stored, uint8 or uint16, and `mono` or `bgr`. A flag that a viewer should
+    turn it is not followed: the calibration is of what the sensor saw. Raises BadJob."""
+    try:
+        stored = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise BadJob(field, f"{path} cannot be read ({error.strerror}); give a picture's file") from None
+    pixels = cv2.imdecode(stored, cv2.IMREAD_UNCHANGED) if stored.size else None
+    if pixels is None:
+        raise BadJob(field, f"{path} is not a picture that can be read; give PNG, TIFF, JPEG, BMP or PGM")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise BadJob(field, f"{path} has {pixels.dtype} numbers; store it with 8 or 16 bits")
+    if pixels.ndim == 2:
+        return np.asarray(pixels, dtype=pixels.dtype), "mono"
+    return np.ascontiguousarray(pixels[:, :, :3]), "bgr"
+
+
+def lights_of(job: Job, stereo: StereoModel) -> list[tuple[Light, Light]]:
+    """The pairs, linear light. Raises BadJob: a picture that is none, or of another size than the calibration's."""
+    if len(job.left) != len(job.right):
+        raise BadJob(
+            "right", f"{len(job.left)} pictures left and {len(job.right)} right; give one of each camera for each light"
+        )
+    sides: list[list[Light]] = []
+    for side, paths, camera in zip(SIDES, (job.left, job.right), stereo.cameras, strict=True):
+        seen = []
+        for path in paths:
+            pixels, encoding = read_picture(path, side)
+            height, width = pixels.shape[:2]
+            if (width, height) != (camera.width_px, camera.height_px):
+                turned = ", its sides exchanged" if (height, width) == (camera.width_px, camera.height_px) else ""
+                raise BadJob(
+                    side,
+                    f"{path} is {width} x {height}, calibration.{side} says {camera.width_px} x {camera.height_px}"
+                    f"{turned}; give the picture as the calibrated camera took it, neither scaled nor cropped",
+                )
+            seen.append(linear_light(pixels, encoding, camera.gamma))
+        sides.append(seen)
+    return list(zip(*sides, strict=True))
+
+
+def best_of(found: list[Located]) -> Located:
+    """The surest of what several lights gave. Raises Doubtful where two of them contradict each other."""
+    surest = min(found, key=lambda one: float(np.linalg.slogdet(one.covariance)[1]))
+    for other in found:
+        delta = surest.pose_base_hole.inverse() @ other.pose_base_hole
+        off = np.concatenate([delta.translation_m, delta.rotvec_rad()])
+        apart = float(off @ np.linalg.solve(surest.covariance + other.covariance, off))
+        if apart > CONTRADICTION:
+            raise Doubtful(
+                f"two lights put the hole {np.linalg.norm(off[:3]) * 1e3:.2f} mm and "
+                f"{np.degrees(np.linalg.norm(off[3:])):.2f} degrees apart, {apart:.0f} by their covariances, want less "
+                f"than {CONTRADICTION:g}: was something moved between the pictures?"
+            )
+    return surest
+
+
+def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Located | None, list[VisionRefusal]]:
+    """The hole by the surest of the pairs, and why others gave none; None where none did or they contradict."""
+    found: list[Located] = []
+    refusals: list[VisionRefusal] = []
+    for left, right in pairs:
+        try:
+            one = METHODS[job.method](left, right, scene.stereo, scene.hole, scene.nominal, scene.half_ranges)
+            found.append(one)
+        except VisionRefusal as refusal:
+            refusals.append(refusal)
+    certain = [refusal for refusal in refusals if refusal.code in NO_HOLE]
+    if not found or certain:
+        return None, certain + [refusal for refusal in refusals if refusal not in certain]
+    try:
+        return best_of(found), refusals
+    except Doubtful as refusal:
+        return None, [refusal, *refusals]
+
+
+def answer(job: Job, cell: CellFile) -> dict[str, Any]:
+    """What stdout gets. Raises BadJob."""
+    scene = Scene.of(job.calibration, cell)
+    pairs = lights_of(job, scene.stereo)
+    started = time.perf_counter()
+    found, refusals = locate(job, scene, pairs)
+    time_s = time.perf_counter() - started
+    if job.annotated is not None:
+        if found is not None:
+            pictures = [found.annotated_left, found.annotated_right]
+        else:
+            pictures = [
+                expected_picture(
+                    shown(light, scene.stereo.cameras[side].gamma), side, scene.stereo, scene.hole, scene.nominal,
+                    refusals[0].code,
+                )
+                for side, light in enumerate(pairs[0])
+            ]  # fmt: skip
+        _write(Path(job.annotated), pictures)
+    told = None
+    if found is None:
+        more = "" if len(refusals) == 1 else f" (other lights: {', '.join(one.code for one in refusals[1:])})"
+        told = {"code": refusals[0].code, "text": f"{refusals[0]}{more}"}
+    quality = {} if found is None else {name: float(value) for name, value in found.diagnostics.items()}
+    return {
+        "located": found is not None,
+        "pose_base_hole": None if found is None else found.pose_base_hole.matrix().tolist(),
+        "covariance": None if found is None else np.asarray(found.covariance).tolist(),
+        "refusal": told,
+        "time_s": time_s,
+        "quality": {
+            **quality, **_lenses(pairs[0], scene.stereo),
+            "lights": float(len(pairs)), "lights_refused": float(len(refusals)),
+        },
+    }  # fmt: skip
+
+
+def _lenses(pair: tuple[Light, Light], stereo: StereoModel) -> dict[str, float]:
+    """By side what straight edges leave over of the lens, as a k1, where enough of them are seen; and 1 where that is
+    no chance: the calibration is not that of this lens."""
+    told: dict[str, float] = {}
+    for side, light, camera in zip(SIDES, pair, stereo.cameras, strict=True):
+        left = left_over(light, camera)
+        if left is not None:
+            told |= {f"bow_k1_{side}": left.k1, f"bow_k1_sd_{side}": left.sd, f"bow_sure_{side}": float(left.sure)}
+    return told
+
+
+def _write(folder: Path, pictures: list[Any]) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for side, picture in zip(SIDES, pictures, strict=True):
+            _, stored = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+            (folder / f"{side}.png").write_bytes(stored.tobytes())
+    except OSError as error:
+        raise BadJob("annotated", f"{folder} cannot be written ({error.strerror}); name a folder of your own") from None
+
+
+class Cells:
+    """Cells' files, each read once and again when it has changed."""
+
+    def __init__(self) -> None:
+        self._read: dict[tuple[str, int], CellFile] = {}
+
+    def cell(self, path: str | None) -> CellFile:
+        """Raises BadJob."""
+        named = path or os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL
+        try:
+            key = named, Path(named).stat().st_mtime_ns
+            if key not in self._read:
+                self._read[key] = load_cell(named)
+            return self._read[key]
+        except (ConfigError, OSError) as error:
+            raise BadJob("cell", str(error)) from None
+
+
+def _told(line: str, cells: Cells) -> dict[str, Any]:
+    try:
+        job = Job.model_validate_json(line)
+        return answer(job, cells.cell(job.cell))
+    except ValidationError as error:
+        problem = error.errors()[0]
+        field = ".".join(str(part) for part in problem["loc"]) or "job"
+        return {"error": {"field": field, "text": problem["msg"]}}
+    except BadJob as error:
+        return {"error": {"field": error.field, "text": error.text}}
+
+
+def serve(jobs: TextIO, answers: TextIO) -> None:
+    """Answer until there are no more jobs; a line that is no job is answered with an error."""
+    cells = Cells()
+    for line in jobs:
+        if line.strip():
+            answers.write(json.dumps(_told(line, cells)) + "\n")
+            answers.flush()
+
+
+if __name__ == "__main__":
+    serve(sys.stdin, sys.stdout)

@@ -1,0 +1,157 @@
+"""Whether straight edges are straight through the lens as it is calibrated: what is left over, as a k1.
+
+A wrong or missing distortion moves the rim by less than a stereo pair shows and still spoils the pose; long edges of
+the plate or of what stands about bow by it (the plumb-line method, Brown 1971). Edges of real things are not straight
+to the hundredth of a pixel, so each counts with a bow of its own, and no single one decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.geometry.pose import Array
+from services.vision.light import Light, shown
+from services.vision.stereo import Camera
+
+SEARCH_WIDTH_PX = 800  # lines are looked for in a picture no wider than this
+LENGTH_LEAST = 0.1  # of a line, as a share of the picture's width
+EDGES_MOST, EDGES_LEAST, EDGES_SURE = 24, 3, 4
+ENDS = 0.06  # share of a line at each end that a corner disturbs
+ALONG = 96  # profiles across a line
+REACH_PX, STEP_PX = 6.0, 0.5
+STEP_LEAST_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
+ROUGH_MOST_PX = 0.5
+OWN_BOW_PX = 0.15  # one sd of how far the middle of a straight edge is off the line through its ends
+SURE, SURE_WITHOUT_ONE = 4.0, 2.5
+K1_LEAST = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOver:
+    """The k1 that would make the edges straight, its sd, how many edges say so, and whether they leave no doubt."""
+
+    k1: float
+    sd: float
+    edges: int
+    sure: bool
+
+
+def left_over(light: Light, camera: Camera) -> LeftOver | None:
+    """What a picture (height, width) says of its camera's lens; None where too few long edges are in it."""
+    found = [edge for line in _lines(light, camera) if (edge := _of_line(light, camera, line)) is not None]
+    if len(found) < EDGES_LEAST:
+        return None
+    values, sds = np.array(found).T
+
+    def joined(some: NDArray[np.signedinteger]) -> tuple[float, float]:
+        weight = sds[some] ** -2
+        k1 = float(weight @ values[some] / weight.sum())
+        spread = float(np.sum(weight * (values[some] - k1) ** 2)) / max(len(weight) - 1, 1)
+        return k1, float(weight.sum() ** -0.5 * max(1.0, spread) ** 0.5)
+
+    everything = np.arange(len(values))
+    k1, sd = joined(everything)
+    without = [joined(np.delete(everything, one)) for one in everything]
+    enough = len(values) >= EDGES_SURE and abs(k1) > max(SURE * sd, K1_LEAST)
+    sure = enough and all(
+        np.sign(one) == np.sign(k1) and abs(one) > SURE_WITHOUT_ONE * its_sd for one, its_sd in without
+    )
+    return LeftOver(k1, sd, len(values), sure)
+
+
+def _lines(light: Light, camera: Camera) -> Array:
+    """(n, 2, 2): ends of the longest lines, px, no two of them on one edge."""
+    scale = max(1.0, light.shape[1] / SEARCH_WIDTH_PX)
+    size = round(light.shape[1] / scale), round(light.shape[0] / scale)
+    small = light if scale == 1.0 else cv2.resize(light, size, interpolation=cv2.INTER_AREA)
+    grey = shown(np.asarray(small * (255.0 / max(float(small.max()), 1.0)), np.float32), camera.gamma)
+    detected: Any = cv2.createLineSegmentDetector().detect(grey)[0]
+    if detected is None:
+        return np.zeros((0, 2, 2))
+    factor = np.array([light.shape[1] / size[0], light.shape[0] / size[1]])
+    ends = (np.asarray(detected, dtype=float).reshape(-1, 2, 2) + 0.5) * factor - 0.5
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    kept: list[Array] = []
+    for index in np.argsort(-length):
+        if length[index] < LENGTH_LEAST * light.shape[1] or len(kept) == EDGES_MOST:
+            break
+        if not any(_same(ends[index], other) for other in kept):
+            kept.append(ends[index])
+    return np.array(kept).reshape(-1, 2, 2)
+
+
+def _same(line: Array, other: Array) -> bool:
+    """Whether the middle of a line lies on another one, and they go the same way."""
+    along = other[1] - other[0]
+    length = float(np.linalg.norm(along))
+    along = along / length
+    off = line.mean(axis=0) - other[0]
+    beside = abs(float(off[0] * along[1] - off[1] * along[0]))
+    way = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    return beside < REACH_PX and -REACH_PX < float(off @ along) < length + REACH_PX and abs(float(way @ along)) > 0.98
+
+
+def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] | None:
+    """k1 and its sd by one line; None where there is no clear single edge."""
+    points = _edge_points(light, line)
+    if points is None:
+        return None
+    focal = np.array([camera.fx_px, camera.fy_px])
+    slopes = camera.slopes(points)
+    if not np.isfinite(slopes).all():
+        return None
+    ideal = slopes * focal
+    middle = ideal.mean(axis=0)
+    _, _, axes = np.linalg.svd(ideal - middle)
+    s, off = (ideal - middle) @ axes[0], (ideal - middle) @ axes[1]
+    half = 0.5 * float(np.ptp(s))
+    straight = np.stack([np.ones_like(s), s / half], axis=1)
+
+    def without_line(values: Array) -> Array:
+        return np.asarray(values - straight @ np.linalg.lstsq(straight, values, rcond=None)[0])
+
+    bowed = without_line((slopes * np.sum(slopes**2, axis=1, keepdims=True) * focal) @ axes[1])
+    own, off = without_line((s / half) ** 2), without_line(off)
+    shape = np.stack([own, without_line((s / half) ** 3)], axis=1)
+    rough = float(np.std(off - shape @ np.linalg.lstsq(shape, off, rcond=None)[0]))
+    strength = float(bowed @ bowed)
+    if rough > ROUGH_MOST_PX or strength < 1e-9:
+        return None
+    variance = rough**2 / strength + (OWN_BOW_PX * float(bowed @ own) / strength) ** 2
+    return float(bowed @ off / strength), float(np.sqrt(variance))
+
+
+def _edge_points(light: Light, line: Array) -> Array | None:
+    """(ALONG, 2), px: where the edge is, each profile across it moved until it is the mean of all."""
+    along = line[1] - line[0]
+    normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    at = line[0] + np.linspace(ENDS, 1.0 - ENDS, ALONG)[:, None] * along
+    offsets = np.arange(-REACH_PX, REACH_PX + 1e-9, STEP_PX)
+    reach = at[[0, 0, -1, -1]] + REACH_PX * normal * np.array([[-1], [1], [-1], [1]])
+    if reach.min() < 1.0 or np.any(reach.max(axis=0) > np.array(light.shape[::-1]) - 2.0):
+        return None
+    shift = np.zeros(ALONG)
+    for _ in range(4):
+        points = (at[:, None, :] + (offsets[:, None] + shift[:, None, None]) * normal).astype(np.float32)
+        grey = np.asarray(cv2.remap(light, points[..., 0], points[..., 1], cv2.INTER_CUBIC), dtype=float)
+        mean = grey.mean(axis=0)
+        slope = np.gradient(mean, STEP_PX)
+        basis = np.stack([np.ones_like(mean), mean - mean.mean(), slope], axis=1)
+        parts, *_ = np.linalg.lstsq(basis, grey.T, rcond=None)
+        gain = parts[1]
+        if np.median(gain) < 0.5 or np.any(~np.isfinite(parts)):
+            return None
+        step = np.clip(parts[2] / np.where(np.abs(gain) > 0.2, gain, np.inf), -1.0, 1.0)
+        shift = shift - step
+        shift -= shift.mean()
+    noise = float(np.std(grey - (basis @ parts).T))
+    rises = np.abs(np.diff(mean))
+    single = rises.sum() < 1.3 * abs(mean[-1] - mean[0])
+    if not single or abs(mean[-1] - mean[0]) < STEP_LEAST_NOISE * noise or np.abs(shift).max() > REACH_PX / 2:
+        return None
+    return np.asarray(at + shift[:, None] * normal)
