@@ -89,12 +89,6 @@ class CameraCalibration(Message):
             "pose_left_right": {"position_m": (baseline_m, 0.0, 0.0), "quaternion_xyzw": (0.0, 0.0, 0.0, 1.0)},
         }
 
-    @model_validator(mode="after")
-    def _apart(self) -> CameraCalibration:
-        if not any(self.pose_left_right.position_m):
-            raise ValueError("pose_left_right: both cameras stand in one place; give where the right one stands, m")
-        return self
-
 
 class CaptureStereo(Message):
     """Take a pair now. The two images come on their own keys, stamped like the reply.

@@ -121,6 +121,10 @@ def locate_rim(
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
     may be off, m and rad. Raises a VisionRefusal."""
     images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
+    if not np.any(stereo.pose_left_right.translation_m):
+        raise NotAStereoPair(
+            "calibration.pose_left_right: both cameras stand in one place, want the right one where it stands, m"
+        )
     coarse, fine = rims(hole)
     task = _Task(images, stereo, hole, coarse, fine, Doubts())
     found = candidates(images, stereo, hole, nominal, half_ranges)

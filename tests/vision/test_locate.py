@@ -200,3 +200,13 @@ def test_the_papers_method_gives_a_position_and_claims_no_orientation(
     found = locate_paper(left, right, stereo, HOLE, NOMINAL, HALF_RANGES)
     assert np.linalg.norm(error_of(found, truth)[:2]) < 5e-3
     assert np.allclose(np.diag(found.covariance)[3:], HALF_RANGES[3:] ** 2 / 3.0)
+
+
+def test_cameras_in_one_place_are_refused_naming_the_field() -> None:
+    picture = np.full((480, 640), 128, dtype=np.uint8)
+    stereo = StereoModel.parallel(640, 480, 381.0, 381.0, 320.0, 240.0, 0.0, Pose.identity())
+    workcell = Workcell()
+    hole = workcell.hole.shape(workcell.peg.shape())
+    prior = workcell.hole_prior
+    with pytest.raises(VisionRefusal, match="pose_left_right: both cameras stand in one place"):
+        locate_rim(picture, picture, stereo, hole, prior.pose_base_hole(), np.asarray(prior.half_ranges()))
