@@ -82,7 +82,8 @@ def with_lawful_lenses(value: Json) -> Json:
     """How many numbers of distortion a lens has depends on its model: a rule between fields, said by no schema here."""
     if isinstance(value, dict):
         found = {name: with_lawful_lenses(part) for name, part in value.items()}
-        return {**found, "distortion": [], "distortion_model": "none"} if "distortion" in found else found
+        lens = {"distortion": [], "distortion_model": "none"}
+        return {**found, **lens} if lens.keys() & found.keys() else found
     return [with_lawful_lenses(part) for part in value] if isinstance(value, list) else value
 
 
