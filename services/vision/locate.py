@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -253,17 +254,15 @@ def _checked(quality: Quality) -> None:
     if quality.offset_conflict > OFFSET_MOST:
         du, dv = quality.offset_px
         raise NotAStereoPair(
-            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want less "
-            f"than "
-            f"{OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare in one?"
+            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
+            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare in one?"
         )
     if quality.sizes_conflict > SIZES_MOST:
         outer, inner, near, far = quality.sizes_m * 1e3
         raise NotTheDrawing(
             f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
-            f"{near:+.2f}, "
-            f"far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the right part "
-            f"and cell?"
+            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the "
+            "right part and cell?"
         )
 
 
@@ -293,10 +292,12 @@ def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> N
         apart = np.linalg.norm(task.stereo.project(other.pose_camera_hole.translation_m) - centre, axis=-1)
         if apart.min() < APART_PX or other.score < OTHER_SCORE * found[0].score:
             continue
-        try:
+        holes = 0
+        with suppress(VisionRefusal):
             for fit, rival in _fits(task, [other]):
                 _judged(task, fit, rival)
-        except VisionRefusal:
+                holes += 1
+        if holes == 0:
             continue
         raise TwoCrosses(f"two such holes are seen, {apart.min():.0f} px apart, want one: cover the other one")
 

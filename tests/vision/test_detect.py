@@ -18,7 +18,7 @@ from crosspih_common.shapes import Hole, Outline
 from services.hardware.drivers.simulated.scene.camera import SimulatedScene
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.scene.scene_appearance import Faults
-from services.vision.detect import Candidate, candidates, rival
+from services.vision.detect import Candidate, candidates
 from services.vision.detect.picture_level import Level, Window
 from services.vision.detect.rim_samples import RimSamples
 from services.vision.stereo import Camera, StereoModel
@@ -96,7 +96,6 @@ def test_the_cross_is_found_however_it_looks(look: str) -> None:
     found = candidates(drawn_pair(STEREO, hole, truth, LOOKS[look]), STEREO, hole, NOMINAL, HALF_RANGES)
     assert off_px(STEREO, hole, found[0].pose_camera_hole, truth) < NEAR_PX
     assert min(found[0].supported) > (0.6 if look == "a third covered" else 0.8)
-    assert rival(found) is None
 
 
 @pytest.mark.parametrize(
@@ -217,13 +216,6 @@ def test_a_gap_may_lie_across_the_rims_start() -> None:
     assert middle == pytest.approx([1.0, 0.0, 0.0])
     assert told(0.9, ~np.zeros(40, dtype=bool)).gap(0)[0] == 1.0
     assert told(0.9, np.zeros(40, dtype=bool)).gap(0)[0] == 0.0
-
-
-def test_a_rival_is_as_good_and_elsewhere() -> None:
-    seen = np.zeros(10, dtype=bool)
-    best, near, far, weak = told(0.9, seen), told(0.9, seen, 0.01), told(0.88, seen, 0.3), told(0.5, seen, 0.3)
-    assert rival([best, near, weak]) is None
-    assert rival([best, near, far]) is far
 
 
 @settings(max_examples=30, deadline=None)

@@ -12,7 +12,8 @@ from crosspih_common.geometry.pose import Array
 from services.vision.detect.coarse_search import SearchGrid, best_starts
 from services.vision.detect.picture_level import Floats, Level
 from services.vision.detect.refinement import Poses, likeness, refined, support
-from services.vision.detect.rim_samples import Rimmed, RimSamples
+from services.vision.detect.rim_samples import RimSamples
+from services.vision.fit.rim import Rimmed
 from services.vision.stereo import StereoModel
 
 SEARCH_SAMPLES, SAMPLES = 64, 96
@@ -25,7 +26,6 @@ FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0,
 WORTH_PX, SAME_PX = 1.5, 0.7
 SUPPORTED = 0.45
 UNEXPLAINED_LEAST = 0.001
-RIVAL_SCORE, RIVAL_APART = 0.95, 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,14 +61,6 @@ class Candidate:
             if longest < run <= count:
                 longest, start = run, index - run + 1
         return longest / count, np.asarray(self.rim_m[(start + longest // 2) % count])
-
-
-def rival(found: Sequence[Candidate]) -> Candidate | None:
-    """Another candidate that the pictures support as well as the first, and whose rim lies elsewhere."""
-    for other in found[1:]:
-        if other.score > RIVAL_SCORE * found[0].score and other.apart > RIVAL_APART:
-            return other
-    return None
 
 
 def candidates(

@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
+from services.vision.fit.rim import Rimmed
 
 SMOOTH_RAD = 0.35  # where the rim turns by less it is one smooth section: the facets of a curve
 SKIP_MOST = 0.25  # of a section that is short: its middle is always sampled
-
-
-class Rimmed(Protocol):
-    """A hole with its chamfer: corners of the rim, counter-clockwise, hole frame, m."""
-
-    def inner_rim_m(self) -> Array:
-        """(n, 3) where the chamfer meets the bore."""
-
-    def outer_rim_m(self) -> Array:
-        """(n, 3) where the face meets the chamfer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

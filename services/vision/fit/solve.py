@@ -6,7 +6,7 @@ grey, walls are lit, edges are broken. By how much is measured from how well the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -105,7 +105,6 @@ class Fit:
     local: Array
     gradient: Array
     cost: float
-    figures: dict[str, float] = field(default_factory=dict)
 
 
 GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "lip": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
