@@ -255,7 +255,8 @@ def _checked(quality: Quality) -> None:
         du, dv = quality.offset_px
         raise NotAStereoPair(
             f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
-            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare in one?"
+            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, "
+            "does the light glare in one?"
         )
     if quality.sizes_conflict > SIZES_MOST:
         outer, inner, near, far = quality.sizes_m * 1e3
