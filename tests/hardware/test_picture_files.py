@@ -33,6 +33,12 @@ def _files(folder: Path, dtype: type[np.generic] = np.uint8, shape: tuple[int, .
     return {**paths, "calibration": calibration}
 
 
+def _read(path: Path) -> Any:
+    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    return picture
+
+
 def _config(pictures: dict[str, Any], **more: Any) -> HardwareConfig:
     return HardwareConfig.model_validate({"drivers": {"camera": "pictures"}, "pictures": pictures, **more})
 
@@ -48,8 +54,8 @@ def test_the_files_are_what_the_cameras_of_a_simulated_arm_see(tmp_path: Path, d
         for _ in range(2):  # the last pair is given over again
             taken = camera.capture(CaptureStereo())
             assert taken.left.dtype == dtype
-            assert np.array_equal(taken.left, cv2.imread(str(said["left"][0]), cv2.IMREAD_UNCHANGED))
-            assert np.array_equal(taken.right, cv2.imread(str(said["right"][0]), cv2.IMREAD_UNCHANGED))
+            assert np.array_equal(taken.left, _read(said["left"][0]))
+            assert np.array_equal(taken.right, _read(said["right"][0]))
         assert camera.calibration().pose_left_right.position_m == pytest.approx((0.05, 0.0, 0.0))
     finally:
         cell.close()
@@ -61,7 +67,7 @@ def test_colour_is_given_as_rgb(tmp_path: Path) -> None:
     try:
         assert cell.camera is not None
         left = cell.camera.capture(CaptureStereo()).left
-        assert np.array_equal(left[..., ::-1], cv2.imread(str(said["left"][0])))
+        assert np.array_equal(left[..., ::-1], _read(said["left"][0]))
     finally:
         cell.close()
 

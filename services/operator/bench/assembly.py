@@ -27,12 +27,19 @@ from services.operator.show import directions_held
 from services.operator.statistics import BenchResult, summarise
 
 
+def _seeds(result: BenchResult) -> str:
+    seeds = [one.seed for one in result.each]
+    if seeds[0] is None:
+        return "no simulator, the same hole each time"
+    following = seeds == list(range(result.seed, result.seed + len(seeds)))
+    return f"seeds from {result.seed}" if following else "the seeds of the scenes"
+
+
 def figures_table(result: BenchResult, condition: str = "") -> Table:
     """The distribution of each figure, the failures, and what a round leaves open."""
     table = Table(
         title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
-        f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), "
-        + ("no simulator, the same hole each time" if result.each[0].seed is None else f"seeds from {result.seed}")
+        f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), " + (_seeds(result))
     )
     table.add_column("figure")
     for name in ("p50", "p95", "max", "n"):
@@ -104,7 +111,7 @@ def assembly(
             done, ended = swapped(jobs, run) if way is Way.SWAP else run(strategy.value, jobs)
         if done:
             name = strategy.value if peg == DEFAULT_PEG else f"{peg}, {strategy.value}, {way.value}"
-            result = summarise(name, seed, [figures for _, figures in done])
+            result = summarise(name, jobs[0].seed, [figures for _, figures in done])
             spread = None
             if withdrawals is not None:
                 drawing = load_cell(cell_path()).workcell.peg

@@ -1,1 +1,1 @@
-"""Cameras that show pictures from files: photos of a real cell, or pairs of another renderer, before a simulated arm."""
+"""Cameras that show pictures from files: photos of a real cell, or another renderer's, before a simulated arm."""

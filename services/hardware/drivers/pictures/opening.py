@@ -48,7 +48,8 @@ def open_devices(request: OpenRequest) -> Devices:
     config = request.config.pictures
     if others := sorted(request.wanted - {"camera"}):
         raise ConfigError(
-            f"hardware.driver: pictures opens no {others[0]}; name it for the cameras alone: drivers: {{camera: pictures}}"
+            f"hardware.driver: pictures opens no {others[0]}; name it for the cameras alone: "
+            "drivers: {camera: pictures}"
         )
     if not config.left or len(config.left) != len(config.right):
         raise ConfigError(
