@@ -27,19 +27,16 @@ from services.operator.show import directions_held
 from services.operator.statistics import BenchResult, summarise
 
 
-def _seeds(result: BenchResult) -> str:
-    seeds = [one.seed for one in result.each]
-    if seeds[0] is None:
-        return "no simulator, the same hole each time"
-    following = seeds == list(range(result.seed, result.seed + len(seeds)))
-    return f"seeds from {result.seed}" if following else "the seeds of the scenes"
-
-
-def figures_table(result: BenchResult, condition: str = "") -> Table:
+def figures_table(result: BenchResult, condition: str = "", seeds: str = "") -> Table:
     """The distribution of each figure, the failures, and what a round leaves open."""
     table = Table(
         title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
-        f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), " + (_seeds(result))
+        f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), "
+        + (
+            "no simulator, the same hole each time"
+            if result.each[0].seed is None
+            else seeds or f"seeds from {result.seed}"
+        )
     )
     table.add_column("figure")
     for name in ("p50", "p95", "max", "n"):
@@ -122,7 +119,9 @@ def assembly(
                 print()
             else:
                 told_beside = [*(settings or ()), *([] if pictures is None else [f"pictures of {pictures}"])]
-                Console().print(figures_table(result, " ".join(told_beside)))
+                Console().print(
+                    figures_table(result, " ".join(told_beside), "" if pictures is None else "the scenes' seeds")
+                )
                 if spread is not None:
                     Console().print(repeatability_table(spread, withdrawals or []))
         if ended is not None:
