@@ -8,6 +8,7 @@ from pydantic import Field
 
 from crosspih_common.config.section import Section
 from services.hardware.control.config import LimitsConfig
+from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.recorded.config import RecordedConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
 
@@ -39,6 +40,7 @@ class HardwareConfig(Section):
     limits: LimitsConfig = LimitsConfig()
     simulated: SimulatedConfig = SimulatedConfig()
     recorded: RecordedConfig = RecordedConfig()
+    pictures: PicturesConfig = PicturesConfig()
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

@@ -14,6 +14,7 @@ from services.hardware.protocols import Devices
 
 # name: "module:function"; the function takes an OpenRequest and returns Devices
 DRIVERS = {
+    "pictures": "services.hardware.drivers.pictures.opening:open_devices",
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
 }

@@ -16,6 +16,8 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Strategy, WithdrawResult
 from services.operator.bench.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
+from services.operator.bench.pictures.running import folder_of
+from services.operator.bench.pictures.trials import with_pictures
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.running import on_the_running_stack, repeatability_table, repeated
 from services.operator.bench.swap import Trials, Way, swapped
@@ -25,12 +27,16 @@ from services.operator.show import directions_held
 from services.operator.statistics import BenchResult, summarise
 
 
-def figures_table(result: BenchResult, condition: str = "") -> Table:
+def figures_table(result: BenchResult, condition: str = "", seeds: str = "") -> Table:
     """The distribution of each figure, the failures, and what a round leaves open."""
     table = Table(
         title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
         f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), "
-        + ("no simulator, the same hole each time" if result.each[0].seed is None else f"seeds from {result.seed}")
+        + (
+            "no simulator, the same hole each time"
+            if result.each[0].seed is None
+            else seeds or f"seeds from {result.seed}"
+        )
     )
     table.add_column("figure")
     for name in ("p50", "p95", "max", "n"):
@@ -57,6 +63,13 @@ def assembly(
         list[str] | None,
         typer.Option("--set", help="Another setting of the cell's file: hardware.simulated.friction_coefficient=0.2"),
     ] = None,
+    pictures: Annotated[
+        str | None,
+        typer.Option(
+            help="The cameras show another renderer's pairs: `rendered` or a folder; its scenes are the seeds."
+        ),
+    ] = None,
+    rows: Annotated[str | None, typer.Option(help="With --pictures: these rows, with commas.")] = None,
     record: Annotated[bool, typer.Option(help="Keep a recording of every trial, done anew for it.")] = False,
     cells: Cells = None,
     executor: Where = ExecutorName.LOCAL,
@@ -73,6 +86,13 @@ def assembly(
         condition = condition_of(settings or ())
         withdrawals: list[WithdrawResult] | None = None
         jobs = [TrialJob(seed=seed + index, strategy=strategy, condition=condition, peg=peg) for index in range(trials)]
+        if pictures is not None:
+            if running or peg != DEFAULT_PEG:
+                raise ConfigError(
+                    "--pictures: the pairs show the cross, in cells of their own; leave --running and --peg out"
+                )
+            named = None if rows is None else [name.strip() for name in rows.split(",") if name.strip()]
+            jobs = with_pictures(jobs, folder_of(pictures, console), named)
         if running:
             if peg != DEFAULT_PEG or way is not Way.DIRECT:
                 raise ConfigError("--running: the running stack has its own peg; leave --peg and --way out")
@@ -88,7 +108,7 @@ def assembly(
             done, ended = swapped(jobs, run) if way is Way.SWAP else run(strategy.value, jobs)
         if done:
             name = strategy.value if peg == DEFAULT_PEG else f"{peg}, {strategy.value}, {way.value}"
-            result = summarise(name, seed, [figures for _, figures in done])
+            result = summarise(name, jobs[0].seed, [figures for _, figures in done])
             spread = None
             if withdrawals is not None:
                 drawing = load_cell(cell_path()).workcell.peg
@@ -98,7 +118,10 @@ def assembly(
                 json.dump({**result.model_dump(), **told_too}, sys.stdout, indent=1)
                 print()
             else:
-                Console().print(figures_table(result, " ".join(settings or ())))
+                told_beside = [*(settings or ()), *([] if pictures is None else [f"pictures of {pictures}"])]
+                Console().print(
+                    figures_table(result, " ".join(told_beside), "" if pictures is None else "the scenes' seeds")
+                )
                 if spread is not None:
                     Console().print(repeatability_table(spread, withdrawals or []))
         if ended is not None:

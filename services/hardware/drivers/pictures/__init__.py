@@ -1,0 +1,1 @@
+"""Cameras that show pictures from files: photos of a real cell, or another renderer's, before a simulated arm."""
