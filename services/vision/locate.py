@@ -38,11 +38,11 @@ from services.vision.refusals import (
 from services.vision.stereo import StereoModel
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
-INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.6, 0.6
+INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
-DARK_GREY, DARK_STEP_NOISES = 25.0, 8.0
+DARK_GREY, DARK_STEP_NOISES = 25.0, 4.0
 RESIDUAL_MOST = 0.2
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.15

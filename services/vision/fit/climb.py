@@ -20,7 +20,7 @@ from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
 # blur added to the pictures, px^2, and most steps with it, with few profiles
-STAGES = ((4.0, 3), (1.0, 2), (0.0, 3))
+STAGES = ((1.0, 3), (0.0, 3))
 FINE_STEPS = 5
 # a chamfer that much brighter than the face, times, is no glint; more than that is no more of one; what it is worth
 GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1

@@ -11,11 +11,14 @@ from services.vision.fit.rim import Rim
 from services.vision.fit.solve import COMMON, POSE, Doubts, Fit, kinds_of
 from services.vision.fit.steps import SATURATED_GREY
 
-STEP_NOISES = 4.0
+# a step is seen that many times the noise of ALONG neighbours' mean
+STEP_NOISES, ALONG = 4.0, 5
 STEP_SHARE_LEAST = 0.15
 WEIGHT_LEAST = 0.3
 TINY = 1e-9
 ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
+# what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it
+CONFLICT_LEAST = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,13 +53,22 @@ class Quality:
         return float(self.support.mean())
 
 
+def _along(values: Array) -> Array:
+    """(2, G, S): the mean of each with its neighbours along the rim, in its group."""
+    half = ALONG // 2
+    padded = np.pad(values, ((0, 0), (0, 0), (half, half)), mode="edge")
+    return np.asarray(np.mean([padded[..., k : k + values.shape[2]] for k in range(ALONG)], axis=0))
+
+
 def roughness_of(fit: Fit) -> float:
     """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together:
     texture."""
-    steps, rest = fit.steps, fit.steps.residual * fit.profiles.inside
+    # what covers the rim is no texture: what does not count in the fit does not count here
+    counted = np.sqrt(fit.weight * fit.even[..., None, None])
+    steps, rest = fit.steps, fit.steps.residual * counted
     height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
     share = float(
-        np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0)
+        np.sqrt(np.sum(fit.weight * steps.residual**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0)
     )
     alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
     alike = float(np.clip(alike, 0.0, ALIKE_MOST))
@@ -66,22 +78,25 @@ def roughness_of(fit: Fit) -> float:
 def _conflict(mean: Array, posterior: Array, prior_sd: Array) -> float:
     """How far the pictures pull what was believed: squared, over its spread."""
     spread = np.diag(prior_sd**2) - posterior
-    spread = spread + 1e-3 * np.diag(prior_sd**2)
+    spread = spread + CONFLICT_LEAST * np.diag(prior_sd**2)
     return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
 def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
     """The figures of a fit at its end."""
     steps, inside = fit.steps, fit.profiles.inside
-    height = np.maximum(np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face)),
-                        np.abs(steps.bore - steps.chamfer))  # fmt: skip
+    height = np.max(
+        np.abs([_along(steps.chamfer - steps.face), _along(steps.bore - steps.face), _along(steps.bore - steps.chamfer)]),
+        axis=0,
+    )
     noise = np.sqrt(np.median(fit.variance, axis=-1))
+    least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))
     typical = float(np.median(height))
     weight = fit.weight * fit.even[..., None, None]
     count = np.maximum(inside.sum(axis=-1), 1.0)
     kept = weight.sum(axis=-1) / count
     seen = inside.mean(axis=-1) > 0.4
-    ok = (height > STEP_NOISES * noise) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
+    ok = (height > least) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
     squares = np.sum(weight * steps.residual**2) / max(float(weight.sum()), 1.0)
     kinds = kinds_of(rim)
     offset, sizes = kinds["offset"], slice(POSE, COMMON)
