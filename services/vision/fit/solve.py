@@ -40,6 +40,7 @@ BLUR_FACTOR_MOST = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
 SHADE_MEAN, SHADE_SD = 0.5, 1.0
+LEVEL_MOST, CHAMFER_STEP = 1.5, 1.0  # times the median height of a step; a change in one step, times that level
 CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
@@ -201,7 +202,9 @@ def iterate(
     to_four = np.einsum("kgsim,kgsif->kgmf", maps, now.shared[..., 1:, :], optimize=True)
     local = local - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
     pull = np.einsum("kgsim,kgsi->kgm", maps, now.table[..., 0, 1:], optimize=True)
-    level = np.maximum(now.face.mean(axis=2), height.mean(axis=2)) + 1.0
+    # a chamfer that is saturated is not known: its own height must not be what its grey is held against
+    rise = height.mean(axis=2)
+    level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * np.median(rise))) + 1.0
     covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
     fit = Fit(state, covariance, effects, moved, taken, now, variance, even, weight, local, pull, cost)
     return _stepped(rim, replace(state, profile_weight=profile_weight), chamfer, covariance, effects, level), fit
@@ -334,7 +337,8 @@ def _stepped(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, eff
     most = 0.8 * np.sqrt(blur[:, 0] * blur[:, 2])
     blur[:, 1] = np.clip(blur[:, 1], -most, most)
     second = effects**2 + np.diag(covariance)
-    chamfer = chamfer_grey + effects[kinds["chamfer"]].reshape(level.shape)
+    change = effects[kinds["chamfer"]].reshape(level.shape)
+    chamfer = chamfer_grey + np.clip(change, -CHAMFER_STEP * level, CHAMFER_STEP * level)
     chamfer = np.clip(chamfer, CHAMFER_SHARES[0] * level, CHAMFER_SHARES[1] * level)
     # of a chamfer what it differs by from the others that face its way
     shade = effects[kinds["shade"]][np.tile(rim.facing, 2)]
