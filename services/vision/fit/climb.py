@@ -15,7 +15,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.quality import quality_of, roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
-from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, start_state
+from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, roundness_cost, start_state
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
@@ -29,6 +29,8 @@ SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 OTHER_STEPS, OTHER_HELD = 5, 3
 # one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
 BETTER_SHARE = 0.985
+# samples lie so close that a unit of log likelihood is worth that much of the sum over them
+ROUND_WORTH = 1.5
 MARGIN_PX = 40
 # a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
 STRANGE_OFFSET, STRANGE_SIZES = 4.0, 12.0
@@ -78,11 +80,12 @@ def _settled(before: State, after: State) -> bool:
 
 
 def misfit(fit: Fit, even: Array) -> float:
-    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even` s^2 (2,
-    G)."""
+    """Mean of log(1 + r^2 / (4 s^2)) over the samples, and what an odd blur costs: comparable between poses at one and
+    the same `even` s^2 (2, G)."""
     inside = fit.profiles.inside
     square = fit.steps.residual**2 / even[..., None, None]
-    return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
+    total = float(np.sum(np.log1p(0.25 * square) * inside)) + ROUND_WORTH * roundness_cost(fit.state)
+    return total / max(float(inside.sum()), 1.0)
 
 
 def gloss_of(fit: Fit) -> float:

@@ -33,8 +33,11 @@ HELD = 1e9
 # of uu and vv the logarithm's sd: lenses from .25 px, the pixel's own width, to 2; of uv the sd
 BLUR_MEAN_PX2, BLUR_LOG_SD = 0.6, 1.0
 BLUR_SKEW_SD_PX2 = 0.15
-# uu and vv of one picture, uu and uu of both, vv and vv of both
-BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 2), (3, 5), (0, 3), (2, 5)), 0.3
+# uu and uu of both pictures, vv and vv of both; uu and vv of one
+BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 3), (2, 5)), 0.3
+BLUR_ROUND = ((0, 2), (3, 5))
+# by how much a lens is not round, of the blur, or px^2 at least; a Cauchy's: a dragged picture is not round at all
+BLUR_ROUND_SHARE, BLUR_ROUND_LEAST_PX2 = 0.1, 0.06
 BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
 BLUR_FACTOR_MOST = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
@@ -278,9 +281,10 @@ def _solve(
         gradient[COMMON : COMMON + 6] -= blur * off
         # a lens is round and both are alike, more or less
         flat = state.blur_px2.ravel()
-        alike = BLUR_ALIKE_SD_PX2
-        for one, other in BLUR_ALIKE:
-            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / alike
+        off, scale = _roundness(state.blur_px2)
+        sds = [*np.sqrt(0.5 * (scale**2 + off**2)), *[BLUR_ALIKE_SD_PX2] * len(BLUR_ALIKE)]
+        for (one, other), sd in zip(BLUR_ROUND + BLUR_ALIKE, sds, strict=True):
+            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / sd
             information[np.ix_(pair, pair)] += np.outer(row, row)
             gradient[pair] -= row * (row @ flat[[one, other]])
     for kind, variances in state.effects.items():
@@ -309,6 +313,18 @@ def _solve(
     inverse = np.tril(lower) + np.tril(lower, -1).T
     covariance = inverse * scale[:, None] * scale
     return covariance, covariance @ gradient
+
+
+def _roundness(blur_px2: Array) -> tuple[Array, Array]:
+    """(2,) each, by picture: how far the blur (2, 3) is from round, and how far a lens usually is, px^2."""
+    wide = blur_px2[:, [0, 2]]
+    return wide[:, 0] - wide[:, 1], np.maximum(BLUR_ROUND_SHARE * wide.mean(axis=1), BLUR_ROUND_LEAST_PX2)
+
+
+def roundness_cost(state: State) -> float:
+    """How unlikely the blur's shape is for a lens: minus the log likelihood of both pictures."""
+    off, scale = _roundness(state.blur_px2)
+    return float(np.sum(np.log1p((off / scale) ** 2)))
 
 
 def _blur_belief(blur_px2: Array) -> tuple[Array, Array]:
