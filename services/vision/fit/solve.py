@@ -37,7 +37,7 @@ BLUR_SKEW_SD_PX2 = 0.15
 BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 3), (2, 5)), 0.3
 BLUR_ROUND = ((0, 2), (3, 5))
 # by how much a lens is not round, of the blur, or px^2 at least; a Cauchy's: a dragged picture is not round at all
-BLUR_ROUND_SHARE, BLUR_ROUND_LEAST_PX2 = 0.1, 0.06
+BLUR_ROUND_SHARE, BLUR_ROUND_LEAST_PX2 = 0.15, 0.15
 BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
 BLUR_FACTOR_MOST = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
