@@ -15,7 +15,7 @@ from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated_rim
 from services.vision.detect import Candidate, candidates
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
-from services.vision.fit.climb import climb, misfit, rims
+from services.vision.fit.climb import climb, rims, unlikely
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
@@ -45,7 +45,7 @@ STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 DARK_GREY, DARK_STEP_NOISES = 25.0, 4.0
 RESIDUAL_MOST = 0.2
 # how rough what is seen at the rim may be, share of the step
-ROUGH_MOST = 0.15
+ROUGH_MOST = 0.18
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
 OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 # from there on they make the covariance larger
@@ -180,7 +180,7 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
             except np.linalg.LinAlgError:
                 continue
         if fits:
-            left_over = [misfit(fit, fits[0].even) for fit in fits]
+            left_over = [unlikely(fit, fits[0].even, task.doubts) for fit in fits]
             order = np.argsort(left_over)
             best = fits[order[0]]
             alike = [fits[index] for index in order[1:] if left_over[index] < ALIKE_SHARE * left_over[order[0]]]

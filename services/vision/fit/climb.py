@@ -16,6 +16,7 @@ from crosspih_common.geometry.pose import Array
 from services.vision.fit.quality import quality_of, roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
 from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, roundness_cost, start_state
+from services.vision.fit.steps import STEP_PX
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
@@ -29,11 +30,9 @@ SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 OTHER_STEPS, OTHER_HELD = 5, 3
 # one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
 BETTER_SHARE = 0.985
-# samples lie so close that a unit of log likelihood is worth that much of the sum over them
-ROUND_WORTH = 1.5
 MARGIN_PX = 40
 # a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
-STRANGE_OFFSET, STRANGE_SIZES = 4.0, 12.0
+STRANGE_OFFSET, STRANGE_SIZES, STRANGE_LEAST = 4.0, 12.0, 0.1
 
 
 def rims(hole: Rimmed) -> tuple[Rim, Rim]:
@@ -80,12 +79,20 @@ def _settled(before: State, after: State) -> bool:
 
 
 def misfit(fit: Fit, even: Array) -> float:
-    """Mean of log(1 + r^2 / (4 s^2)) over the samples, and what an odd blur costs: comparable between poses at one and
-    the same `even` s^2 (2, G)."""
+    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even` s^2 (2,
+    G)."""
     inside = fit.profiles.inside
     square = fit.steps.residual**2 / even[..., None, None]
-    total = float(np.sum(np.log1p(0.25 * square) * inside)) + ROUND_WORTH * roundness_cost(fit.state)
-    return total / max(float(inside.sum()), 1.0)
+    return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
+
+
+def unlikely(fit: Fit, even: Array, doubts: Doubts) -> float:
+    """The misfit, and what an odd blur and odd sizes cost: minus the log likelihood a sample, but for a constant."""
+    sizes = 0.5 * float(np.sum((fit.state.sizes_m / doubts.sds()) ** 2))
+    # neighbours along a profile and along the rim see the same pixels
+    independent = 2.0 * STEP_PX * float(np.mean(np.minimum(fit.seen.spacing_px, 1.0)))
+    samples = max(float(fit.profiles.inside.sum()), 1.0)
+    return misfit(fit, even) + (roundness_cost(fit.state) + sizes) / (independent * samples)
 
 
 def gloss_of(fit: Fit) -> float:
@@ -118,7 +125,7 @@ def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Po
             if _settled(before, state):
                 break
     assert fit is not None
-    found = quality_of(fit, coarse, doubts)
+    found = quality_of(fit, coarse, doubts, STRANGE_LEAST)
     strange = found.offset_conflict > STRANGE_OFFSET or found.sizes_conflict > STRANGE_SIZES
     state, fit = _best_of_alike(images, coarse, stereo, state, fit, doubts, strange)
     return finish(images, fine, stereo, glossed(state, fit), doubts)
@@ -149,7 +156,7 @@ def _best_of_alike(
     width = float(np.median(np.linalg.norm((rim.outer_m - rim.inner_m)[..., :2], axis=-1)))
     if width < 1e-5:
         return state, fit
-    best, best_fit, least = state, fit, BETTER_SHARE * misfit(fit, fit.even)
+    best, best_fit, least = state, fit, BETTER_SHARE * unlikely(fit, fit.even, doubts)
     middle = rim.outward.mean(axis=1)
     dark = np.median(
         (fit.steps.chamfer - fit.steps.bore) / _away_from_zero(fit.steps.face - fit.steps.bore), axis=2
@@ -170,7 +177,7 @@ def _best_of_alike(
             other = start_state(rim, moved, float(np.min(state.blur_px2[:, [0, 2]])))
             for number in range(OTHER_STEPS):
                 other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=number < OTHER_HELD)
-            found = misfit(other_fit, fit.even)
+            found = unlikely(other_fit, fit.even, doubts)
             if found < least:
                 best, best_fit, least = other, other_fit, found
     return best, best_fit

@@ -17,8 +17,9 @@ STEP_SHARE_LEAST = 0.15
 WEIGHT_LEAST = 0.3
 TINY = 1e-9
 ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
-# what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it
-CONFLICT_LEAST = 0.1
+# what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it: of
+# the sizes, and of the offset
+SIZES_LEAST, OFFSET_LEAST = 0.1, 0.003
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,15 +76,15 @@ def roughness_of(fit: Fit) -> float:
     return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
 
 
-def _conflict(mean: Array, posterior: Array, prior_sd: Array) -> float:
+def _conflict(mean: Array, posterior: Array, prior_sd: Array, least: float) -> float:
     """How far the pictures pull what was believed: squared, over its spread."""
     spread = np.diag(prior_sd**2) - posterior
-    spread = spread + CONFLICT_LEAST * np.diag(prior_sd**2)
+    spread = spread + least * np.diag(prior_sd**2)
     return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
-def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
-    """The figures of a fit at its end."""
+def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_LEAST) -> Quality:
+    """The figures of a fit at its end. `offset_least`: what share of the belief's variance is no conflict."""
     steps, inside = fit.steps, fit.profiles.inside
     height = np.max(
         np.abs([_along(steps.chamfer - steps.face), _along(steps.bore - steps.face), _along(steps.bore - steps.chamfer)]),
@@ -112,8 +113,8 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
         float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),
         float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
         off,
-        _conflict(off, fit.covariance[offset, offset], offset_sd),
+        _conflict(off, fit.covariance[offset, offset], offset_sd, offset_least),
         fit.state.sizes_m,
-        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds()),
+        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds(), SIZES_LEAST),
         roughness_of(fit),
     )
