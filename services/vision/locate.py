@@ -176,7 +176,7 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
             if one.score < COMPETES * near[0].score:
                 continue
             try:
-                fits.append(climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts))
+                fits += climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts)
             except np.linalg.LinAlgError:
                 continue
         if fits:
