@@ -52,6 +52,8 @@ OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 OFFSET_FREE, SIZES_FREE = 2.0, 6.0
 # errors have wider tails than a Gaussian: its variances times
 TAIL = 1.25
+# the less of the rim is seen, the more what covers it may have pulled at the rest: a third hidden, variances times 3.7
+HIDDEN = 8.0
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
@@ -352,6 +354,7 @@ def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
     more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
     posterior = fit.covariance[:6, :6]
     strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
+    strain *= 1.0 + HIDDEN * (1.0 - quality.supported)
     known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)
     covariance = np.linalg.inv(known)
     return np.asarray(0.5 * (covariance + covariance.T))

@@ -17,9 +17,10 @@ STEP_MOST = 2.0
 MODEL_SHARE = 0.04
 DEGREES = 4.0
 # a profile that leaves so much of what it shows unexplained, noise aside, is half a rim: something covers it
-UNLIKE_SHARE = 0.2
+UNLIKE_SHARE = 0.15
 # where most are worse, as at a start, that many times what the median leaves
 UNLIKE_MEDIAN = 2.0
+GROUP_POWER = 1.0  # how much an edge of which a part is covered is doubted as a whole
 TINY = 1e-9
 
 
@@ -54,7 +55,9 @@ def likeness(model: Array, residual: Array, variance: Array, inside: Array) -> A
     shown = np.sum((model - level[..., None]) ** 2 * inside, axis=-1) + noise
     left = np.maximum(np.sum(residual**2 * inside, axis=-1) - noise, 0.0) / np.maximum(shown, TINY)
     most = np.maximum(UNLIKE_SHARE, UNLIKE_MEDIAN * np.median(left, axis=(1, 2)))[:, None, None]
-    return np.asarray(1.0 / (1.0 + (left / most) ** 2))
+    like = 1.0 / (1.0 + (left / most) ** 2)
+    # what covers a part of an edge may look like a rim elsewhere along it
+    return np.asarray(like * np.mean(like, axis=2, keepdims=True) ** GROUP_POWER)
 
 
 def robust_weight(

@@ -19,7 +19,7 @@ TINY = 1e-9
 ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
 # what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it: of
 # the sizes, and of the offset
-SIZES_LEAST, OFFSET_LEAST = 0.1, 0.003
+SIZES_LEAST, OFFSET_LEAST = 0.1, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
