@@ -15,7 +15,17 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.quality import quality_of, roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
-from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, roundness_cost, start_state
+from services.vision.fit.solve import (
+    GLOSS_MOST,
+    Doubts,
+    Fit,
+    Images,
+    State,
+    believed,
+    iterate,
+    roundness_cost,
+    start_state,
+)
 from services.vision.fit.steps import STEP_PX
 from services.vision.stereo import StereoModel
 

@@ -68,9 +68,8 @@ def roughness_of(fit: Fit) -> float:
     counted = np.sqrt(fit.weight * fit.even[..., None, None])
     steps, rest = fit.steps, fit.steps.residual * counted
     height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
-    share = float(
-        np.sqrt(np.sum(fit.weight * steps.residual**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0)
-    )
+    typical = float(np.median(height)) + 1.0
+    share = float(np.sqrt(np.sum(fit.weight * steps.residual**2) / max(float(np.sum(fit.weight)), TINY))) / typical
     alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
     alike = float(np.clip(alike, 0.0, ALIKE_MOST))
     return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
@@ -86,10 +85,8 @@ def _conflict(mean: Array, posterior: Array, prior_sd: Array, least: float) -> f
 def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_LEAST) -> Quality:
     """The figures of a fit at its end. `offset_least`: what share of the belief's variance is no conflict."""
     steps, inside = fit.steps, fit.profiles.inside
-    height = np.max(
-        np.abs([_along(steps.chamfer - steps.face), _along(steps.bore - steps.face), _along(steps.bore - steps.chamfer)]),
-        axis=0,
-    )
+    rises = (steps.chamfer - steps.face, steps.bore - steps.face, steps.bore - steps.chamfer)
+    height = np.max(np.abs([_along(rise) for rise in rises]), axis=0)
     noise = np.sqrt(np.median(fit.variance, axis=-1))
     least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))
     typical = float(np.median(height))
