@@ -15,7 +15,7 @@ from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated_rim
 from services.vision.detect import Candidate, candidates
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
-from services.vision.fit.climb import climb, misfit, rims
+from services.vision.fit.climb import climb, rims, unlikely
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
@@ -38,20 +38,22 @@ from services.vision.refusals import (
 from services.vision.stereo import StereoModel
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
-INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.6, 0.6
+INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
-DARK_GREY, DARK_STEP_NOISES = 25.0, 8.0
+DARK_GREY, DARK_STEP_NOISES = 25.0, 4.0
 RESIDUAL_MOST = 0.2
 # how rough what is seen at the rim may be, share of the step
-ROUGH_MOST = 0.15
+ROUGH_MOST = 0.18
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
 OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 # from there on they make the covariance larger
 OFFSET_FREE, SIZES_FREE = 2.0, 6.0
 # errors have wider tails than a Gaussian: its variances times
 TAIL = 1.25
+# the less of the rim is seen, the more what covers it may have pulled at the rest: a third hidden, variances times 3.7
+HIDDEN = 8.0
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
@@ -176,11 +178,11 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
             if one.score < COMPETES * near[0].score:
                 continue
             try:
-                fits.append(climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts))
+                fits += climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts)
             except np.linalg.LinAlgError:
                 continue
         if fits:
-            left_over = [misfit(fit, fits[0].even) for fit in fits]
+            left_over = [unlikely(fit, fits[0].even, task.doubts) for fit in fits]
             order = np.argsort(left_over)
             best = fits[order[0]]
             alike = [fits[index] for index in order[1:] if left_over[index] < ALIKE_SHARE * left_over[order[0]]]
@@ -352,6 +354,7 @@ def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
     more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
     posterior = fit.covariance[:6, :6]
     strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
+    strain *= 1.0 + HIDDEN * (1.0 - quality.supported)
     known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)
     covariance = np.linalg.inv(known)
     return np.asarray(0.5 * (covariance + covariance.T))

@@ -15,12 +15,23 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.quality import quality_of, roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
-from services.vision.fit.solve import GLOSS_MOST, Doubts, Fit, Images, State, believed, iterate, start_state
+from services.vision.fit.solve import (
+    GLOSS_MOST,
+    Doubts,
+    Fit,
+    Images,
+    State,
+    believed,
+    iterate,
+    roundness_cost,
+    start_state,
+)
+from services.vision.fit.steps import STEP_PX
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
 # blur added to the pictures, px^2, and most steps with it, with few profiles
-STAGES = ((4.0, 3), (1.0, 2), (0.0, 3))
+STAGES = ((1.0, 3), (0.0, 3))
 FINE_STEPS = 5
 # a chamfer that much brighter than the face, times, is no glint; more than that is no more of one; what it is worth
 GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1
@@ -28,10 +39,12 @@ GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 OTHER_STEPS, OTHER_HELD = 5, 3
 # one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
-BETTER_SHARE = 0.985
+# what is worse by less than that may be the better one with all profiles
+ALIKE_SHARE = 1.06
+SAME_M = 0.1e-3
 MARGIN_PX = 40
 # a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
-STRANGE_OFFSET, STRANGE_SIZES = 4.0, 12.0
+STRANGE_OFFSET, STRANGE_SIZES, STRANGE_LEAST = 4.0, 12.0, 0.1
 
 
 def rims(hole: Rimmed) -> tuple[Rim, Rim]:
@@ -77,12 +90,25 @@ def _settled(before: State, after: State) -> bool:
     return bool(np.linalg.norm(moved.translation_m) < SETTLED_M and np.linalg.norm(moved.rotvec_rad()) < SETTLED_RAD)
 
 
+def _same(one: State, other: State) -> bool:
+    return one.pose_camera_hole.distance_to_m(other.pose_camera_hole) < SAME_M
+
+
 def misfit(fit: Fit, even: Array) -> float:
     """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even` s^2 (2,
     G)."""
     inside = fit.profiles.inside
     square = fit.steps.residual**2 / even[..., None, None]
     return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
+
+
+def unlikely(fit: Fit, even: Array, doubts: Doubts) -> float:
+    """The misfit, and what an odd blur and odd sizes cost: minus the log likelihood a sample, but for a constant."""
+    sizes = 0.5 * float(np.sum((fit.state.sizes_m / doubts.sds()) ** 2))
+    # neighbours along a profile and along the rim see the same pixels
+    independent = 2.0 * STEP_PX * float(np.mean(np.minimum(fit.seen.spacing_px, 1.0)))
+    samples = max(float(fit.profiles.inside.sum()), 1.0)
+    return misfit(fit, even) + (roundness_cost(fit.state) + sizes) / (independent * samples)
 
 
 def gloss_of(fit: Fit) -> float:
@@ -103,8 +129,9 @@ def glint_of(fit: Fit) -> float:
     return float(np.clip(brightest - GLINT_FREE, 0.0, GLINT_MOST))
 
 
-def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, doubts: Doubts) -> Fit:
-    """The fit from a start within a pixel or two of the rim in both pictures."""
+def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, doubts: Doubts) -> list[Fit]:
+    """The fit from a start within a pixel or two of the rim in both pictures; and a second one, elsewhere, where few
+    profiles do not tell which of the two it is."""
     state = start_state(coarse, start)
     fit = None
     for extra, most in STAGES:
@@ -115,10 +142,10 @@ def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Po
             if _settled(before, state):
                 break
     assert fit is not None
-    found = quality_of(fit, coarse, doubts)
+    found = quality_of(fit, coarse, doubts, STRANGE_LEAST)
     strange = found.offset_conflict > STRANGE_OFFSET or found.sizes_conflict > STRANGE_SIZES
-    state, fit = _best_of_alike(images, coarse, stereo, state, fit, doubts, strange)
-    return finish(images, fine, stereo, glossed(state, fit), doubts)
+    alike = _best_of_alike(images, coarse, stereo, state, fit, doubts, strange)
+    return [finish(images, fine, stereo, glossed(*one), doubts) for one in alike]
 
 
 def glossed(state: State, fit: Fit) -> State:
@@ -142,11 +169,13 @@ def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, doubts:
 
 def _best_of_alike(
     images: Images, rim: Rim, stereo: StereoModel, state: State, fit: Fit, doubts: Doubts, strange: bool
-) -> tuple[State, Fit]:
+) -> list[tuple[State, Fit]]:
+    """The likeliest, and the next one that is nearly as likely, of what was found and of the poses aside by a chamfer's
+    width, of which one looks like the other where the chamfer is bright on one side and dark on the other."""
     width = float(np.median(np.linalg.norm((rim.outer_m - rim.inner_m)[..., :2], axis=-1)))
     if width < 1e-5:
-        return state, fit
-    best, best_fit, least = state, fit, BETTER_SHARE * misfit(fit, fit.even)
+        return [(state, fit)]
+    found = [(unlikely(fit, fit.even, doubts), state, fit)]
     middle = rim.outward.mean(axis=1)
     dark = np.median(
         (fit.steps.chamfer - fit.steps.bore) / _away_from_zero(fit.steps.face - fit.steps.bore), axis=2
@@ -167,10 +196,11 @@ def _best_of_alike(
             other = start_state(rim, moved, float(np.min(state.blur_px2[:, [0, 2]])))
             for number in range(OTHER_STEPS):
                 other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=number < OTHER_HELD)
-            found = misfit(other_fit, fit.even)
-            if found < least:
-                best, best_fit, least = other, other_fit, found
-    return best, best_fit
+            found.append((unlikely(other_fit, fit.even, doubts), other, other_fit))
+    found.sort(key=lambda one: one[0])
+    best = found[0]
+    near = [one for one in found[1:] if one[0] < ALIKE_SHARE * best[0] and not _same(best[1], one[1])]
+    return [(one[1], one[2]) for one in (best, *near[:1])]
 
 
 def _away_from_zero(values: Array) -> NDArray[np.float64]:

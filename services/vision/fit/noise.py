@@ -11,16 +11,30 @@ THIN = 3  # neighbours along a profile are half a pixel apart
 QUANTISED_GREY = 0.29
 # what a profile may be off by beside the noise and still count in full, share of the step
 STEP_SHARE = 0.1
+# times the median step: a glint is no licence
+STEP_MOST = 2.0
 # and the model itself, one sd, share of the step
 MODEL_SHARE = 0.04
 DEGREES = 4.0
+# a profile that leaves so much of what it shows unexplained, noise aside, is half a rim: something covers it
+UNLIKE_SHARE = 0.15
+# where most are worse, as at a start, that many times what the median leaves
+UNLIKE_MEDIAN = 2.0
+GROUP_POWER = 1.0  # how much an edge of which a part is covered is doubted as a whole
+TINY = 1e-9
 
 
-def variance_by_grey(model: Array, residual: Array, inside: Array, floor: float = QUANTISED_GREY) -> Array:
-    """(2, G, S, L): the residuals' variance at the grey that the model gives, robust, straight between bins of grey."""
+def variance_by_grey(
+    model: Array, residual: Array, inside: Array, known: Array | None = None, floor: float = QUANTISED_GREY
+) -> Array:
+    """(2, G, S, L): the residuals' variance at the grey that the model gives, robust, straight between bins of grey.
+
+    `known` (2, G, S): how much each profile counted before: what covers the rim has another scatter than the rim."""
     out = np.empty_like(model)
     for side in range(2):
         use = inside[side] > 0
+        if known is not None:
+            use &= (known[side] >= 0.5 * np.median(known[side]))[..., None]
         grey, error = model[side][use][::THIN], np.abs(residual[side][use][::THIN])
         if grey.size < 4 * BINS:
             out[side] = floor**2
@@ -33,13 +47,29 @@ def variance_by_grey(model: Array, residual: Array, inside: Array, floor: float 
     return out
 
 
-def robust_weight(residual: Array, variance: Array, step: Array, inside: Array) -> tuple[Array, Array, Array]:
-    """One over the variance, less where a sample or its whole profile lies far out (Student's t); and
-    how much of each profile (2, G, S) counts, and the variance that a group (2, G) is taken to have.
+def likeness(model: Array, residual: Array, variance: Array, inside: Array) -> Array:
+    """(2, G, S): 1 for a profile that looks like a rim, less the more of what it shows is left unexplained."""
+    count = np.maximum(inside.sum(axis=-1), 1.0)
+    level = np.sum(model * inside, axis=-1) / count
+    noise = np.sum(variance * inside, axis=-1)
+    shown = np.sum((model - level[..., None]) ** 2 * inside, axis=-1) + noise
+    left = np.maximum(np.sum(residual**2 * inside, axis=-1) - noise, 0.0) / np.maximum(shown, TINY)
+    most = np.maximum(UNLIKE_SHARE, UNLIKE_MEDIAN * np.median(left, axis=(1, 2)))[:, None, None]
+    like = 1.0 / (1.0 + (left / most) ** 2)
+    # what covers a part of an edge may look like a rim elsewhere along it
+    return np.asarray(like * np.mean(like, axis=2, keepdims=True) ** GROUP_POWER)
+
+
+def robust_weight(
+    model: Array, residual: Array, variance: Array, step: Array, inside: Array
+) -> tuple[Array, Array, Array]:
+    """One over the variance, less where a sample or its whole profile lies far out (Student's t), or does not look like
+    a rim; and how much of each profile (2, G, S) counts, and the variance that a group (2, G) is taken to have.
 
     `step` (2, G, S): height of the whole step, grey.
     """
-    scale = variance + (STEP_SHARE * step[..., None]) ** 2
+    usual = np.median(step, axis=(1, 2))[:, None, None]
+    scale = variance + (STEP_SHARE * np.minimum(step, STEP_MOST * usual)[..., None]) ** 2
     square = residual**2 / scale
     one = (DEGREES + 1.0) / (DEGREES + square)
     count = np.maximum(inside.sum(axis=-1), 1.0)
@@ -49,5 +79,5 @@ def robust_weight(residual: Array, variance: Array, step: Array, inside: Array) 
     level = np.sum(variance * inside, axis=(2, 3)) / np.maximum(inside.sum(axis=(2, 3)), 1.0)
     height = np.mean(step**2, axis=2)
     even = np.maximum(level + MODEL_SHARE**2 * height, QUANTISED_GREY**2)[..., None, None]
-    profile = np.minimum(whole, 1.0) ** 2
+    profile = np.minimum(whole, 1.0) ** 2 * likeness(model, residual, variance, inside)
     return inside * np.minimum(one, 1.0) * profile[..., None] / even, profile, even[..., 0, 0]

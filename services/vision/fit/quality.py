@@ -11,11 +11,15 @@ from services.vision.fit.rim import Rim
 from services.vision.fit.solve import COMMON, POSE, Doubts, Fit, kinds_of
 from services.vision.fit.steps import SATURATED_GREY
 
-STEP_NOISES = 4.0
+# a step is seen that many times the noise of ALONG neighbours' mean
+STEP_NOISES, ALONG = 4.0, 5
 STEP_SHARE_LEAST = 0.15
 WEIGHT_LEAST = 0.3
 TINY = 1e-9
 ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
+# what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it: of
+# the sizes, and of the offset
+SIZES_LEAST, OFFSET_LEAST = 0.1, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,38 +54,47 @@ class Quality:
         return float(self.support.mean())
 
 
+def _along(values: Array) -> Array:
+    """(2, G, S): the mean of each with its neighbours along the rim, in its group."""
+    half = ALONG // 2
+    padded = np.pad(values, ((0, 0), (0, 0), (half, half)), mode="edge")
+    return np.asarray(np.mean([padded[..., k : k + values.shape[2]] for k in range(ALONG)], axis=0))
+
+
 def roughness_of(fit: Fit) -> float:
     """What the model leaves unsaid, share of the step, the more the farther along the rim it hangs together:
     texture."""
-    steps, rest = fit.steps, fit.steps.residual * fit.profiles.inside
+    # what covers the rim is no texture: what does not count in the fit does not count here
+    counted = np.sqrt(fit.weight * fit.even[..., None, None])
+    steps, rest = fit.steps, fit.steps.residual * counted
     height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
-    share = float(
-        np.sqrt(np.sum(fit.weight * rest**2) / max(float(np.sum(fit.weight)), TINY)) / (np.median(height) + 1.0)
-    )
+    typical = float(np.median(height)) + 1.0
+    share = float(np.sqrt(np.sum(fit.weight * steps.residual**2) / max(float(np.sum(fit.weight)), TINY))) / typical
     alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
     alike = float(np.clip(alike, 0.0, ALIKE_MOST))
     return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
 
 
-def _conflict(mean: Array, posterior: Array, prior_sd: Array) -> float:
+def _conflict(mean: Array, posterior: Array, prior_sd: Array, least: float) -> float:
     """How far the pictures pull what was believed: squared, over its spread."""
     spread = np.diag(prior_sd**2) - posterior
-    spread = spread + 1e-3 * np.diag(prior_sd**2)
+    spread = spread + least * np.diag(prior_sd**2)
     return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
-def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
-    """The figures of a fit at its end."""
+def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_LEAST) -> Quality:
+    """The figures of a fit at its end. `offset_least`: what share of the belief's variance is no conflict."""
     steps, inside = fit.steps, fit.profiles.inside
-    height = np.maximum(np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face)),
-                        np.abs(steps.bore - steps.chamfer))  # fmt: skip
+    rises = (steps.chamfer - steps.face, steps.bore - steps.face, steps.bore - steps.chamfer)
+    height = np.max(np.abs([_along(rise) for rise in rises]), axis=0)
     noise = np.sqrt(np.median(fit.variance, axis=-1))
+    least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))
     typical = float(np.median(height))
     weight = fit.weight * fit.even[..., None, None]
     count = np.maximum(inside.sum(axis=-1), 1.0)
     kept = weight.sum(axis=-1) / count
     seen = inside.mean(axis=-1) > 0.4
-    ok = (height > STEP_NOISES * noise) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
+    ok = (height > least) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
     squares = np.sum(weight * steps.residual**2) / max(float(weight.sum()), 1.0)
     kinds = kinds_of(rim)
     offset, sizes = kinds["offset"], slice(POSE, COMMON)
@@ -97,8 +110,8 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
         float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),
         float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
         off,
-        _conflict(off, fit.covariance[offset, offset], offset_sd),
+        _conflict(off, fit.covariance[offset, offset], offset_sd, offset_least),
         fit.state.sizes_m,
-        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds()),
+        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds(), SIZES_LEAST),
         roughness_of(fit),
     )

@@ -30,14 +30,20 @@ LOCAL = 21
 TWICE = [*range(LOCAL), 15]
 BLUR_START_PX2 = 0.8
 HELD = 1e9
-BLUR_MEAN_PX2 = np.array([0.6, 0.0, 0.6])
-BLUR_SD_PX2 = (0.8, 0.15, 0.8)
-# uu and vv of one picture, uu and uu of both, vv and vv of both
-BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 2), (3, 5), (0, 3), (2, 5)), 0.3
+# of uu and vv the logarithm's sd: lenses from .25 px, the pixel's own width, to 2; of uv the sd
+BLUR_MEAN_PX2, BLUR_LOG_SD = 0.6, 1.0
+BLUR_SKEW_SD_PX2 = 0.15
+# uu and uu of both pictures, vv and vv of both; uu and vv of one
+BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 3), (2, 5)), 0.3
+BLUR_ROUND = ((0, 2), (3, 5))
+# by how much a lens is not round, of the blur, or px^2 at least; a Cauchy's: a dragged picture is not round at all
+BLUR_ROUND_SHARE, BLUR_ROUND_LEAST_PX2 = 0.15, 0.15
 BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
+BLUR_FACTOR_MOST = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
 SHADE_MEAN, SHADE_SD = 0.5, 1.0
+LEVEL_MOST, CHAMFER_STEP = 1.5, 1.0  # times the median height of a step; a change in one step, times that level
 CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
@@ -184,9 +190,9 @@ def iterate(
     columns = columns_of(taken, moved, variance_px2)
     known = state.profile_weight if state.profile_weight is not None else np.ones(taken.grey.shape[:3])
     first = steps(columns, taken.inside * known[..., None] / ROUGH_GREY**2, state.chamfer_grey)
-    variance = variance_by_grey(first.model, first.residual, taken.inside)
+    variance = variance_by_grey(first.model, first.residual, taken.inside, state.profile_weight)
     height = np.maximum(np.abs(first.chamfer - first.face), np.abs(first.bore - first.face))
-    weight, profile_weight, even = robust_weight(first.residual, variance, height, taken.inside)
+    weight, profile_weight, even = robust_weight(first.model, first.residual, variance, height, taken.inside)
     chamfer = state.chamfer_grey
     if chamfer is None:
         chamfer = np.asarray(first.chamfer.mean(axis=2))
@@ -199,7 +205,9 @@ def iterate(
     to_four = np.einsum("kgsim,kgsif->kgmf", maps, now.shared[..., 1:, :], optimize=True)
     local = local - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
     pull = np.einsum("kgsim,kgsi->kgm", maps, now.table[..., 0, 1:], optimize=True)
-    level = np.maximum(now.face.mean(axis=2), height.mean(axis=2)) + 1.0
+    # a chamfer that is saturated is not known: its own height must not be what its grey is held against
+    rise = height.mean(axis=2)
+    level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * np.median(rise))) + 1.0
     covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
     fit = Fit(state, covariance, effects, moved, taken, now, variance, even, weight, local, pull, cost)
     return _stepped(rim, replace(state, profile_weight=profile_weight), chamfer, covariance, effects, level), fit
@@ -265,14 +273,18 @@ def _solve(
     sizes = 1.0 / doubts.sds() ** 2
     prior[POSE:COMMON] = sizes
     gradient[POSE:COMMON] -= sizes * state.sizes_m
-    blur = 1.0 / np.tile(np.array(BLUR_SD_PX2), 2) ** 2 + (HELD if hold_blur else 0.0)
-    prior[COMMON : COMMON + 6] = blur
-    gradient[COMMON : COMMON + 6] -= blur * (state.blur_px2 - BLUR_MEAN_PX2).ravel() * (0.0 if hold_blur else 1.0)
-    if not hold_blur:
+    if hold_blur:
+        prior[COMMON : COMMON + 6] = HELD
+    else:
+        blur, off = _blur_belief(state.blur_px2)
+        prior[COMMON : COMMON + 6] = blur
+        gradient[COMMON : COMMON + 6] -= blur * off
         # a lens is round and both are alike, more or less
         flat = state.blur_px2.ravel()
-        for one, other in BLUR_ALIKE:
-            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / BLUR_ALIKE_SD_PX2
+        off, scale = _roundness(state.blur_px2)
+        sds = [*np.sqrt(0.5 * (scale**2 + off**2)), *[BLUR_ALIKE_SD_PX2] * len(BLUR_ALIKE)]
+        for (one, other), sd in zip(BLUR_ROUND + BLUR_ALIKE, sds, strict=True):
+            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / sd
             information[np.ix_(pair, pair)] += np.outer(row, row)
             gradient[pair] -= row * (row @ flat[[one, other]])
     for kind, variances in state.effects.items():
@@ -303,17 +315,46 @@ def _solve(
     return covariance, covariance @ gradient
 
 
+def _roundness(blur_px2: Array) -> tuple[Array, Array]:
+    """(2,) each, by picture: how far the blur (2, 3) is from round, and how far a lens usually is, px^2."""
+    wide = blur_px2[:, [0, 2]]
+    return wide[:, 0] - wide[:, 1], np.maximum(BLUR_ROUND_SHARE * wide.mean(axis=1), BLUR_ROUND_LEAST_PX2)
+
+
+def roundness_cost(state: State) -> float:
+    """How unlikely the blur's shape is for a lens: minus the log likelihood of both pictures."""
+    off, scale = _roundness(state.blur_px2)
+    return float(np.sum(np.log1p((off / scale) ** 2)))
+
+
+def _blur_belief(blur_px2: Array) -> tuple[Array, Array]:
+    """What is believed of the blur before a picture is seen, about where it stands, (2, 3) px^2: one over the variance
+    (6,), and how far it is off, px^2."""
+    wide = blur_px2[:, [0, 2]]
+    precision, off = np.empty((2, 3)), np.empty((2, 3))
+    precision[:, [0, 2]] = (BLUR_LOG_SD * wide) ** -2.0
+    off[:, [0, 2]] = wide * np.log(wide / BLUR_MEAN_PX2)
+    precision[:, 1], off[:, 1] = BLUR_SKEW_SD_PX2**-2.0, blur_px2[:, 1]
+    return precision.ravel(), off.ravel()
+
+
 def _stepped(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
     _, _, kinds = _indices(rim)
     step = effects[:POSE].copy()
     # far from the rim the profile is flat and a step means nothing
     step *= min(1.0, 0.002 / max(float(np.linalg.norm(step[:3])), 1e-12))
     blur = state.blur_px2 + effects[COMMON : COMMON + 6].reshape(2, 3)
-    blur[:, [0, 2]] = np.clip(blur[:, [0, 2]], BLUR_LEAST_PX2, BLUR_MOST_PX2)
+    before = state.blur_px2[:, [0, 2]]
+    blur[:, [0, 2]] = np.clip(
+        blur[:, [0, 2]],
+        np.maximum(before / BLUR_FACTOR_MOST, BLUR_LEAST_PX2),
+        np.minimum(before * BLUR_FACTOR_MOST, BLUR_MOST_PX2),
+    )
     most = 0.8 * np.sqrt(blur[:, 0] * blur[:, 2])
     blur[:, 1] = np.clip(blur[:, 1], -most, most)
     second = effects**2 + np.diag(covariance)
-    chamfer = chamfer_grey + effects[kinds["chamfer"]].reshape(level.shape)
+    change = effects[kinds["chamfer"]].reshape(level.shape)
+    chamfer = chamfer_grey + np.clip(change, -CHAMFER_STEP * level, CHAMFER_STEP * level)
     chamfer = np.clip(chamfer, CHAMFER_SHARES[0] * level, CHAMFER_SHARES[1] * level)
     # of a chamfer what it differs by from the others that face its way
     shade = effects[kinds["shade"]][np.tile(rim.facing, 2)]

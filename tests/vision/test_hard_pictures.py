@@ -1,0 +1,93 @@
+"""The fit where the picture is hard: a part of the rim covered, blur, a saturated chamfer, little light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crosspih_common.config import Workcell
+from crosspih_common.geometry import Pose
+from services.vision.fit.climb import climb, rims
+from services.vision.fit.noise import likeness
+from services.vision.fit.quality import Quality, quality_of
+from services.vision.fit.solve import BLUR_MEAN_PX2, Doubts, Fit, roundness_cost, start_state
+from services.vision.locate import covariance_of
+from tests.vision.drawn_pairs import Look, drawn_pair
+from tests.vision.test_detect import HALF_RANGES, STEREO, truth_of
+
+HOLE = Workcell().hole.shape(Workcell().peg.shape())
+CHI2_6_9999 = 27.86
+# a pixel that is a square of one pixel blurs by that much itself
+PIXEL_PX2 = 1.0 / 12.0
+
+
+def fitted(look: Look, seed: int) -> tuple[Fit, Quality, float, float]:
+    """The fit from half a pixel off, its figures, how far off it is across, m, and against its covariance, squared."""
+    truth = truth_of(STEREO, seed)
+    coarse, fine = rims(HOLE)
+    start = truth @ Pose.from_rotvec([0.005, -0.004, 0.002], [0.3e-3, -0.2e-3, 1.0e-3])
+    fit = climb(drawn_pair(STEREO, HOLE, truth, look), coarse, fine, STEREO, start, Doubts())[0]
+    quality = quality_of(fit, fine, Doubts())
+    off = fit.state.pose_camera_hole.inverse() @ truth
+    error = np.concatenate([off.translation_m, off.rotvec_rad()])
+    square = float(error @ np.linalg.solve(covariance_of(fit, quality, HALF_RANGES), error))
+    return fit, quality, float(np.hypot(error[0], error[1])), square
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_what_covers_a_quarter_of_the_rim_does_not_pull_at_the_rest(seed: int) -> None:
+    fit, quality, across_m, square = fitted(Look(covered=0.25, seed=seed, light_rad=2.0), seed)
+    assert across_m < 0.5e-3
+    assert square < CHI2_6_9999
+    assert 0.5 < quality.supported < 0.95
+    weight = fit.state.profile_weight
+    assert weight is not None
+    assert float(np.quantile(weight, 0.05)) < 0.3 < 0.8 < float(np.median(weight))
+
+
+@pytest.mark.parametrize("blur_px", [0.3, 1.0, 1.5])
+def test_the_blur_is_measured_whatever_it_is(blur_px: float) -> None:
+    fit, quality, across_m, square = fitted(Look(blur_px=blur_px), 7)
+    assert across_m < 0.25e-3
+    assert square < CHI2_6_9999
+    sharpest = float(np.sqrt(blur_px**2 + PIXEL_PX2))
+    assert np.sqrt(fit.state.blur_px2[:, [0, 2]]) == pytest.approx(sharpest, rel=0.25)
+    assert quality.sizes_conflict < 12.0
+
+
+def test_a_saturated_chamfer_does_not_run_away() -> None:
+    fit, _, across_m, square = fitted(Look(face=110.0, chamfer=500.0, relief=0.9, wall=90.0), 9)
+    assert across_m < 0.3e-3
+    assert square < CHI2_6_9999
+    grey = fit.state.chamfer_grey
+    assert grey is not None
+    assert float(np.abs(grey).max()) < 1500.0
+
+
+def test_steps_of_five_times_the_noise_are_seen_all_around() -> None:
+    look = Look(face=14.0, chamfer=9.0, wall=3.0, bottom=2.0, background=2.0, noise=2.4)
+    _, quality, across_m, square = fitted(look, 7)
+    assert quality.supported > 0.9
+    assert across_m < 0.5e-3
+    assert square < CHI2_6_9999
+
+
+def test_a_profile_that_is_no_rim_counts_less_and_its_edge_too() -> None:
+    rng = np.random.default_rng(1)
+    model = np.tile(np.where(np.arange(14) < 7, 150.0, 20.0), (2, 4, 6, 1))
+    residual = rng.normal(0.0, 2.0, model.shape)
+    residual[0, 1, :3] += np.where(np.arange(14) < 10, 70.0, 0.0)
+    like = likeness(model, residual, np.full(model.shape, 4.0), np.ones(model.shape))
+    assert float(like[0, 1, :3].max()) < 0.15
+    assert 0.3 < float(like[0, 1, 3:].min()) <= float(like[0, 1, 3:].max()) < 0.75
+    like[0, 1] = 1.0
+    assert float(like.min()) > 0.99
+
+
+def test_a_round_blur_costs_nothing_and_a_dragged_one_not_without_end() -> None:
+    state = start_state(rims(HOLE)[0], truth_of(STEREO, 1), BLUR_MEAN_PX2)
+    assert roundness_cost(state) == 0.0
+    costs = [roundness_cost(replace(state, blur_px2=np.tile([1.0 + off, 0.0, 1.0], (2, 1)))) for off in (0.1, 1.0, 3.0)]
+    assert 0.0 < costs[0] < costs[1] < costs[2] < 13.0
