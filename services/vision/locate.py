@@ -231,8 +231,7 @@ def _checked(quality: Quality) -> None:
             raise NoCross(
                 f"where the rim should be the step is {quality.step_grey:.0f} grey levels in noise of "
                 f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
-                f"the "
-                "right part, and the right way round?"
+                "the right part, and the right way round?"
             )
         raise TooDark(
             f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
@@ -242,21 +241,20 @@ def _checked(quality: Quality) -> None:
     if quality.supported < SUPPORT_LEAST or edges < EDGES_LEAST:
         raise NotEnoughRim(
             f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want "
-            f"{SUPPORT_LEAST:.0%}: take "
-            "away what covers it, or light the dark side"
+            f"{SUPPORT_LEAST:.0%}: take away what covers it, or light the dark side"
         )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         raise PoorFit(
             f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
-            f"{RESIDUAL_MOST:.0%}, and "
-            f"its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
+            f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use "
+            "a larger, softer light"
         )
     if quality.offset_conflict > OFFSET_MOST:
         du, dv = quality.offset_px
         raise NotAStereoPair(
             f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
-            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, "
-            "does the light glare in one?"
+            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare "
+            "in one?"
         )
     if quality.sizes_conflict > SIZES_MOST:
         outer, inner, near, far = quality.sizes_m * 1e3
@@ -348,8 +346,7 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
 
 def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
     """The fit's own (noise, blur, calibration, drawing, edges that are off), with what is known without any picture,
-    and
-    more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
+    and more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
     posterior = fit.covariance[:6, :6]
     strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
     known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)

@@ -48,8 +48,7 @@ CHAMFERED_M = 1e-4
 class Evidence:
     """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
     the less of both; black: the inside's grey over the face's; deeper: log likelihood of a chamfer that goes down
-    against
-    one that is drawn on the face."""
+    against one that is drawn on the face."""
 
     inside: Inside
     chamfer: float
@@ -137,8 +136,6 @@ def judge(evidence: Evidence, quality: Quality) -> None:
         return
     raise NotSeenInside(
         f"the inside (grey {inside.bright:.0f}, {evidence.black:.1%} of the face) does not tell its depth and the "
-        f"chamfer, "
-        f"{evidence.chamfer:.0%} of the step from a printed line, want {sure:.0%}, is no proof: hole or print? "
-        f"light it "
-        "from another side, or expose longer, so that a wall or the chamfer is seen"
+        f"chamfer, {evidence.chamfer:.0%} of the step from a printed line, want {sure:.0%}, is no proof: hole or "
+        "print? light it from another side, or expose longer, so that a wall or the chamfer is seen"
     )

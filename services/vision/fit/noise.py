@@ -34,8 +34,8 @@ def variance_by_grey(model: Array, residual: Array, inside: Array, floor: float 
 
 
 def robust_weight(residual: Array, variance: Array, step: Array, inside: Array) -> tuple[Array, Array, Array]:
-    """One over the variance, less where a sample or its whole profile lies far out (Student's t); and
-    how much of each profile (2, G, S) counts, and the variance that a group (2, G) is taken to have.
+    """One over the variance, less where a sample or its whole profile lies far out (Student's t); and how much of each
+    profile (2, G, S) counts, and the variance that a group (2, G) is taken to have.
 
     `step` (2, G, S): height of the whole step, grey.
     """

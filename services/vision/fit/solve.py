@@ -42,9 +42,7 @@ CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or br
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
 # broken edge shines or not by where it faces); a lip: the inner one. The rest px in one picture: all edges that face
-# one way; an edge; its
-# ends.
-# The chamfer's grey over the face's, beside what all chamfers that face one way share
+# one way; an edge; its ends. The chamfer's grey over the face's, beside what all chamfers that face one way share
 EFFECTS: dict[str, tuple[float, float]] = {
     "wall": (0.02e-3, 4.0),
     "rim": (0.03e-3, 4.0),
@@ -74,9 +72,8 @@ class Doubts:
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Where the fit stands: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and by
-    kind
-    of effect the variance of each, m^2, px^2 or 1. gloss: how differently both
-    cameras see the face; chamfer_grey (2, G) and profile_weight (2, G, S): None before the first look."""
+    kind of effect the variance of each, m^2, px^2 or 1. gloss: how differently both cameras see the face; chamfer_grey
+    (2, G) and profile_weight (2, G, S): None before the first look."""
 
     pose_camera_hole: Pose
     sizes_m: Array
@@ -90,8 +87,7 @@ class State:
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """The end: the state, posterior covariance (P, P) with the pose first, effects (P,), information of the pose by
-    each
-    edge, and what the last look at the pictures gave."""
+    each edge, and what the last look at the pictures gave."""
 
     state: State
     covariance: Array
@@ -212,8 +208,7 @@ def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
 @lru_cache(maxsize=32)
 def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
     """(2, G, 22) global number of each local parameter (a shift in one picture stands twice: edge's and facing's),
-    their
-    count, and where the kinds lie."""
+    their count, and where the kinds lie."""
     facings = max(facing) + 1
     ways = np.array(facing)
     counts = {
