@@ -26,7 +26,10 @@ ALONG = 96  # profiles across a line
 REACH_PX, STEP_PX = 6.0, 0.5
 STEP_LEAST_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
 ROUGH_MOST_PX = 0.5
-OWN_BOW_PX = 0.15  # one sd of how far the middle of a straight edge is off the line through its ends
+# one sd of how far the middle of a straight edge is off the line through its ends, as seen: 0.08 mm at 0.3 m
+OWN_BOW_RAD = 2.6e-4
+DEGREES = 4.0  # of Student's t: one edge that is none of a straight thing counts little
+JOIN_STEPS = 8
 SURE, SURE_WITHOUT_ONE = 4.0, 2.5
 K1_LEAST = 0.005
 
@@ -41,16 +44,66 @@ class LeftOver:
     sure: bool
 
 
-def left_over(light: Light, camera: Camera) -> LeftOver | None:
-    """What a picture (height, width) says of its camera's lens; None where too few long edges are in it."""
-    found = [edge for line in _lines(light, camera) if (edge := _of_line(light, camera, line)) is not None]
-    if len(found) < EDGES_LEAST:
+@dataclass(frozen=True, slots=True)
+class Lenses:
+    """What straight edges say of the left lens, of the right one, and of both as two of one make."""
+
+    left: LeftOver | None
+    right: LeftOver | None
+    both: LeftOver | None
+
+    @property
+    def sure(self) -> bool:
+        """Whether no chance explains how the edges bow."""
+        return any(one is not None and one.sure for one in (self.left, self.right, self.both))
+
+    def figures(self) -> dict[str, float]:
+        """By name what is left over of each lens, as a k1, where enough edges are seen; `bow_sure` is 1 where that is
+        no chance."""
+        told: dict[str, float] = {}
+        for name, one in (("_left", self.left), ("_right", self.right), ("", self.both)):
+            if one is not None:
+                told |= {f"bow_k1{name}": one.k1, f"bow_k1_sd{name}": one.sd, f"bow_sure{name}": float(one.sure)}
+        return told
+
+    def warnings(self) -> tuple[str, ...]:
+        """What to tell a user; nothing where the lenses are as calibrated by all that is seen."""
+        sure = [(side, one) for side, one in (("left", self.left), ("right", self.right)) if one and one.sure]
+        if len(sure) != 1 and self.both is not None and self.both.sure:
+            sure = [("left and the right", self.both)]
+        return tuple(
+            f"the {side} camera's lens is not as calibrated: straight edges bow by a k1 of {one.k1:.3f} (one sd "
+            f"{one.sd:.3f}); the pose given allows for it; calibrate the distortion anew"
+            for side, one in sure
+        )
+
+
+def lenses_of(images: tuple[Light, Light], cameras: tuple[Camera, Camera]) -> Lenses:
+    """Of the left and the right picture (height, width), linear light."""
+    left, right = (bows(light, camera) for light, camera in zip(images, cameras, strict=True))
+    return Lenses(left_over(left), left_over(right), left_over(np.concatenate([left, right])))
+
+
+def bows(light: Light, camera: Camera) -> Array:
+    """(n, 2): what each long edge in a picture (height, width) says of its camera's lens: a k1 and its sd."""
+    found = [bow for line in _lines(light, camera) if (bow := _of_line(light, camera, line)) is not None]
+    k1, rough, own = np.array(found).reshape(-1, 3).T
+    own_bow_px = OWN_BOW_RAD * float(np.sqrt(camera.fx_px * camera.fy_px))
+    return np.stack([k1, np.hypot(rough, own_bow_px * own)], axis=1)
+
+
+def left_over(seen: Array) -> LeftOver | None:
+    """What edges (n, 2), as `bows` gives them, say together, of one lens or of two alike; None where they are too few."""
+    if len(seen) < EDGES_LEAST:
         return None
-    values, sds = np.array(found).T
+    values, sds = seen.T
 
     def joined(some: NDArray[np.signedinteger]) -> tuple[float, float]:
-        weight = sds[some] ** -2
-        k1 = float(weight @ values[some] / weight.sum())
+        known = sds[some] ** -2
+        weight, k1 = known, 0.0
+        for _ in range(JOIN_STEPS):
+            k1 = float(weight @ values[some] / weight.sum())
+            weight = known * np.minimum((DEGREES + 1.0) / (DEGREES + known * (values[some] - k1) ** 2), 1.0)
         spread = float(np.sum(weight * (values[some] - k1) ** 2)) / max(len(weight) - 1, 1)
         return k1, float(weight.sum() ** -0.5 * max(1.0, spread) ** 0.5)
 
@@ -96,8 +149,9 @@ def _same(line: Array, other: Array) -> bool:
     return beside < REACH_PX and -REACH_PX < float(off @ along) < length + REACH_PX and abs(float(way @ along)) > 0.98
 
 
-def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] | None:
-    """k1 and its sd by one line; None where there is no clear single edge."""
+def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float, float] | None:
+    """k1 by one line, its sd by how ragged the edge is, and what a bow of its own of one pixel would make of it; None
+    where there is no clear single edge."""
     points = _edge_points(light, line)
     if points is None:
         return None
@@ -122,8 +176,7 @@ def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] |
     strength = float(bowed @ bowed)
     if rough > ROUGH_MOST_PX or strength < 1e-9:
         return None
-    variance = rough**2 / strength + (OWN_BOW_PX * float(bowed @ own) / strength) ** 2
-    return float(bowed @ off / strength), float(np.sqrt(variance))
+    return float(bowed @ off / strength), float(rough / np.sqrt(strength)), float(bowed @ own / strength)
 
 
 def _edge_points(light: Light, line: Array) -> Array | None:

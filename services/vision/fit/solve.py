@@ -23,6 +23,7 @@ from services.vision.stereo import StereoModel
 Images = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
+EDGE, TURN = 15, 16  # among the local parameters: a shift of an edge in one picture, px, and that of its ends
 SIZES = 4  # outer line, inner line, near edges, far edges
 COMMON = POSE + SIZES
 LOCAL = 21
@@ -57,12 +58,15 @@ EFFECTS: dict[str, tuple[float, float]] = {
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubts:
     """How far the drawing may be off, one sd, m: the outer and the inner line by broken edges, all of it by tolerance;
-    and the right picture against the left one by the calibration, px."""
+    the right picture against the left one by the calibration, px; and each lens's k1, where the calibration tells its
+    distortion and where it says that there is none."""
 
     outer_sd_m: float = 0.06e-3
     inner_sd_m: float = 0.06e-3
     size_sd_m: float = 0.03e-3
     offset_sd_px: float = 0.03
+    k1_sd: float = 0.001
+    k1_untold_sd: float = 0.02
 
     def sds(self) -> Array:
         """(4,): outer line, inner line, near edges, far edges."""
@@ -245,6 +249,12 @@ def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64]
 def kinds_of(rim: Rim) -> dict[str, slice]:
     """Where each kind of effect lies in the covariance and in the effects."""
     return _indices(rim)[2]
+
+
+def in_whole(rim: Rim, local: Array) -> Array:
+    """(P,): what the edges of both pictures say in their local parameters (2, G, 21), added up by all parameters."""
+    index, total, _ = _indices(rim)
+    return np.asarray(np.bincount(index.ravel(), local[..., TWICE].ravel(), total), dtype=float)
 
 
 def _solve(
