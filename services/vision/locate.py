@@ -262,19 +262,22 @@ def _checked(quality: Quality, rim: Rim) -> None:
             f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use "
             "a larger, softer light"
         )
-    if quality.offset_conflict > OFFSET_MOST:
+    # an outline of another size pulls at the calibration as well, and harder at the drawing
+    drawing_first = quality.sizes_conflict > quality.offset_conflict
+    if quality.offset_conflict > OFFSET_MOST and not drawing_first:
         du, dv = quality.offset_px
         raise NotAStereoPair(
             f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
             f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare "
             "in one?"
         )
-    if quality.sizes_conflict > SIZES_MOST:
+    if quality.sizes_conflict > SIZES_MOST or quality.offset_conflict > OFFSET_MOST:
         outer, inner, near, far = quality.sizes_m * 1e3
         raise NotTheDrawing(
             f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
-            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the "
-            "right part and cell?"
+            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}; the pictures "
+            f"apart by {quality.offset_conflict:.0f}, want {OFFSET_MOST:g}): is it the right part and cell, is "
+            "cell.hole.tolerance too small?"
         )
 
 

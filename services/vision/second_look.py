@@ -20,7 +20,7 @@ class Look:
 
 
 def next_look(look: Look, refusal_code: str, certain: bool = True) -> Look | None:
-    """The light to try after a refusal (code and certainty of a `VisionRefusal`); None when light is not what is wrong."""
+    """The light to try after a refusal (its code, and whether it is certain); None when light is not what is wrong."""
     if certain and refusal_code in HOPELESS:
         return None
     if refusal_code in ("too_dark", "too_bright"):

@@ -93,7 +93,7 @@ def bows(light: Light, camera: Camera) -> Array:
 
 
 def left_over(seen: Array) -> LeftOver | None:
-    """What edges (n, 2), as `bows` gives them, say together, of one lens or of two alike; None where they are too few."""
+    """What edges (n, 2), as `bows` gives them, say of one lens, or of two alike; None where they are too few."""
     if len(seen) < EDGES_LEAST:
         return None
     values, sds = seen.T
