@@ -132,6 +132,9 @@ def locate_rim(
         raise NotAStereoPair(
             "calibration.pose_left_right: both cameras stand in one place, want the right one where it stands, m"
         )
+    lenses = lenses_of(images, stereo.cameras)
+    if lenses.sure:
+        stereo = stereo.more_bent(lenses.by_side()[0])
     coarse, fine = rims(hole)
     task = _Task(images, stereo, hole, coarse, fine, doubts)
     found = candidates(images, stereo, hole, nominal, half_ranges)
@@ -151,9 +154,8 @@ def locate_rim(
         _unless_swapped(task, nominal, half_ranges)
         raise refusal or PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
     _unless_another(task, found, attempt)
-    lenses = lenses_of(images, stereo.cameras)
     lens = lens_doubt(attempt.fit, fine, stereo, doubts, lenses)
-    pose_base_hole = stereo.pose_base_camera @ lens.mended(attempt.fit.state.pose_camera_hole)
+    pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
     pictures = [
         annotated_rim(

@@ -57,6 +57,16 @@ class Lenses:
         """Whether no chance explains how the edges bow."""
         return any(one is not None and one.sure for one in (self.left, self.right, self.both))
 
+    def by_side(self) -> tuple[Array, Array]:
+        """k1 (2,) of the left and of the right lens, and its sd (2,): a lens of which too few edges tell is taken for
+        the other's like; without any, 0 and infinity."""
+        found = [one or self.both for one in (self.left, self.right)]
+        twice = np.sqrt(2.0) if self.left is None and self.right is None else 1.0
+        return (
+            np.array([0.0 if one is None else one.k1 for one in found]),
+            np.array([np.inf if one is None else twice * one.sd for one in found]),
+        )
+
     def figures(self) -> dict[str, float]:
         """By name what is left over of each lens, as a k1, where enough edges are seen; `bow_sure` is 1 where that is
         no chance."""

@@ -21,7 +21,7 @@ from services.vision.locate import Located, locate_rim
 from services.vision.refusals import NotTheDrawing
 from services.vision.stereo import Camera, StereoModel
 from services.vision.straightness import left_over
-from tests.vision.drawn_pairs import Look, drawn_pair
+from tests.vision.drawn_pairs import Floats, Look, drawn_pair
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())
@@ -45,7 +45,7 @@ def bent(k1: float) -> StereoModel:
 
 
 @lru_cache
-def pictures(k1: float = 0.0, larger_m: float = 0.0) -> tuple[Array, Array]:
+def pictures(k1: float = 0.0, larger_m: float = 0.0) -> tuple[Floats, Floats]:
     """A pair through a lens of that k1, of a hole that is larger on every side."""
     stereo = bent(k1) if k1 else STEREO
     drawing = WORKCELL.hole.model_copy(update={"clearance_m": WORKCELL.hole.clearance_m + larger_m})
@@ -53,9 +53,8 @@ def pictures(k1: float = 0.0, larger_m: float = 0.0) -> tuple[Array, Array]:
     return drawn_pair(stereo, hole, stereo.pose_base_camera.inverse() @ TRUTH, Look(noise=1.0))
 
 
-def located(seen: tuple[Array, Array], doubts: Doubts, stereo: StereoModel = STEREO) -> Located:
-    left, right = (np.asarray(picture, dtype=np.float32) for picture in seen)
-    return locate_rim(left, right, stereo, HOLE, NOMINAL, HALF_RANGES, doubts)
+def located(seen: tuple[Floats, Floats], doubts: Doubts, stereo: StereoModel = STEREO) -> Located:
+    return locate_rim(*seen, stereo, HOLE, NOMINAL, HALF_RANGES, doubts)
 
 
 def error_of(found: Located) -> Array:

@@ -42,8 +42,9 @@ BLACK_SHARE = 0.027
 # with more seen inside than that a hole would show its depth
 FAINT_NOISES = 1.4
 CHAMFERED_M = 1e-4
-# what is seen inside, with half the noise, as a share of its grey: ink is as even as that, a hole's walls are not
-EVEN = 0.1
+# what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
+# and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
+EVEN_ONE_STEP, EVEN, INK_SHARE = 0.15, 0.1, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,11 +144,13 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     faint = inside.structure < FAINT_NOISES * inside.noise
     if faint and (evidence.chamfer > sure or evidence.black < BLACK_SHARE):
         return
-    if evidence.chamfered and evidence.chamfer <= sure and evidence.uneven < EVEN and evidence.black > BLACK_SHARE:
+    one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARE
+    if (one_step and evidence.uneven < EVEN_ONE_STEP) or (evidence.black > INK_SHARE and evidence.uneven < EVEN):
         # a black hole under stray light and an even dome could look like that: the name is not certain
+        step = "the outline is one step, without the drawing's chamfer, and " if one_step else ""
         raise FlatPrint(
-            f"the outline is one step, without the drawing's chamfer, and the inside is evenly {evidence.black:.0%} as "
-            "bright as the face: most likely a print or a sticker, not a hole; is the right part in the fixture?",
+            f"{step}the inside is evenly {evidence.black:.0%} as bright as the face: most likely a print or a sticker, "
+            "not a hole; is the right part in the fixture? if so, light it from another side",
             certain=False,
         )
     raise NotSeenInside(

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import DistortionModel
-from services.vision.fit.rim import Rim, perturbed
+from services.vision.fit.rim import Rim
 from services.vision.fit.solve import EDGE, POSE, TURN, Doubts, Fit, in_whole
 from services.vision.stereo import StereoModel
 from services.vision.straightness import Lenses
@@ -25,46 +24,33 @@ ALIKE = 0.8  # correlation of the two lenses' k1: mostly two of one make
 @dataclass(frozen=True, slots=True, eq=False)
 class LensDoubt:
     """The k1 (2,) of the left and the right lens beyond their calibration, its covariance (2, 2), and by how much the
-    fit's pose goes astray per unit of each, `by_k1` (6, 2): x, y, z, rx, ry, rz of the hole's frame, m and rad.
-    `mends`: it is so sure that the pose is mended by it."""
+    fit's pose goes astray per unit of each, `by_k1` (6, 2): x, y, z, rx, ry, rz of the hole's frame, m and rad."""
 
     k1: Array
     k1_covariance: Array
     by_k1: Array
-    mends: bool
-
-    def mended(self, pose_camera_hole: Pose) -> Pose:
-        """The pose as that k1 has it, where it is sure; else as it is."""
-        return perturbed(pose_camera_hole, -self.by_k1 @ self.k1) if self.mends else pose_camera_hole
 
     def of_pose(self) -> Array:
-        """(6, 6): what it adds to the pose's covariance; of a pose that is not mended the mean is an error, too."""
-        mean = np.zeros((2, 2)) if self.mends else np.outer(self.k1, self.k1)
-        return np.asarray(self.by_k1 @ (self.k1_covariance + mean) @ self.by_k1.T)
+        """(6, 6): what it adds to the pose's covariance; the pose is not mended, so the mean is an error, too."""
+        return np.asarray(self.by_k1 @ (self.k1_covariance + np.outer(self.k1, self.k1)) @ self.by_k1.T)
 
 
 def lens_doubt(fit: Fit, rim: Rim, stereo: StereoModel, doubts: Doubts, lenses: Lenses) -> LensDoubt:
-    """By what is believed of a lens before, by the rim, and by straight edges, `lenses`."""
+    """By what is believed of a lens before, by the rim, and by straight edges, `lenses`. Where these are sure, `stereo`
+    holds what they say already, and it is their own doubt that is left."""
     by_k1, information, pull = _by_k1(fit, rim, stereo)
-    edges = lenses.left, lenses.right
+    seen, seen_sd = lenses.by_side()
+    if lenses.sure:
+        covariance = np.asarray(np.linalg.inv(np.diag(seen_sd**-2) + information), dtype=float)
+        return LensDoubt(covariance @ pull, covariance, by_k1)
     sd = np.array([
         doubts.k1_untold_sd if camera.distortion_model is DistortionModel.NONE else doubts.k1_sd
         for camera in stereo.cameras
     ])  # fmt: skip
-    if lenses.sure:
-        # what was believed of such lenses does not hold for this one
-        sd = np.maximum(sd, max(abs(one.k1) for one in (*edges, lenses.both) if one is not None and one.sure))
     sd = np.maximum(sd, 1e-9)
     known = np.linalg.inv(np.outer(sd, sd) * np.array([[1.0, ALIKE], [ALIKE, 1.0]])) + information
-    for side, seen in enumerate(edges):
-        if seen is not None:
-            known[side, side] += seen.sd**-2
-            pull[side] += seen.k1 / seen.sd**2
-    if lenses.both is not None and edges == (None, None):
-        known += 0.25 * lenses.both.sd**-2
-        pull += 0.5 * lenses.both.k1 / lenses.both.sd**2
-    covariance = np.linalg.inv(known)
-    return LensDoubt(covariance @ pull, covariance, by_k1, lenses.sure)
+    covariance = np.asarray(np.linalg.inv(known + np.diag(seen_sd**-2)), dtype=float)
+    return LensDoubt(covariance @ (pull + seen * seen_sd**-2), covariance, by_k1)
 
 
 def _by_k1(fit: Fit, rim: Rim, stereo: StereoModel) -> tuple[Array, Array, Array]:
