@@ -32,6 +32,8 @@ DEGREES = 4.0  # of Student's t: one edge that is none of a straight thing count
 JOIN_STEPS = 8
 SURE, SURE_WITHOUT_ONE = 4.0, 2.5
 K1_LEAST = 0.005
+K1_MOST = 0.5  # an edge that bows by more is none of a straight thing: a round plate's, a cable's
+HIGHER_SHARE = 0.1  # of a k1: what k2 and the rest may be, which edges about the middle do not tell
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ class Lenses:
         twice = np.sqrt(2.0) if self.left is None and self.right is None else 1.0
         return (
             np.array([0.0 if one is None else one.k1 for one in found]),
-            np.array([np.inf if one is None else twice * one.sd for one in found]),
+            np.array([np.inf if one is None else np.hypot(twice * one.sd, HIGHER_SHARE * one.k1) for one in found]),
         )
 
     def figures(self) -> dict[str, float]:
@@ -99,7 +101,9 @@ def bows(light: Light, camera: Camera) -> Array:
     found = [bow for line in _lines(light, camera) if (bow := _of_line(light, camera, line)) is not None]
     k1, rough, own = np.array(found).reshape(-1, 3).T
     own_bow_px = OWN_BOW_RAD * float(np.sqrt(camera.fx_px * camera.fy_px))
-    return np.stack([k1, np.hypot(rough, own_bow_px * own)], axis=1)
+    sd = np.hypot(rough, own_bow_px * own)
+    straight = np.abs(k1) < K1_MOST
+    return np.stack([k1[straight], sd[straight]], axis=1)
 
 
 def left_over(seen: Array) -> LeftOver | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import pytest
 
@@ -20,7 +21,7 @@ from services.vision.hidden import hidden_parts
 from services.vision.locate import Located, locate_rim
 from services.vision.refusals import NotTheDrawing
 from services.vision.stereo import Camera, StereoModel
-from services.vision.straightness import left_over
+from services.vision.straightness import left_over, lenses_of
 from tests.vision.drawn_pairs import Floats, Look, drawn_pair
 
 WORKCELL = Workcell()
@@ -118,6 +119,15 @@ def test_straight_edges_warn_of_a_lens_only_where_no_chance_explains_it() -> Non
     assert few is None
     assert straight is not None and not straight.sure and abs(straight.k1) < 3.0 * straight.sd
     assert bowed is not None and bowed.sure and bowed.k1 == pytest.approx(-0.05, abs=0.02)
+
+
+def test_a_round_thing_is_not_taken_for_a_bent_lens() -> None:
+    for radius, centre in ((120, (320, 240)), (210, (320, 240)), (230, (300, 260))):
+        disc = np.full((480 * 4, 640 * 4), 40.0, dtype=np.float32)
+        cv2.circle(disc, (centre[0] * 4, centre[1] * 4), radius * 4, 180.0, -1)
+        light = np.asarray(cv2.GaussianBlur(cv2.resize(disc, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.7))
+        seen = lenses_of((light, light), STEREO.cameras)
+        assert not seen.sure and not seen.warnings()
 
 
 def test_what_is_hidden_of_the_rim_is_named_by_the_drawing() -> None:
