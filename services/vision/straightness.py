@@ -26,8 +26,10 @@ ALONG = 96  # profiles across a line
 REACH_PX, STEP_PX = 6.0, 0.5
 STEP_LEAST_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
 ROUGH_MOST_PX = 0.5
-# one sd of how far the middle of a straight edge is off the line through its ends, as seen: 0.08 mm at 0.3 m
-OWN_BOW_RAD = 2.6e-4
+# one sd of how far the middle of a straight edge is off the line through its ends, as seen: 0.05 mm at 0.3 m; and of
+# how far it is ragged: what is not straight in the small is not in the large
+OWN_BOW_RAD, RAGGED_BOW = 1.6e-4, 1.5
+ALIKE_MOST = 0.8
 DEGREES = 4.0  # of Student's t: one edge that is none of a straight thing counts little
 JOIN_STEPS = 8
 SURE, SURE_WITHOUT_ONE = 4.0, 2.5
@@ -99,9 +101,7 @@ def lenses_of(images: tuple[Light, Light], cameras: tuple[Camera, Camera]) -> Le
 def bows(light: Light, camera: Camera) -> Array:
     """(n, 2): what each long edge in a picture (height, width) says of its camera's lens: a k1 and its sd."""
     found = [bow for line in _lines(light, camera) if (bow := _of_line(light, camera, line)) is not None]
-    k1, rough, own = np.array(found).reshape(-1, 3).T
-    own_bow_px = OWN_BOW_RAD * float(np.sqrt(camera.fx_px * camera.fy_px))
-    sd = np.hypot(rough, own_bow_px * own)
+    k1, sd = np.array(found).reshape(-1, 2).T
     straight = np.abs(k1) < K1_MOST
     return np.stack([k1[straight], sd[straight]], axis=1)
 
@@ -163,9 +163,8 @@ def _same(line: Array, other: Array) -> bool:
     return beside < REACH_PX and -REACH_PX < float(off @ along) < length + REACH_PX and abs(float(way @ along)) > 0.98
 
 
-def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float, float] | None:
-    """k1 by one line, its sd by how ragged the edge is, and what a bow of its own of one pixel would make of it; None
-    where there is no clear single edge."""
+def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] | None:
+    """k1 and its sd by one line; None where there is no clear single edge."""
     points = _edge_points(light, line)
     if points is None:
         return None
@@ -186,11 +185,16 @@ def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float, f
     bowed = without_line((slopes * np.sum(slopes**2, axis=1, keepdims=True) * focal) @ axes[1])
     own, off = without_line((s / half) ** 2), without_line(off)
     shape = np.stack([own, without_line((s / half) ** 3)], axis=1)
-    rough = float(np.std(off - shape @ np.linalg.lstsq(shape, off, rcond=None)[0]))
+    rest = off - shape @ np.linalg.lstsq(shape, off, rcond=None)[0]
+    rough = float(np.std(rest))
     strength = float(bowed @ bowed)
     if rough > ROUGH_MOST_PX or strength < 1e-9:
         return None
-    return float(bowed @ off / strength), float(rough / np.sqrt(strength)), float(bowed @ own / strength)
+    # neighbours that are off alike are no two witnesses
+    alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-12), 0.0, ALIKE_MOST))
+    ragged = rough * float(np.sqrt((1.0 + alike) / (1.0 - alike) / strength))
+    own_bow_px = np.hypot(OWN_BOW_RAD * np.sqrt(camera.fx_px * camera.fy_px), RAGGED_BOW * rough)
+    return float(bowed @ off / strength), float(np.hypot(ragged, own_bow_px * (bowed @ own) / strength))
 
 
 def _edge_points(light: Light, line: Array) -> Array | None:

@@ -44,7 +44,7 @@ FAINT_NOISES = 1.4
 CHAMFERED_M = 1e-4
 # what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
 # and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
-EVEN_ONE_STEP, EVEN, INK_SHARE = 0.15, 0.1, 0.1
+EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +145,8 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     if faint and (evidence.chamfer > sure or evidence.black < BLACK_SHARE):
         return
     one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARE
-    if (one_step and evidence.uneven < EVEN_ONE_STEP) or (evidence.black > INK_SHARE and evidence.uneven < EVEN):
+    ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
+    if (one_step and evidence.uneven < EVEN_ONE_STEP) or (ink and evidence.uneven < EVEN):
         # a black hole under stray light and an even dome could look like that: the name is not certain
         step = "the outline is one step, without the drawing's chamfer, and " if one_step else ""
         raise FlatPrint(
