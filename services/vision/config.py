@@ -23,7 +23,7 @@ class CalibrationDoubt(Section):
     offset_sd_px: float = Field(default=0.03, ge=0.001, le=2.0, description="the right picture against the left one")
     k1_sd: float = Field(default=0.001, ge=0.0, le=0.5, description="of a lens whose distortion is calibrated")
     k1_untold_sd: float = Field(
-        default=0.02, ge=0.0, le=0.5,
+        default=0.03, ge=0.0, le=0.5,
         description="of a lens whose calibration says none, or zeros: perhaps nobody looked; 0 for rectified pictures",
     )  # fmt: skip
 

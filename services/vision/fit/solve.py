@@ -66,7 +66,7 @@ class Doubts:
     size_sd_m: float = 0.03e-3
     offset_sd_px: float = 0.03
     k1_sd: float = 0.001
-    k1_untold_sd: float = 0.02
+    k1_untold_sd: float = 0.03
 
     def sds(self) -> Array:
         """(4,): outer line, inner line, near edges, far edges."""
