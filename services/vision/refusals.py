@@ -29,7 +29,7 @@ class VisionRefusal(Exception):
 
     def __init__(self, text: str, certain: bool = True) -> None:
         super().__init__(text)
-        self.certain = certain
+        self.certain: bool = certain
 
 
 class WrongImage(VisionRefusal):

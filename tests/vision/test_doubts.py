@@ -125,7 +125,8 @@ def test_a_round_thing_is_not_taken_for_a_bent_lens() -> None:
     for radius, centre in ((120, (320, 240)), (210, (320, 240)), (230, (300, 260))):
         disc = np.full((480 * 4, 640 * 4), 40.0, dtype=np.float32)
         cv2.circle(disc, (centre[0] * 4, centre[1] * 4), radius * 4, 180.0, -1)
-        light = np.asarray(cv2.GaussianBlur(cv2.resize(disc, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.7))
+        small = cv2.resize(disc, (640, 480), interpolation=cv2.INTER_AREA)
+        light: Floats = np.asarray(cv2.GaussianBlur(small, (0, 0), 0.7), dtype=np.float32)
         seen = lenses_of((light, light), STEREO.cameras)
         assert not seen.sure and not seen.warnings()
 
