@@ -3,7 +3,7 @@
 from crosspih_common.config.arm import ArmSection
 from crosspih_common.config.camera import CameraSection
 from crosspih_common.config.cell import CellFile, cell_of_text, load_cell, with_files_beside
-from crosspih_common.config.drawing import HoleDrawing, PegDrawing
+from crosspih_common.config.drawing import HoleDrawing, HoleTolerance, PegDrawing
 from crosspih_common.config.force_torque import Reports, SensorSection, with_correction_moved
 from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
@@ -16,6 +16,7 @@ __all__ = [
     "CellFile",
     "HoleDrawing",
     "HolePrior",
+    "HoleTolerance",
     "PegDrawing",
     "Placement",
     "Reports",

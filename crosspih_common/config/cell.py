@@ -29,7 +29,7 @@ def _explain(path: Path, where: str, error: ValidationError) -> ConfigError:
         if problem["type"] == "extra_forbidden":
             lines.append(f"{field}: no such setting; remove it or mend its spelling")
         else:
-            lines.append(f"{field}: {problem['msg']} (got {problem['input']!r})")
+            lines.append(f"{field}: {problem['msg'].removeprefix('Value error, ')} (got {problem['input']!r})")
     return ConfigError(f"{path}: " + "; ".join(lines))
 
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from crosspih_common.config.section import Section
 from crosspih_common.errors import ConfigError
@@ -81,11 +81,43 @@ class PegDrawing(Section):
         return _peg(self)
 
 
+# what vision may be told to doubt: with less it would take its own noise for another part, with more a part for any
+TOLERANCE_LEAST_M, TOLERANCE_MOST_M = 1e-6, 5e-4
+
+
+class HoleTolerance(Section):
+    """How far the hole that was made may be from its drawing, one standard deviation each: of a tolerance of plus or
+    minus t write t / 2.
+
+    Vision measures the hole within it, states its pose the less surely the larger it is, and takes what is clearly
+    farther off for another part (the refusal `not_the_drawing`).
+    """
+
+    size_m: float = Field(default=0.03e-3, description="the outline too large or too small, on every side")
+    edge_break_m: float = Field(
+        default=0.06e-3, description="each of the chamfer's two lines by itself: broken edges, burrs"
+    )
+    chamfer_m: float = Field(
+        default=0.0, description="the chamfer's width beside that: it moves the line where face and chamfer meet"
+    )
+
+    @field_validator("*")
+    @classmethod
+    def _of_a_machined_part(cls, value: float, info: ValidationInfo) -> float:
+        least = 0.0 if info.field_name == "chamfer_m" else TOLERANCE_LEAST_M
+        if not least <= value <= TOLERANCE_MOST_M:
+            raise ValueError(
+                f"wants one standard deviation in metres, {least:g} to {TOLERANCE_MOST_M:g}; of +-0.1 mm write 0.00005"
+            )
+        return value
+
+
 class HoleDrawing(Section):
-    """The hole's drawing: the peg's section and a clearance on every side."""
+    """The hole's drawing: the peg's section and a clearance on every side, and how exactly it was made."""
 
     clearance_m: float = Field(default=0.0001, gt=0.0, le=0.002)
     chamfer_m: float = Field(default=0.001, ge=0.0, le=0.01)
+    tolerance: HoleTolerance = HoleTolerance()
 
     def shape(self, peg: Peg) -> Hole:
         """The hole around a peg."""

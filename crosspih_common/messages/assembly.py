@@ -105,7 +105,7 @@ class AssemblyResult(Message):
     pose_base_peg: PoseData | None
     vision_pose_base_hole: PoseData | None
     warnings: tuple[str, ...] = Field(
-        default=(), description="what casts doubt on T2 though the peg is in, with what to look at"
+        default=(), description="what casts doubt on T2 or on vision though the peg is in, with what to look at"
     )
     vision_refused: str = Field(default="", description="why vision did not see the hole, which was then felt for")
     motion_s: float = Field(description="cell clock")

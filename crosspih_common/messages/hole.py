@@ -33,3 +33,4 @@ class HoleEstimate(Message):
     capture_id: int
     capture_wall_s: float = Field(description="wall time in which the camera, not vision, was at work")
     diagnostics: dict[str, float] = Field(default_factory=dict)
+    warnings: tuple[str, ...] = Field(default=(), description="what a person should be told though there is a pose")

@@ -60,7 +60,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
         belief = STRATEGIES[request.strategy](run)
         final, lost = _seated_pose(run, belief)
         depth = _depth_m(run, final.pose_base_hole.pose())
-        warnings = lost + _warnings(run, final)
+        warnings = lost + run.vision_warnings + _warnings(run, final)
         run.tell(Phase.DONE, "inserted", insertion_depth_mm=depth * 1e3)
         return Finished(run, final, None, "", False, depth, warnings)
     except AssemblyFailed as error:

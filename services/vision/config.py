@@ -16,6 +16,18 @@ class ExtraNoise(Section):
     rotation_rad: float = Field(default=0.0, ge=0.0, le=0.5, description="where the method measures it")
 
 
+class CalibrationDoubt(Section):
+    """How far the cameras may be from their calibration, one standard deviation each. What the hole may be off by
+    stands in `cell.hole.tolerance`."""
+
+    offset_sd_px: float = Field(default=0.03, ge=0.001, le=2.0, description="the right picture against the left one")
+    k1_sd: float = Field(default=0.001, ge=0.0, le=0.5, description="of a lens whose distortion is calibrated")
+    k1_untold_sd: float = Field(
+        default=0.03, ge=0.0, le=0.5,
+        description="of a lens whose calibration says none, or zeros: perhaps nobody looked; 0 for rectified pictures",
+    )  # fmt: skip
+
+
 class VisionConfig(Section):
     """The `vision` section of a cell's file."""
 
@@ -24,6 +36,7 @@ class VisionConfig(Section):
     looks: int = Field(default=3, ge=1, le=8, description="pictures taken, each under another light, before refusing")
     enabled: bool = Field(default=True, description="false: refuse to look, as a cell without cameras would")
     extra_noise: ExtraNoise = ExtraNoise()
+    calibration_doubt: CalibrationDoubt = CalibrationDoubt()
     camera_correction: MountingCorrection = Field(
         default=MountingCorrection(), description="of the left camera, in its own frame, on top of its calibration"
     )

@@ -16,9 +16,11 @@ from services.vision.annotate import annotated_rim
 from services.vision.detect import Candidate, candidates
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
 from services.vision.fit.climb import climb, rims, unlikely
+from services.vision.fit.lens import LensDoubt, lens_doubt
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
+from services.vision.hidden import hidden_parts
 from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
     CutOff,
@@ -36,6 +38,7 @@ from services.vision.refusals import (
     WrongImage,
 )
 from services.vision.stereo import StereoModel
+from services.vision.straightness import lenses_of
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
@@ -62,18 +65,20 @@ TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
 ALIKE_SHARE, RIVAL_MOST = 1.06, 27.9
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
+CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame, the figures behind it, and both
-    pictures with what was seen in them."""
+    """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame, the figures behind it, both
+    pictures with what was seen in them, and what a user should be told though there is a pose."""
 
     pose_base_hole: Pose
     covariance: Array
     diagnostics: dict[str, float]
     annotated_left: NDArray[np.uint8]
     annotated_right: NDArray[np.uint8]
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,16 +125,20 @@ def locate_rim(
     hole: Rimmed,
     nominal: Pose,
     half_ranges: Array,
+    doubts: Doubts = CERTAIN_ENOUGH,
 ) -> Located:
     """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
-    may be off, m and rad. Raises a VisionRefusal."""
+    may be off, m and rad; `doubts`: how exactly drawing and calibration are known. Raises a VisionRefusal."""
     images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
     if not np.any(stereo.pose_left_right.translation_m):
         raise NotAStereoPair(
             "calibration.pose_left_right: both cameras stand in one place, want the right one where it stands, m"
         )
+    lenses = lenses_of(images, stereo.cameras)
+    if lenses.sure:
+        stereo = stereo.more_bent(lenses.by_side()[0])
     coarse, fine = rims(hole)
-    task = _Task(images, stereo, hole, coarse, fine, Doubts())
+    task = _Task(images, stereo, hole, coarse, fine, doubts)
     found = candidates(images, stereo, hole, nominal, half_ranges)
     if not found:
         raise NoCross(
@@ -147,6 +156,7 @@ def locate_rim(
         _unless_swapped(task, nominal, half_ranges)
         raise refusal or PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
     _unless_another(task, found, attempt)
+    lens = lens_doubt(attempt.fit, fine, stereo, doubts, lenses)
     pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
     _inside_prior(nominal, half_ranges, pose_base_hole)
     pictures = [
@@ -156,7 +166,12 @@ def locate_rim(
         for side in range(2)
     ]
     return Located(
-        pose_base_hole, covariance_of(attempt.fit, attempt.quality, half_ranges), _figures(attempt), *pictures
+        pose_base_hole,
+        covariance_of(attempt.fit, attempt.quality, half_ranges, lens),
+        _figures(attempt) | lenses.figures() | _lens_figures(lens),
+        pictures[0],
+        pictures[1],
+        lenses.warnings(),
     )
 
 
@@ -198,7 +213,7 @@ def _apart(fit: Fit, other: Fit) -> float:
 
 def _judged(task: _Task, fit: Fit, rival: float) -> _Attempt:
     quality = quality_of(fit, task.fine, task.doubts)
-    _checked(quality)
+    _checked(quality, task.fine)
     if rival > RIVAL_MOST:
         raise Doubtful(
             "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
@@ -209,7 +224,7 @@ def _judged(task: _Task, fit: Fit, rival: float) -> _Attempt:
     return _Attempt(fit, quality, evidence)
 
 
-def _checked(quality: Quality) -> None:
+def _checked(quality: Quality, rim: Rim) -> None:
     if quality.saturated > SATURATED_MOST:
         raise TooBright(
             f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
@@ -233,8 +248,7 @@ def _checked(quality: Quality) -> None:
             raise NoCross(
                 f"where the rim should be the step is {quality.step_grey:.0f} grey levels in noise of "
                 f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
-                f"the "
-                "right part, and the right way round?"
+                "the right part, and the right way round?"
             )
         raise TooDark(
             f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
@@ -243,29 +257,31 @@ def _checked(quality: Quality) -> None:
     edges = float(np.mean(quality.support > 0.5))
     if quality.supported < SUPPORT_LEAST or edges < EDGES_LEAST:
         raise NotEnoughRim(
-            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want "
-            f"{SUPPORT_LEAST:.0%}: take "
-            "away what covers it, or light the dark side"
+            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want {SUPPORT_LEAST:.0%}; "
+            f"hidden or dark is {hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         raise PoorFit(
             f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
-            f"{RESIDUAL_MOST:.0%}, and "
-            f"its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use a larger, softer light"
+            f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use "
+            "a larger, softer light"
         )
-    if quality.offset_conflict > OFFSET_MOST:
+    # an outline of another size pulls at the calibration as well, and harder at the drawing
+    drawing_first = quality.sizes_conflict > quality.offset_conflict
+    if quality.offset_conflict > OFFSET_MOST and not drawing_first:
         du, dv = quality.offset_px
         raise NotAStereoPair(
             f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
-            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, "
-            "does the light glare in one?"
+            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare "
+            "in one?"
         )
-    if quality.sizes_conflict > SIZES_MOST:
+    if quality.sizes_conflict > SIZES_MOST or quality.offset_conflict > OFFSET_MOST:
         outer, inner, near, far = quality.sizes_m * 1e3
         raise NotTheDrawing(
             f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
-            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}): is it the "
-            "right part and cell?"
+            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}; the pictures "
+            f"apart by {quality.offset_conflict:.0f}, want {OFFSET_MOST:g}): is it the right part and cell, is "
+            "cell.hole.tolerance too small?"
         )
 
 
@@ -335,6 +351,15 @@ def _figures(attempt: _Attempt) -> dict[str, float]:
     }
 
 
+def _lens_figures(lens: LensDoubt) -> dict[str, float]:
+    """What the lenses' doubt alone is worth, one sd: the depth in mm; and the k1 that rim and edges speak for."""
+    return {
+        "lens_depth_sd_mm": float(np.sqrt(lens.of_pose()[2, 2])) * 1e3,
+        "k1_left": float(lens.k1[0]),
+        "k1_right": float(lens.k1[1]),
+    }
+
+
 def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> None:
     off = nominal.inverse() @ pose_base_hole
     error = np.concatenate([off.translation_m, off.rotvec_rad()])
@@ -348,13 +373,13 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
         )
 
 
-def covariance_of(fit: Fit, quality: Quality, half_ranges: Array) -> Array:
-    """The fit's own (noise, blur, calibration, drawing, edges that are off), with what is known without any picture,
-    and
-    more where the pictures pull at the calibration or at the drawing. half_ranges (6,): m and rad."""
+def covariance_of(fit: Fit, quality: Quality, half_ranges: Array, lens: LensDoubt) -> Array:
+    """The fit's own (noise, blur, calibration, drawing, edges that are off), more where the pictures pull at the
+    calibration or at the drawing, and the lenses' doubt; with what is known without any picture: half_ranges (6,), m
+    and rad."""
     posterior = fit.covariance[:6, :6]
     strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
     strain *= 1.0 + HIDDEN * (1.0 - quality.supported)
-    known = np.linalg.inv(posterior * strain) + np.diag(3.0 / half_ranges**2)
+    known = np.linalg.inv(posterior * strain + lens.of_pose()) + np.diag(3.0 / half_ranges**2)
     covariance = np.linalg.inv(known)
     return np.asarray(0.5 * (covariance + covariance.T))

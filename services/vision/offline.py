@@ -1,12 +1,13 @@
 """Vision without a bus: `python -m services.vision.offline` reads one job a line and answers one line, both JSON.
 
 A job: {"left": [paths], "right": [paths], "calibration": {the camera message}, "cell": path or null, "annotated":
-folder or null, "method": "rim" or "paper"}. Several pictures a camera are the same hole under as many lights, first
-with first.
+folder or null, "method": "rim" or "paper", "rectified": bool}. Several pictures a camera are the same hole under as
+many lights, first with first. `rectified`: the calibration tells no distortion because it was taken out, not because
+nobody looked.
 
 An answer: {"located": bool, "pose_base_hole": 4 x 4 or null, "covariance": 6 x 6 (x, y, z, rx, ry, rz of the hole's own
-frame, m and rad) or null, "refusal": null or {"code", "text"}, "time_s": number, "quality": {name: number}}; or, of a
-job that cannot be done, {"error": {"field", "text"}}.
+frame, m and rad) or null, "refusal": null or {"code", "text"}, "time_s": number, "quality": {name: number},
+"warnings": [text]}; or, of a job that cannot be done, {"error": {"field", "text"}}.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import json
 import os
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -31,14 +32,16 @@ from crosspih_common.messages import CameraCalibration, LocateMethod
 from crosspih_common.messages.images import Pixels
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.vision.config import VisionConfig
+from services.vision.doubts import doubts_of
 from services.vision.expected import expected_picture
 from services.vision.fit.rim import Rimmed
+from services.vision.fit.solve import Doubts
 from services.vision.light import Light, linear_light, shown
 from services.vision.locate import Located, locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import Doubtful, VisionRefusal
 from services.vision.stereo import StereoModel
-from services.vision.straightness import left_over
+from services.vision.straightness import lenses_of
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
 SIDES = ("left", "right")
@@ -67,6 +70,7 @@ class Job(BaseModel):
     cell: str | None = None
     annotated: str | None = None
     method: LocateMethod = LocateMethod.RIM
+    rectified: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,17 +81,19 @@ class Scene:
     hole: Rimmed
     nominal: Pose
     half_ranges: Array
+    doubts: Doubts
 
     @classmethod
-    def of(cls, calibration: CameraCalibration, cell: CellFile) -> Scene:
+    def of(cls, calibration: CameraCalibration, cell: CellFile, rectified: bool = False) -> Scene:
         """The cameras by their calibration, the hole by the cell's file."""
-        workcell = cell.workcell
-        correction = cell.section("vision", VisionConfig).camera_correction.pose()
+        workcell, config = cell.workcell, cell.section("vision", VisionConfig)
+        doubts = doubts_of(workcell.hole.tolerance, config.calibration_doubt)
         return cls(
-            StereoModel.of(calibration, correction),
+            StereoModel.of(calibration, config.camera_correction.pose()),
             workcell.hole.shape(workcell.peg.shape()),
             workcell.hole_prior.pose_base_hole(),
             np.asarray(workcell.hole_prior.half_ranges(), float),
+            replace(doubts, k1_untold_sd=doubts.k1_sd) if rectified else doubts,
         )
 
 
@@ -154,11 +160,13 @@ def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Lo
     refusals: list[VisionRefusal] = []
     for left, right in pairs:
         try:
-            one = METHODS[job.method](left, right, scene.stereo, scene.hole, scene.nominal, scene.half_ranges)
+            one = METHODS[job.method](
+                left, right, scene.stereo, scene.hole, scene.nominal, scene.half_ranges, scene.doubts
+            )
             found.append(one)
         except VisionRefusal as refusal:
             refusals.append(refusal)
-    certain = [refusal for refusal in refusals if refusal.code in NO_HOLE]
+    certain = [refusal for refusal in refusals if refusal.code in NO_HOLE and refusal.certain]
     if not found or certain:
         return None, certain + [refusal for refusal in refusals if refusal not in certain]
     try:
@@ -169,7 +177,7 @@ def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Lo
 
 def answer(job: Job, cell: CellFile) -> dict[str, Any]:
     """What stdout gets. Raises BadJob."""
-    scene = Scene.of(job.calibration, cell)
+    scene = Scene.of(job.calibration, cell, job.rectified)
     pairs = lights_of(job, scene.stereo)
     started = time.perf_counter()
     found, refusals = locate(job, scene, pairs)
@@ -191,6 +199,11 @@ def answer(job: Job, cell: CellFile) -> dict[str, Any]:
         more = "" if len(refusals) == 1 else f" (other lights: {', '.join(one.code for one in refusals[1:])})"
         told = {"code": refusals[0].code, "text": f"{refusals[0]}{more}"}
     quality = {} if found is None else {name: float(value) for name, value in found.diagnostics.items()}
+    warnings = () if found is None else found.warnings
+    if found is None or job.method is LocateMethod.PAPER:
+        # a lens that is not as calibrated may be why there is no pose
+        lenses = lenses_of(pairs[0], scene.stereo.cameras)
+        quality, warnings = quality | lenses.figures(), lenses.warnings()
     return {
         "located": found is not None,
         "pose_base_hole": None if found is None else found.pose_base_hole.matrix().tolist(),
@@ -198,21 +211,10 @@ def answer(job: Job, cell: CellFile) -> dict[str, Any]:
         "refusal": told,
         "time_s": time_s,
         "quality": {
-            **quality, **_lenses(pairs[0], scene.stereo),
-            "lights": float(len(pairs)), "lights_refused": float(len(refusals)),
+            **quality, "lights": float(len(pairs)), "lights_refused": float(len(refusals)),
         },
+        "warnings": list(warnings),
     }  # fmt: skip
-
-
-def _lenses(pair: tuple[Light, Light], stereo: StereoModel) -> dict[str, float]:
-    """By side what straight edges leave over of the lens, as a k1, where enough of them are seen; and 1 where that is
-    no chance: the calibration is not that of this lens."""
-    told: dict[str, float] = {}
-    for side, light, camera in zip(SIDES, pair, stereo.cameras, strict=True):
-        left = left_over(light, camera)
-        if left is not None:
-            told |= {f"bow_k1_{side}": left.k1, f"bow_k1_sd_{side}": left.sd, f"bow_sure_{side}": float(left.sure)}
-    return told
 
 
 def _write(folder: Path, pictures: list[Any]) -> None:

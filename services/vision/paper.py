@@ -9,6 +9,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.annotate import annotated
 from services.vision.fit.rim import Rimmed
+from services.vision.fit.solve import Doubts
 from services.vision.light import FULL, Light, shown
 from services.vision.locate import Located, Picture, as_light
 from services.vision.refusals import NotAStereoPair
@@ -62,9 +63,11 @@ def locate_paper(
     hole: Rimmed,
     nominal: Pose,
     half_ranges: Array,
+    _doubts: Doubts | None = None,
 ) -> Located:
     """The centre of the dark cross by disparity. It claims nothing of the orientation, so its covariance there, and in
-    position too, is only that of where the hole can be at all. Raises a VisionRefusal."""
+    position too, is only that of where the hole can be at all: larger than any doubt about drawing or calibration.
+    Raises a VisionRefusal."""
     images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
     regions = find_both(images[0], images[1], stereo, hole, nominal)
     # the paper takes the centre of the region's bounding box

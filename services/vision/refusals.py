@@ -22,9 +22,14 @@ from __future__ import annotations
 
 
 class VisionRefusal(Exception):
-    """No pose. `code` is stable; the text gives what was measured and the bound."""
+    """No pose. `code` is stable; the text gives what was measured and the bound. Not `certain`: it is the likeliest
+    name, and another light may show something else."""
 
     code = "vision"
+
+    def __init__(self, text: str, certain: bool = True) -> None:
+        super().__init__(text)
+        self.certain: bool = certain
 
 
 class WrongImage(VisionRefusal):
@@ -76,7 +81,7 @@ class NotTheDrawing(VisionRefusal):
 
 
 class FlatPrint(VisionRefusal):
-    """What is seen inside lies in the face's plane: a print or a sticker."""
+    """What is seen inside lies in the face's plane, or is as even as ink in an outline of one step: a print."""
 
     code = "flat_print"
 

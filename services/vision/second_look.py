@@ -19,9 +19,9 @@ class Look:
     lamp: int = 0
 
 
-def next_look(look: Look, refusal_code: str) -> Look | None:
-    """The light to try after a refusal (a code of `VisionRefusal`); None when light is not what is wrong."""
-    if refusal_code in HOPELESS:
+def next_look(look: Look, refusal_code: str, certain: bool = True) -> Look | None:
+    """The light to try after a refusal (its code, and whether it is certain); None when light is not what is wrong."""
+    if certain and refusal_code in HOPELESS:
         return None
     if refusal_code in ("too_dark", "too_bright"):
         exposure = look.exposure_scale * (LONGER if refusal_code == "too_dark" else SHORTER)

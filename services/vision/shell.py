@@ -7,6 +7,7 @@ import time
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import ANNOTATED_LEFT, ANNOTATED_RIGHT, CAPTURE, IMAGE_LEFT, IMAGE_RIGHT, LOCATE
 from crosspih_common.messages import (
+    CameraCalibration,
     CaptureStereo,
     Frame,
     HoleEstimate,
@@ -14,18 +15,21 @@ from crosspih_common.messages import (
     LocateHole,
     LocateMethod,
     PoseData,
+    Severity,
     StereoPair,
     floats,
 )
 from crosspih_common.service import ServiceContext
 from services.vision.config import VisionConfig
 from services.vision.disturbance import disturbed
+from services.vision.doubts import doubts_of
 from services.vision.light import linear_light
 from services.vision.locate import locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import VisionRefusal
 from services.vision.second_look import Look, next_look
 from services.vision.stereo import StereoModel
+from services.vision.straightness import lenses_of
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
 
@@ -34,11 +38,13 @@ class VisionShell:
     """The service on the bus."""
 
     def __init__(self, context: ServiceContext, config: VisionConfig) -> None:
-        self._bus, self._config = context.bus, config
+        self._context, self._bus, self._config = context, context.bus, config
         workcell = context.cell.workcell
         self._hole = workcell.hole.shape(workcell.peg.shape())
         self._nominal = workcell.hole_prior.pose_base_hole()
         self._half_ranges = workcell.hole_prior.half_ranges()
+        self._doubts = doubts_of(workcell.hole.tolerance, config.calibration_doubt)
+        self._warned_of: CameraCalibration | None = None
         self._images = self._bus.latest(IMAGE_LEFT, 2), self._bus.latest(IMAGE_RIGHT, 2)
         self._annotated = self._bus.publisher(ANNOTATED_LEFT), self._bus.publisher(ANNOTATED_RIGHT)
         self._bus.serve(LOCATE, self._locate)
@@ -55,6 +61,12 @@ class VisionShell:
                 )
             pictures.append(image)
         return pair, pictures
+
+    def _warn(self, calibration: CameraCalibration, warnings: tuple[str, ...]) -> None:
+        """Tell people of a calibration once, not at each look."""
+        if warnings and calibration != self._warned_of:
+            self._warned_of = calibration
+            self._context.event(Severity.WARNING, "lens_not_as_calibrated", "; ".join(warnings))
 
     def _locate(self, request: LocateHole) -> HoleEstimate:
         if not self._config.enabled:
@@ -73,17 +85,20 @@ class VisionShell:
                     for image, camera in zip((left, right), stereo.cameras, strict=True)
                 ]
                 found = METHODS[request.method](
-                    lights[0], lights[1], stereo, self._hole, self._nominal, self._half_ranges
+                    lights[0], lights[1], stereo, self._hole, self._nominal, self._half_ranges, self._doubts
                 )
                 break
             except VisionRefusal as refusal:
                 refusals.append(refusal)
-                look = next_look(look, refusal.code)
+                look = next_look(look, refusal.code, refusal.certain)
         else:
+            # a lens that is not as calibrated may be why there is no pose
+            self._warn(pair.calibration, lenses_of((lights[0], lights[1]), stereo.cameras).warnings())
             told = str(refusals[0])
             if len(refusals) > 1:
                 told += f" (and {len(refusals) - 1} more under other light: {', '.join(r.code for r in refusals[1:])})"
             raise CommandRefused(refusals[0].code, told)
+        self._warn(pair.calibration, found.warnings)
         found = disturbed(
             found, self._config.extra_noise, left.pixels, right.pixels, request.method is LocateMethod.RIM
         )
@@ -107,6 +122,7 @@ class VisionShell:
                 "exposure_scale": look.exposure_scale,
                 "lamp": float(look.lamp),
             },
+            warnings=found.warnings,
         )
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ Everything is exact in the pictures as they were taken: no picture is undistorte
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,14 @@ class Camera:
         return cls(
             told.width_px, told.height_px, told.fx_px, told.fy_px, told.cx_px, told.cy_px, model, numbers, told.gamma
         )
+
+    def more_bent(self, k1: float) -> Camera:
+        """The camera with that much added to its lens's k1."""
+        none = self.distortion_model is DistortionModel.NONE
+        distortion = np.zeros(8) if none else self.distortion.copy()
+        distortion[0] += k1
+        model = DistortionModel.PLUMB_BOB if none else self.distortion_model
+        return replace(self, distortion_model=model, distortion=distortion)
 
     def bent(self, slopes: Array) -> Array:
         """Where the lens moves (x/z, y/z) (..., 2): cv2.projectPoints and cv2.fisheye.projectPoints do the same."""
@@ -144,6 +152,11 @@ class StereoModel:
             width_px, height_px, fx_px, fy_px, cx_px, cy_px, DistortionModel.NONE, np.zeros(0), Gamma.LINEAR
         )
         return cls(camera, camera, Pose.from_translation([baseline_m, 0.0, 0.0]), pose_base_camera)
+
+    def more_bent(self, k1: Array) -> StereoModel:
+        """With that much (2,) added to the k1 of the left lens and of the right one."""
+        left, right = (camera.more_bent(float(more)) for camera, more in zip(self.cameras, k1, strict=True))
+        return replace(self, left=left, right=right)
 
     @property
     def cameras(self) -> tuple[Camera, Camera]:

@@ -26,9 +26,16 @@ ALONG = 96  # profiles across a line
 REACH_PX, STEP_PX = 6.0, 0.5
 STEP_LEAST_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
 ROUGH_MOST_PX = 0.5
-OWN_BOW_PX = 0.15  # one sd of how far the middle of a straight edge is off the line through its ends
+# one sd of how far the middle of a straight edge is off the line through its ends, as seen: 0.05 mm at 0.3 m; and of
+# how far it is ragged: what is not straight in the small is not in the large
+OWN_BOW_RAD, RAGGED_BOW = 1.6e-4, 1.5
+ALIKE_MOST = 0.8
+DEGREES = 4.0  # of Student's t: one edge that is none of a straight thing counts little
+JOIN_STEPS = 8
 SURE, SURE_WITHOUT_ONE = 4.0, 2.5
 K1_LEAST = 0.005
+K1_MOST = 0.5  # an edge that bows by more is none of a straight thing: a round plate's, a cable's
+HIGHER_SHARE = 0.1  # of a k1: what k2 and the rest may be, which edges about the middle do not tell
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +48,76 @@ class LeftOver:
     sure: bool
 
 
-def left_over(light: Light, camera: Camera) -> LeftOver | None:
-    """What a picture (height, width) says of its camera's lens; None where too few long edges are in it."""
-    found = [edge for line in _lines(light, camera) if (edge := _of_line(light, camera, line)) is not None]
-    if len(found) < EDGES_LEAST:
+@dataclass(frozen=True, slots=True)
+class Lenses:
+    """What straight edges say of the left lens, of the right one, and of both as two of one make."""
+
+    left: LeftOver | None
+    right: LeftOver | None
+    both: LeftOver | None
+
+    @property
+    def sure(self) -> bool:
+        """Whether no chance explains how the edges bow."""
+        return any(one is not None and one.sure for one in (self.left, self.right, self.both))
+
+    def by_side(self) -> tuple[Array, Array]:
+        """k1 (2,) of the left and of the right lens, and its sd (2,): a lens of which too few edges tell is taken for
+        the other's like; without any, 0 and infinity."""
+        found = [one or self.both for one in (self.left, self.right)]
+        twice = np.sqrt(2.0) if self.left is None and self.right is None else 1.0
+        return (
+            np.array([0.0 if one is None else one.k1 for one in found]),
+            np.array([np.inf if one is None else np.hypot(twice * one.sd, HIGHER_SHARE * one.k1) for one in found]),
+        )
+
+    def figures(self) -> dict[str, float]:
+        """By name what is left over of each lens, as a k1, where enough edges are seen; `bow_sure` is 1 where that is
+        no chance."""
+        told: dict[str, float] = {}
+        for name, one in (("_left", self.left), ("_right", self.right), ("", self.both)):
+            if one is not None:
+                told |= {f"bow_k1{name}": one.k1, f"bow_k1_sd{name}": one.sd, f"bow_sure{name}": float(one.sure)}
+        return told
+
+    def warnings(self) -> tuple[str, ...]:
+        """What to tell a user; nothing where the lenses are as calibrated by all that is seen."""
+        sure = [(side, one) for side, one in (("left", self.left), ("right", self.right)) if one and one.sure]
+        if len(sure) != 1 and self.both is not None and self.both.sure:
+            sure = [("left and the right", self.both)]
+        return tuple(
+            f"the {side} camera's lens is not as calibrated: straight edges bow by a k1 of {one.k1:.3f} (one sd "
+            f"{one.sd:.3f}); the pose given allows for it; calibrate the distortion anew"
+            for side, one in sure
+        )
+
+
+def lenses_of(images: tuple[Light, Light], cameras: tuple[Camera, Camera]) -> Lenses:
+    """Of the left and the right picture (height, width), linear light."""
+    left, right = (bows(light, camera) for light, camera in zip(images, cameras, strict=True))
+    return Lenses(left_over(left), left_over(right), left_over(np.concatenate([left, right])))
+
+
+def bows(light: Light, camera: Camera) -> Array:
+    """(n, 2): what each long edge in a picture (height, width) says of its camera's lens: a k1 and its sd."""
+    found = [bow for line in _lines(light, camera) if (bow := _of_line(light, camera, line)) is not None]
+    k1, sd = np.array(found).reshape(-1, 2).T
+    straight = np.abs(k1) < K1_MOST
+    return np.stack([k1[straight], sd[straight]], axis=1)
+
+
+def left_over(seen: Array) -> LeftOver | None:
+    """What edges (n, 2), as `bows` gives them, say of one lens, or of two alike; None where they are too few."""
+    if len(seen) < EDGES_LEAST:
         return None
-    values, sds = np.array(found).T
+    values, sds = seen.T
 
     def joined(some: NDArray[np.signedinteger]) -> tuple[float, float]:
-        weight = sds[some] ** -2
-        k1 = float(weight @ values[some] / weight.sum())
+        known = sds[some] ** -2
+        weight, k1 = known, 0.0
+        for _ in range(JOIN_STEPS):
+            k1 = float(weight @ values[some] / weight.sum())
+            weight = known * np.minimum((DEGREES + 1.0) / (DEGREES + known * (values[some] - k1) ** 2), 1.0)
         spread = float(np.sum(weight * (values[some] - k1) ** 2)) / max(len(weight) - 1, 1)
         return k1, float(weight.sum() ** -0.5 * max(1.0, spread) ** 0.5)
 
@@ -118,12 +185,16 @@ def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] |
     bowed = without_line((slopes * np.sum(slopes**2, axis=1, keepdims=True) * focal) @ axes[1])
     own, off = without_line((s / half) ** 2), without_line(off)
     shape = np.stack([own, without_line((s / half) ** 3)], axis=1)
-    rough = float(np.std(off - shape @ np.linalg.lstsq(shape, off, rcond=None)[0]))
+    rest = off - shape @ np.linalg.lstsq(shape, off, rcond=None)[0]
+    rough = float(np.std(rest))
     strength = float(bowed @ bowed)
     if rough > ROUGH_MOST_PX or strength < 1e-9:
         return None
-    variance = rough**2 / strength + (OWN_BOW_PX * float(bowed @ own) / strength) ** 2
-    return float(bowed @ off / strength), float(np.sqrt(variance))
+    # neighbours that are off alike are no two witnesses
+    alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-12), 0.0, ALIKE_MOST))
+    ragged = rough * float(np.sqrt((1.0 + alike) / (1.0 - alike) / strength))
+    own_bow_px = np.hypot(OWN_BOW_RAD * np.sqrt(camera.fx_px * camera.fy_px), RAGGED_BOW * rough)
+    return float(bowed @ off / strength), float(np.hypot(ragged, own_bow_px * (bowed @ own) / strength))
 
 
 def _edge_points(light: Light, line: Array) -> Array | None:

@@ -42,6 +42,13 @@ def test_sections_reach_their_service(tmp_path: Path) -> None:
         ("- 1", "wants a mapping of sections"),
         ("cell: {hole: {clearance_m: -1}}", "cell.hole.clearance_m"),
         ("cell: {hole: {clearance_m: .nan}}", "cell.hole.clearance_m"),
+        (
+            "cell: {hole: {tolerance: {size_m: 0.05}}}",
+            "size_m: wants one standard deviation in metres, 1e-06 to 0.0005",
+        ),
+        ("cell: {hole: {tolerance: {edge_break_m: 0}}}", "cell.hole.tolerance.edge_break_m: wants"),
+        ("cell: {hole: {tolerance: {chamfer_m: -1e-5}}}", "cell.hole.tolerance.chamfer_m: wants"),
+        ("cell: {hole: {tolerance: {size_mm: 0.05}}}", "cell.hole.tolerance.size_mm: no such setting"),
         ("a: [", "is not YAML"),
     ],
 )

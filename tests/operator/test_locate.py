@@ -52,7 +52,7 @@ def test_the_hole_is_located_as_json(folder: Path, monkeypatch: pytest.MonkeyPat
     done = called(folder, "dark.png,left.png", "dark.png,right.png", "--json")
     assert done.exit_code == 0, done.output
     answer: dict[str, Any] = json.loads(done.stdout)
-    assert list(answer) == ["located", "pose_base_hole", "covariance", "refusal", "time_s", "quality"]
+    assert list(answer) == ["located", "pose_base_hole", "covariance", "refusal", "time_s", "quality", "warnings"]
     delta = Pose.from_matrix(answer["pose_base_hole"]).inverse() @ TRUTH
     off = np.concatenate([delta.translation_m, delta.rotvec_rad()])
     assert answer["located"] and answer["refusal"] is None and answer["time_s"] > 0.0

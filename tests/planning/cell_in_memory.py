@@ -73,6 +73,7 @@ class CellInMemory:
             self.cell = replace(self.cell, workcell=self.cell.workcell.model_copy(update={"peg": peg}))
         self.vision_scale: float | None = 1.0
         self.vision_lie: Array = np.zeros(6)
+        self.vision_warnings: tuple[str, ...] = ()
         self.contexts: list[ServiceContext] = []
         self.phases: list[AssemblyPhase] = []
         self.on_phase: Callable[[AssemblyPhase], None] = lambda phase: None
@@ -117,6 +118,7 @@ class CellInMemory:
             orientation_measured=True,
             capture_id=1,
             capture_wall_s=0.0,
+            warnings=self.vision_warnings,
         )
 
     def truth(self) -> SimulationTruth:

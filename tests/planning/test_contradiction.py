@@ -99,9 +99,10 @@ def test_an_assembly_tells_when_vision_and_touch_contradict(tmp_path: Path) -> N
         assert sound.inserted and sound.warnings == ()
         # the cameras were knocked: 1 mm, where they tell of 0.05
         cell.vision_lie = np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
+        cell.vision_warnings = ("the left camera's lens is not as calibrated",)
         cell.reset(2)
         result = cell.assemble()
-        assert result.inserted and len(result.warnings) == 1
+        assert result.inserted and len(result.warnings) == 2 and result.warnings[:1] == cell.vision_warnings
         figures = score(cell.cell.workcell, result, None, wall_s=1.0, recording=None)
         assert figures.warnings == result.warnings
         assert any("warning" in str(cell_) for cell_ in summary(figures).columns[0]._cells)

@@ -81,7 +81,7 @@ def test_cameras_neither_equal_nor_parallel_with_bent_lenses_find_the_hole(
     ]
     (answer,) = asked(job_of(tmp_path, calibration, *pictures))
     require_found(answer)
-    assert set(answer) == {"located", "pose_base_hole", "covariance", "refusal", "time_s", "quality"}
+    assert set(answer) == {"located", "pose_base_hole", "covariance", "refusal", "time_s", "quality", "warnings"}
 
 
 def test_a_colour_photo_of_16_bits_with_a_gamma_and_a_grey_one_of_8_are_one_light(

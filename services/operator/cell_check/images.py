@@ -55,4 +55,6 @@ def check_pair(left: Image | None, right: Image | None, pair: StereoPair, told: 
     if left is not None and right is not None and np.array_equal(left.pixels, right.pixels):
         return failed(name, "left and right are the same picture", "send each camera's own picture")
     apart_m = float(np.linalg.norm(pair.calibration.pose_left_right.position_m))
-    return passed(name, f"baseline {apart_m * 1e3:.1f} mm, exposure {pair.exposure_s * 1e3:.3g} ms")
+    cameras = (pair.calibration.left, pair.calibration.right)
+    lens = "" if all(any(one.distortion) for one in cameras) else "; no distortion is told, vision doubts the lens"
+    return passed(name, f"baseline {apart_m * 1e3:.1f} mm, exposure {pair.exposure_s * 1e3:.3g} ms{lens}")

@@ -23,7 +23,7 @@ from services.operator.locate.worker import BadInput, OfflineVision, VisionLost
 from services.operator.session import cell_path, using_cell
 
 BAD_INPUT, REFUSED = 2, 3
-FIELDS = ("located", "pose_base_hole", "covariance", "refusal", "time_s", "quality")
+FIELDS = ("located", "pose_base_hole", "covariance", "refusal", "time_s", "quality", "warnings")
 
 
 class Unit(str, Enum):
@@ -150,6 +150,7 @@ def _asked(
         "cell": cell,
         "annotated": None if annotated is None else str(annotated),
         "method": method.value,
+        "rectified": rectified,
     }
     with OfflineVision() as vision:
         answer = vision.ask(job)

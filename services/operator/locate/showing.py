@@ -21,14 +21,8 @@ def show(console: Console, answer: dict[str, Any], annotated: Path | None, place
     else:
         refusal = answer["refusal"]
         console.print(f"[red]refused[/red] {refusal['code']}: {escape(refusal['text'])}", highlight=False)
-    for side in ("left", "right"):
-        if answer.get("quality", {}).get(f"bow_sure_{side}"):
-            console.print(
-                f"[yellow]warning[/yellow] the {side} camera's lens is not as calibrated: straight edges bow by a k1 "
-                f"of {answer['quality'][f'bow_k1_{side}']:.2f}; calibrate its distortion, else the pose is off by more "
-                "than is said here",
-                highlight=False,
-            )
+    for warning in answer["warnings"]:
+        console.print(f"[yellow]warning[/yellow] {escape(warning)}", highlight=False, soft_wrap=True)
     figures = {name: value for name, value in answer.get("quality", {}).items() if value is not None}
     if figures:
         told = ", ".join(f"{name} {value:.3g}" for name, value in figures.items())

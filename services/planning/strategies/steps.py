@@ -38,6 +38,7 @@ def locate(run: Run, method: LocateMethod) -> HoleEstimate:
     )
     run.vision_pose = run.believed = seen.pose_base_hole.pose()
     run.vision_covariance = seen.covariance
+    run.vision_warnings = seen.warnings
     return seen
 
 

@@ -29,9 +29,8 @@ MASK_M = 0.2e-3
 class Inside:
     """By depth (D,), m: what of the left picture's inside the right one explains when it lies that deep, 1 all of it.
 
-    structure: sd of the inside, smoothed, noise taken out, grey; noise: what noise leaves of it; unexplained (D,):
-    sd of
-    what is left, noise taken out, grey; bright: median grey inside.
+    structure: sd of the inside, smoothed, noise taken out, grey; noise: what noise leaves of it; unexplained (D,): sd
+    of what is left, noise taken out, grey; bright: median grey inside.
     """
 
     depths_m: Array

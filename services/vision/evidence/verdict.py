@@ -42,24 +42,32 @@ BLACK_SHARE = 0.027
 # with more seen inside than that a hole would show its depth
 FAINT_NOISES = 1.4
 CHAMFERED_M = 1e-4
+# what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
+# and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
+EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
     the less of both; black: the inside's grey over the face's; deeper: log likelihood of a chamfer that goes down
-    against
-    one that is drawn on the face."""
+    against one that is drawn on the face; chamfered: by the drawing."""
 
     inside: Inside
     chamfer: float
     black: float
     deeper: float
+    chamfered: bool
 
     @property
     def seen(self) -> float:
         """What is seen inside, times the noise."""
         return self.inside.structure / max(self.inside.noise, 1e-9)
+
+    @property
+    def uneven(self) -> float:
+        """What may be seen inside, as a share of how bright it is there."""
+        return float(np.hypot(self.inside.structure, 0.5 * self.inside.noise)) / max(self.inside.bright, 1e-9)
 
 
 def chamfer_shade(fit: Fit, rim: Rim, step_grey: float) -> Array:
@@ -88,13 +96,14 @@ def evidence_of(
     shade = chamfer_shade(fit, rim, quality.step_grey)
     known = shade[np.isfinite(shade)]
     chamfer, deeper = 0.0, 0.0
-    if float(np.abs(hole.inner_rim_m()[:, 2]).max()) > CHAMFERED_M:
+    chamfered = float(np.abs(hole.inner_rim_m()[:, 2]).max()) > CHAMFERED_M
+    if chamfered:
         if len(known) >= 2:
             chamfer = float(min(np.sqrt(np.mean(known**2)), np.sqrt(np.mean((known - 1.0) ** 2))))
         if _depth_by(inside, quality) is None:
             deeper = deeper_by(images, rim, stereo, fit, doubts)
     face = float(np.median(fit.steps.face))
-    return Evidence(inside, chamfer, float(np.median(fit.steps.bore)) / max(face, 1.0), deeper)
+    return Evidence(inside, chamfer, float(np.median(fit.steps.bore)) / max(face, 1.0), deeper, chamfered)
 
 
 def _depth_by(inside: Inside, quality: Quality) -> float | None:
@@ -115,7 +124,7 @@ def _depth_by(inside: Inside, quality: Quality) -> float | None:
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
-    """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside."""
+    """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside: in this order, the certain first."""
     inside = evidence.inside
     depth = _depth_by(inside, quality)
     if depth is not None and depth >= DEEP_M:
@@ -135,10 +144,18 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     faint = inside.structure < FAINT_NOISES * inside.noise
     if faint and (evidence.chamfer > sure or evidence.black < BLACK_SHARE):
         return
+    one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARE
+    ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
+    if (one_step and evidence.uneven < EVEN_ONE_STEP) or (ink and evidence.uneven < EVEN):
+        # a black hole under stray light and an even dome could look like that: the name is not certain
+        step = "the outline is one step, without the drawing's chamfer, and " if one_step else ""
+        raise FlatPrint(
+            f"{step}the inside is evenly {evidence.black:.0%} as bright as the face: most likely a print or a sticker, "
+            "not a hole; is the right part in the fixture? if so, light it from another side",
+            certain=False,
+        )
     raise NotSeenInside(
         f"the inside (grey {inside.bright:.0f}, {evidence.black:.1%} of the face) does not tell its depth and the "
-        f"chamfer, "
-        f"{evidence.chamfer:.0%} of the step from a printed line, want {sure:.0%}, is no proof: hole or print? "
-        f"light it "
-        "from another side, or expose longer, so that a wall or the chamfer is seen"
+        f"chamfer, {evidence.chamfer:.0%} of the step from a printed line, want {sure:.0%}, is no proof: hole or "
+        "print? light it from another side, or expose longer, so that a wall or the chamfer is seen"
     )

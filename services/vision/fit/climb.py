@@ -1,6 +1,5 @@
 """From a start to the best pose: wide valleys first, few profiles first, and the other places where a bright chamfer
-and a
-dark one would look alike."""
+and a dark one would look alike."""
 
 from __future__ import annotations
 
@@ -95,8 +94,8 @@ def _same(one: State, other: State) -> bool:
 
 
 def misfit(fit: Fit, even: Array) -> float:
-    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even` s^2 (2,
-    G)."""
+    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even`
+    s^2 (2, G)."""
     inside = fit.profiles.inside
     square = fit.steps.residual**2 / even[..., None, None]
     return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
@@ -122,8 +121,8 @@ def gloss_of(fit: Fit) -> float:
 
 
 def glint_of(fit: Fit) -> float:
-    """How much brighter than the face the brightest chamfers are, times the face's grey: broken edges shine with
-    them."""
+    """How much brighter than the face the brightest chamfers are, times the face's grey: broken edges shine as they
+    do."""
     face = np.maximum(fit.steps.face.mean(axis=2), 1.0)
     brightest = float(np.quantile(fit.steps.chamfer.mean(axis=2) / face, 0.8))
     return float(np.clip(brightest - GLINT_FREE, 0.0, GLINT_MOST))

@@ -23,6 +23,7 @@ from services.vision.stereo import StereoModel
 Images = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
+EDGE, TURN = 15, 16  # among the local parameters: a shift of an edge in one picture, px, and that of its ends
 SIZES = 4  # outer line, inner line, near edges, far edges
 COMMON = POSE + SIZES
 LOCAL = 21
@@ -48,9 +49,7 @@ CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or br
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
 # broken edge shines or not by where it faces); a lip: the inner one. The rest px in one picture: all edges that face
-# one way; an edge; its
-# ends.
-# The chamfer's grey over the face's, beside what all chamfers that face one way share
+# one way; an edge; its ends. The chamfer's grey over the face's, beside what all chamfers that face one way share
 EFFECTS: dict[str, tuple[float, float]] = {
     "wall": (0.02e-3, 4.0),
     "rim": (0.03e-3, 4.0),
@@ -65,12 +64,15 @@ EFFECTS: dict[str, tuple[float, float]] = {
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubts:
     """How far the drawing may be off, one sd, m: the outer and the inner line by broken edges, all of it by tolerance;
-    and the right picture against the left one by the calibration, px."""
+    the right picture against the left one by the calibration, px; and each lens's k1, where the calibration tells its
+    distortion and where it says that there is none."""
 
     outer_sd_m: float = 0.06e-3
     inner_sd_m: float = 0.06e-3
     size_sd_m: float = 0.03e-3
     offset_sd_px: float = 0.03
+    k1_sd: float = 0.001
+    k1_untold_sd: float = 0.03
 
     def sds(self) -> Array:
         """(4,): outer line, inner line, near edges, far edges."""
@@ -80,9 +82,8 @@ class Doubts:
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Where the fit stands: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and by
-    kind
-    of effect the variance of each, m^2, px^2 or 1. gloss: how differently both
-    cameras see the face; chamfer_grey (2, G) and profile_weight (2, G, S): None before the first look."""
+    kind of effect the variance of each, m^2, px^2 or 1. gloss: how differently both cameras see the face; chamfer_grey
+    (2, G) and profile_weight (2, G, S): None before the first look."""
 
     pose_camera_hole: Pose
     sizes_m: Array
@@ -96,8 +97,7 @@ class State:
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """The end: the state, posterior covariance (P, P) with the pose first, effects (P,), information of the pose by
-    each
-    edge, and what the last look at the pictures gave."""
+    each edge, and what the last look at the pictures gave."""
 
     state: State
     covariance: Array
@@ -220,8 +220,7 @@ def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
 @lru_cache(maxsize=32)
 def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
     """(2, G, 22) global number of each local parameter (a shift in one picture stands twice: edge's and facing's),
-    their
-    count, and where the kinds lie."""
+    their count, and where the kinds lie."""
     facings = max(facing) + 1
     ways = np.array(facing)
     counts = {
@@ -258,6 +257,12 @@ def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64]
 def kinds_of(rim: Rim) -> dict[str, slice]:
     """Where each kind of effect lies in the covariance and in the effects."""
     return _indices(rim)[2]
+
+
+def in_whole(rim: Rim, local: Array) -> Array:
+    """(P,): what the edges of both pictures say in their local parameters (2, G, 21), added up by all parameters."""
+    index, total, _ = _indices(rim)
+    return np.asarray(np.bincount(index.ravel(), local[..., TWICE].ravel(), total), dtype=float)
 
 
 def _solve(

@@ -93,8 +93,7 @@ class Steps:
 
 def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Array:
     """(2, G, S, 10, L): what a profile's grey is made of, and how that changes; `variance_px2` (2, G, S): the blur's
-    along
-    each normal."""
+    along each normal."""
     offsets, grey = seen_profiles.offsets_px, seen_profiles.grey
     spread = np.sqrt(np.maximum(variance_px2, SPREAD_LEAST_PX**2))[..., None]
     chamfer = np.maximum(rim.chamfer_px, 0.0)[..., None]
@@ -118,8 +117,7 @@ def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Ar
 
 def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> Steps:
     """The greys that fit best: `weight` (2, G, S, L): one over the noise's variance; `chamfer_grey` (2, G): in the
-    middle
-    of each group, None to take what fits best."""
+    middle of each group, None to take what fits best."""
     grey = columns[..., GREY, :]
     groups, samples = grey.shape[1], grey.shape[2]
     gram = (columns * weight[..., None, :]) @ np.swapaxes(columns, -1, -2)
