@@ -60,9 +60,10 @@ HIDDEN = 8.0
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
-# another fit about the same place that leaves less than so many times as much unexplained, and chi2 (6) of how far away
-# it may be
+# another fit about the same place that leaves less than so many times as much unexplained is a rival; chi2 (6) of how
+# far away it may be; one that leaves less than so many times as much may be the right one: the covariance reaches it
 ALIKE_SHARE, RIVAL_MOST = 1.06, 27.9
+REACHED_SHARE = 1.1
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
@@ -94,10 +95,21 @@ class _Task:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """The best fit about one place; how far away (chi2) the farthest is that explains the pictures as well; and the
+    spread (6, 6), m and rad, of all that explain them nearly as well."""
+
+    fit: Fit
+    rival: float
+    spread: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Attempt:
     """What one candidate came to."""
 
     fit: Fit
+    spread: Array
     quality: Quality
     evidence: Evidence
 
@@ -146,9 +158,9 @@ def locate_rim(
         )
     refusal: VisionRefusal | None = None
     attempt = None
-    for fit, rival in _fits(task, found):
+    for one in _fits(task, found):
         try:
-            attempt = _judged(task, fit, rival)
+            attempt = _judged(task, one)
             break
         except VisionRefusal as error:
             refusal = refusal or error
@@ -167,7 +179,7 @@ def locate_rim(
     ]
     return Located(
         pose_base_hole,
-        covariance_of(attempt.fit, attempt.quality, half_ranges, lens),
+        covariance_of(attempt.fit, attempt.quality, half_ranges, attempt.spread + lens.of_pose()),
         _figures(attempt) | lenses.figures() | _lens_figures(lens),
         pictures[0],
         pictures[1],
@@ -175,7 +187,7 @@ def locate_rim(
     )
 
 
-def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
+def _fits(task: _Task, found: list[Candidate]) -> Iterator[_Found]:
     """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for
     all, whether it is then found sound or not; with it how far away another one is that explains as much."""
     rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
@@ -188,40 +200,43 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[tuple[Fit, float]]:
             < APART_PX
         ]
         rest = [one for one in rest if one not in near]
-        fits = []
-        for one in near:
-            if one.score < COMPETES * near[0].score:
-                continue
-            try:
-                fits += climb(task.images, task.coarse, task.fine, task.stereo, one.pose_camera_hole, task.doubts)
-            except np.linalg.LinAlgError:
-                continue
+        starts = [one.pose_camera_hole for one in near if one.score >= COMPETES * near[0].score]
+        fits = climb(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
         if fits:
             left_over = [unlikely(fit, fits[0].even, task.doubts) for fit in fits]
             order = np.argsort(left_over)
             best = fits[order[0]]
-            alike = [fits[index] for index in order[1:] if left_over[index] < ALIKE_SHARE * left_over[order[0]]]
-            yield best, max((_apart(best, other) for other in alike), default=0.0)
+            rival, spread = 0.0, np.zeros((6, 6))
+            for index in order[1:]:
+                if left_over[index] > REACHED_SHARE * left_over[order[0]]:
+                    break
+                off, apart = _apart(best, fits[index])
+                if apart < RIVAL_MOST:
+                    spread += np.outer(off, off)
+                if left_over[index] < ALIKE_SHARE * left_over[order[0]]:
+                    rival = max(rival, apart)
+            yield _Found(best, rival, spread)
 
 
-def _apart(fit: Fit, other: Fit) -> float:
-    """How far another fit's pose lies from the first one's, against both covariances, squared."""
-    off = fit.state.pose_camera_hole.inverse() @ other.state.pose_camera_hole
-    error = np.concatenate([off.translation_m, off.rotvec_rad()])
-    return float(error @ np.linalg.solve(fit.covariance[:6, :6] + other.covariance[:6, :6], error))
+def _apart(fit: Fit, other: Fit) -> tuple[Array, float]:
+    """Where another fit's pose lies in the first one's (6,), m and rad, and that against both covariances, squared."""
+    moved = fit.state.pose_camera_hole.inverse() @ other.state.pose_camera_hole
+    off = np.concatenate([moved.translation_m, moved.rotvec_rad()])
+    return off, float(off @ np.linalg.solve(fit.covariance[:6, :6] + other.covariance[:6, :6], off))
 
 
-def _judged(task: _Task, fit: Fit, rival: float) -> _Attempt:
+def _judged(task: _Task, found: _Found) -> _Attempt:
+    fit = found.fit
     quality = quality_of(fit, task.fine, task.doubts)
     _checked(quality, task.fine)
-    if rival > RIVAL_MOST:
+    if found.rival > RIVAL_MOST:
         raise Doubtful(
             "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
             "use a larger, softer light, or one from another side"
         )
     evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality, task.doubts)
     judge(evidence, quality)
-    return _Attempt(fit, quality, evidence)
+    return _Attempt(fit, found.spread, quality, evidence)
 
 
 def _checked(quality: Quality, rim: Rim) -> None:
@@ -292,12 +307,12 @@ def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
         return
     swapped = _Task((right, left), task.stereo, task.hole, task.coarse, task.fine, task.doubts)
     found = candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)
-    for fit, rival in _fits(swapped, found[:1]):
+    for one in _fits(swapped, found[:1]):
         try:
-            _judged(swapped, fit, rival)
+            _judged(swapped, one)
         except VisionRefusal:
             return
-        offset = quality_of(fit, task.fine, task.doubts).offset_px
+        offset = quality_of(one.fit, task.fine, task.doubts).offset_px
         raise NotAStereoPair(
             f"the hole is found within {np.linalg.norm(offset):.2f} px with left and right exchanged: give the left "
             "camera's picture as the left one"
@@ -313,8 +328,8 @@ def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> N
             continue
         holes = 0
         with suppress(VisionRefusal):
-            for fit, rival in _fits(task, [other]):
-                _judged(task, fit, rival)
+            for one in _fits(task, [other]):
+                _judged(task, one)
                 holes += 1
         if holes == 0:
             continue
@@ -373,13 +388,13 @@ def _inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> No
         )
 
 
-def covariance_of(fit: Fit, quality: Quality, half_ranges: Array, lens: LensDoubt) -> Array:
+def covariance_of(fit: Fit, quality: Quality, half_ranges: Array, beside: Array) -> Array:
     """The fit's own (noise, blur, calibration, drawing, edges that are off), more where the pictures pull at the
-    calibration or at the drawing, and the lenses' doubt; with what is known without any picture: half_ranges (6,), m
-    and rad."""
+    calibration or at the drawing; and what stands `beside` (6, 6), other poses and the lenses' doubt; with what is
+    known without any picture: half_ranges (6,), m and rad."""
     posterior = fit.covariance[:6, :6]
     strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
     strain *= 1.0 + HIDDEN * (1.0 - quality.supported)
-    known = np.linalg.inv(posterior * strain + lens.of_pose()) + np.diag(3.0 / half_ranges**2)
+    known = np.linalg.inv(posterior * strain + beside) + np.diag(3.0 / half_ranges**2)
     covariance = np.linalg.inv(known)
     return np.asarray(0.5 * (covariance + covariance.T))

@@ -28,11 +28,11 @@ def fitted(look: Look, seed: int) -> tuple[Fit, Quality, float, float]:
     truth = truth_of(STEREO, seed)
     coarse, fine = rims(HOLE)
     start = truth @ Pose.from_rotvec([0.005, -0.004, 0.002], [0.3e-3, -0.2e-3, 1.0e-3])
-    fit = climb(drawn_pair(STEREO, HOLE, truth, look), coarse, fine, STEREO, start, Doubts())[0]
+    fit = climb(drawn_pair(STEREO, HOLE, truth, look), coarse, fine, STEREO, [start], Doubts())[0]
     quality = quality_of(fit, fine, Doubts())
     off = fit.state.pose_camera_hole.inverse() @ truth
     error = np.concatenate([off.translation_m, off.rotvec_rad()])
-    square = float(error @ np.linalg.solve(covariance_of(fit, quality, HALF_RANGES), error))
+    square = float(error @ np.linalg.solve(covariance_of(fit, quality, HALF_RANGES, np.zeros((6, 6))), error))
     return fit, quality, float(np.hypot(error[0], error[1])), square
 
 

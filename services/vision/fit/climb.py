@@ -3,6 +3,8 @@ and a dark one would look alike."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -29,18 +31,21 @@ from services.vision.fit.steps import STEP_PX
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
-# blur added to the pictures, px^2, and most steps with it, with few profiles
-STAGES = ((1.0, 3), (0.0, 3))
+# blur added to the pictures, px^2, most steps with it, with few profiles, and how many times less likely than the best,
+# by the logarithm, a start may be to be followed further
+STAGES = ((1.0, 3, 1.6), (0.0, 3, 1.35))
 FINE_STEPS = 5
 # a chamfer that much brighter than the face, times, is no glint; more than that is no more of one; what it is worth
 GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 OTHER_STEPS, OTHER_HELD = 5, 3
-# one chamfer as bright as the face and its opposite as dark as the bore: the same picture as a rim moved by its width
-# what is worse by less than that may be the better one with all profiles
-ALIKE_SHARE = 1.06
-SAME_M = 0.1e-3
+# one chamfer as bright as the face (1), its opposite as dark as the bore (0): a rim moved by its width looks alike;
+# from that difference on
+BRIGHTER_LEAST = 0.5
+# what is worse by less than that may be the better one with all profiles; so many are tried with them
+ALIKE_SHARE, FINISHED = 1.2, 3
+SAME_M = 0.05e-3
 MARGIN_PX = 40
 # a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
 STRANGE_OFFSET, STRANGE_SIZES, STRANGE_LEAST = 4.0, 12.0, 0.1
@@ -128,23 +133,67 @@ def glint_of(fit: Fit) -> float:
     return float(np.clip(brightest - GLINT_FREE, 0.0, GLINT_MOST))
 
 
-def climb(images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, start: Pose, doubts: Doubts) -> list[Fit]:
-    """The fit from a start within a pixel or two of the rim in both pictures; and a second one, elsewhere, where few
-    profiles do not tell which of the two it is."""
-    state = start_state(coarse, start)
-    fit = None
-    for extra, most in STAGES:
-        looked = images if extra == 0.0 else _blurred(images, extra, coarse, stereo, state.pose_camera_hole)
-        for _ in range(most):
-            before = state
-            state, fit = iterate(looked, coarse, stereo, state, doubts, extra, hold_blur=extra > 0.0)
-            if _settled(before, state):
-                break
-    assert fit is not None
-    found = quality_of(fit, coarse, doubts, STRANGE_LEAST)
-    strange = found.offset_conflict > STRANGE_OFFSET or found.sizes_conflict > STRANGE_SIZES
-    alike = _best_of_alike(images, coarse, stereo, state, fit, doubts, strange)
-    return [finish(images, fine, stereo, glossed(*one), doubts) for one in alike]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Climbed:
+    """Where few profiles led to: the state after the last step, and the look before it."""
+
+    state: State
+    fit: Fit
+
+
+def climb(
+    images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, starts: Sequence[Pose], doubts: Doubts
+) -> list[Fit]:
+    """The fits from starts about one place, each within a pixel or two of the rim in both pictures; and others
+    elsewhere, where few profiles do not tell which of them it is.
+
+    Starts that led to one and the same place are followed once, and one that leaves far more unexplained than the best
+    is given up: it is neither the best fit nor a rival of it.
+    """
+    states = [start_state(coarse, start) for start in starts]
+    climbed: list[_Climbed] = []
+    for extra, most, worse in STAGES:
+        looked = images if extra == 0.0 else _blurred(images, extra, coarse, stereo, starts[0])
+        climbed = []
+        for state in states:
+            with suppress(np.linalg.LinAlgError):
+                climbed.append(_stage(looked, coarse, stereo, state, doubts, extra, most))
+        climbed = _worth_following(climbed, doubts, worse)
+        states = [one.state for one in climbed]
+    if not climbed:
+        return []
+    climbed += _alike(images, coarse, stereo, climbed[0], doubts)
+    fits = []
+    for one in _worth_following(climbed, doubts, ALIKE_SHARE)[:FINISHED]:
+        with suppress(np.linalg.LinAlgError):
+            fits.append(finish(images, fine, stereo, glossed(one.state, one.fit), doubts))
+    return fits
+
+
+def _stage(
+    images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts, extra_px2: float, most: int
+) -> _Climbed:
+    for _ in range(most):
+        before = state
+        state, fit = iterate(images, rim, stereo, state, doubts, extra_px2, hold_blur=extra_px2 > 0.0)
+        if _settled(before, state):
+            break
+    return _Climbed(state, fit)
+
+
+def _worth_following(climbed: list[_Climbed], doubts: Doubts, worse: float) -> list[_Climbed]:
+    """The likeliest first, without those that are elsewhere by nothing or less likely by far."""
+    if not climbed:
+        return []
+    cost = [unlikely(one.fit, climbed[0].fit.even, doubts) for one in climbed]
+    kept: list[_Climbed] = []
+    for index in np.argsort(cost):
+        one = climbed[index]
+        if cost[index] > worse * min(cost):
+            break
+        if not any(_same(one.state, other.state) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def glossed(state: State, fit: Fit) -> State:
@@ -166,19 +215,20 @@ def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, doubts:
     return fit
 
 
-def _best_of_alike(
-    images: Images, rim: Rim, stereo: StereoModel, state: State, fit: Fit, doubts: Doubts, strange: bool
-) -> list[tuple[State, Fit]]:
-    """The likeliest, and the next one that is nearly as likely, of what was found and of the poses aside by a chamfer's
-    width, of which one looks like the other where the chamfer is bright on one side and dark on the other."""
+def _alike(images: Images, rim: Rim, stereo: StereoModel, climbed: _Climbed, doubts: Doubts) -> list[_Climbed]:
+    """Where the fit may have to be instead: a rim moved by its chamfer's width looks much the same where the chamfers
+    ahead are bright and those behind are dark."""
+    state, fit = climbed.state, climbed.fit
     width = float(np.median(np.linalg.norm((rim.outer_m - rim.inner_m)[..., :2], axis=-1)))
     if width < 1e-5:
-        return [(state, fit)]
-    found = [(unlikely(fit, fit.even, doubts), state, fit)]
+        return []
+    found = quality_of(fit, rim, doubts, STRANGE_LEAST)
+    strange = found.offset_conflict > STRANGE_OFFSET or found.sizes_conflict > STRANGE_SIZES
     middle = rim.outward.mean(axis=1)
-    dark = np.median(
+    bright = np.median(
         (fit.steps.chamfer - fit.steps.bore) / _away_from_zero(fit.steps.face - fit.steps.bore), axis=2
     ).mean(axis=0)
+    others = []
     for axis in (middle[0, :2], np.array([-middle[0, 1], middle[0, 0]])):
         for sign in (1.0, -1.0):
             way = sign * axis
@@ -187,19 +237,16 @@ def _best_of_alike(
             ahead, behind = facing > 0.7, facing < -0.7
             if not ahead.any() or not behind.any():
                 continue
-            alike = np.median(dark[ahead]) > 0.5 > np.median(dark[behind])
-            if not alike and not strange:
+            if np.median(bright[ahead]) - np.median(bright[behind]) < BRIGHTER_LEAST and not strange:
                 continue
             moved = perturbed(state.pose_camera_hole, np.array([*(-width * way), 0.0, 0.0, 0.0, 0.0]))
             # a wrong place is blurred by more than the lens
             other = start_state(rim, moved, float(np.min(state.blur_px2[:, [0, 2]])))
-            for number in range(OTHER_STEPS):
-                other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=number < OTHER_HELD)
-            found.append((unlikely(other_fit, fit.even, doubts), other, other_fit))
-    found.sort(key=lambda one: one[0])
-    best = found[0]
-    near = [one for one in found[1:] if one[0] < ALIKE_SHARE * best[0] and not _same(best[1], one[1])]
-    return [(one[1], one[2]) for one in (best, *near[:1])]
+            with suppress(np.linalg.LinAlgError):
+                for number in range(OTHER_STEPS):
+                    other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=number < OTHER_HELD)
+                others.append(_Climbed(other, other_fit))
+    return others
 
 
 def _away_from_zero(values: Array) -> NDArray[np.float64]:
