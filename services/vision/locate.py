@@ -240,12 +240,15 @@ def _checked(quality: Quality) -> None:
             f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
             f"{step:.0f} or more: expose longer, or light it more"
         )
-    edges = float(np.mean(quality.support > 0.5))
-    if quality.supported < SUPPORT_LEAST or edges < EDGES_LEAST:
+    # in each picture by itself: one that shows it all does not speak for one that shows something else
+    seen = quality.support.mean(axis=1)
+    edges = np.mean(quality.support > 0.5, axis=1)
+    if seen.min() < SUPPORT_LEAST or edges.min() < EDGES_LEAST:
+        side = int(np.argmin(np.minimum(seen, edges)))
         raise NotEnoughRim(
-            f"{quality.supported:.0%} of the rim and {edges:.0%} of its edges can be seen, want "
-            f"{SUPPORT_LEAST:.0%}: take "
-            "away what covers it, or light the dark side"
+            f"{seen[side]:.0%} of the rim and {edges[side]:.0%} of its edges can be seen in the "
+            f"{('left', 'right')[side]} picture, want {SUPPORT_LEAST:.0%}: take away what covers it, or light the dark "
+            "side"
         )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         raise PoorFit(
