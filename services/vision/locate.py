@@ -43,9 +43,9 @@ SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY, DARK_STEP_NOISES = 25.0, 4.0
-RESIDUAL_MOST = 0.2
+RESIDUAL_MOST = 0.1
 # how rough what is seen at the rim may be, share of the step
-ROUGH_MOST = 0.18
+ROUGH_MOST = 0.16
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
 OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 # from there on they make the covariance larger
