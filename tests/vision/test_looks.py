@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from crosspih_common.config import CameraSection, Workcell, load_cell
 from crosspih_common.errors import ConfigError
@@ -38,7 +38,6 @@ NOMINAL = WORKCELL.hole_prior.pose_base_hole()
 LENSES = CameraSection(distortion=(-0.15, 0.04, 0.001, -0.0005), distortion_right=(-0.13, 0.03, -0.0004, 0.001))
 RIG = StereoRig.of(LENSES)
 PLAIN = Appearance(0.8, 0.3, 0.1, np.array([-1.0, 0.0, 0.0]), 0.2, 0.5, (0.0, 0.0), marks_seed=5)
-Greys = NDArray[np.float32]
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +62,13 @@ def seen_at(pictures: Any, points_base_m: Array) -> Array:
     """Grey levels (2, ...) of points (..., 3), left and right."""
     stereo = stereo_of(RIG)
     pixels = stereo.project(stereo.pose_base_camera.inverse().apply(points_base_m.reshape(-1, 3)))
-    greys = [
-        cv2.remap(np.asarray(picture, np.float32), at[:, None].astype(np.float32), None, cv2.INTER_LINEAR)[:, 0]
-        for picture, at in zip(pictures, pixels, strict=True)
-    ]
+    greys = [sampled(picture, at) for picture, at in zip(pictures, pixels, strict=True)]
     return np.array(greys).reshape(2, *points_base_m.shape[:-1])
+
+
+def sampled(picture: Any, places: Array) -> Array:
+    """Of (n, 2) columns and rows, (n,)."""
+    return np.asarray(map_coordinates(np.asarray(picture, float), [places[:, 1], places[:, 0]], order=1))
 
 
 def on_face(step_m: float, reach: float = 0.9) -> Array:
@@ -86,22 +87,22 @@ def test_both_cameras_see_the_same_marks_in_the_same_places(scene: SimulatedScen
     pictures = scene.render_stereo(NOMINAL, None, np.random.default_rng(0), Faults(hole=False), look)
     points = on_face(0.4e-3)
     left, right = seen_at(pictures, NOMINAL.apply(points))
-    moved = seen_at(pictures, NOMINAL.apply(points + [2.4e-3, 1.6e-3, 0.0]))[1]
+    moved = seen_at(pictures, NOMINAL.apply(points + np.array([2.4e-3, 1.6e-3, 0.0])))[1]
     assert alike(left, right) > 0.85
     assert alike(left, moved) < 0.6
     # and they are those that the seed makes, where the plate has them; a pixel covers some 0.7 mm
     made = cv2.GaussianBlur(marks(finish, HALF_M, look.marks_seed), (0, 0), 2.5)
-    at = texels(points[..., :2], HALF_M).astype(np.float32)
-    assert alike(left, cv2.remap(made, at, None, cv2.INTER_LINEAR)) > 0.85
+    at = texels(points[..., :2], HALF_M).reshape(-1, 2)
+    assert alike(left, sampled(made, at)) > 0.85
 
 
 def test_marks_are_on_the_face_alone(scene: SimulatedScene) -> None:
     plain, marked = (
-        scene.render_stereo(NOMINAL, None, np.random.default_rng(0), Faults(), replace(PLAIN, **more))
-        for more in ({}, {"finish": "blasted", "finish_strength": 0.3})
+        scene.render_stereo(NOMINAL, None, np.random.default_rng(0), Faults(), look)
+        for look in (PLAIN, replace(PLAIN, finish="blasted", finish_strength=0.3))
     )
     difference = np.abs(np.subtract(plain, marked, dtype=float))
-    x, y = on_face(0.5e-3, 0.98)[..., 0], on_face(0.5e-3, 0.98)[..., 1]
+    x, y, _ = np.moveaxis(on_face(0.5e-3, 0.98), -1, 0)
     reach = HOLE.opening().corners_m
     inside = cv2.pointPolygonTest
     rim = reach.astype(np.float32).reshape(-1, 1, 2)
@@ -265,12 +266,12 @@ def test_seeds_differ_in_all_that_is_drawn() -> None:
 def test_a_look_that_cannot_be_is_refused_by_the_field(tmp_path: Path, appearance: str, words: str) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text(f"hardware: {{simulated: {{camera: {{appearance: {appearance}}}}}}}\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=rf"cell.yaml: hardware\.simulated\.camera\.appearance.*{words}"):
+    with pytest.raises(ConfigError, match=rf"cell.yaml: hardware\.simulated\.camera\..*{words}"):
         load_cell(path).section("hardware", HardwareConfig)
 
 
 @pytest.mark.parametrize("depth_m", [0.0005, 0.2])
 def test_a_bottom_that_is_not_in_the_plate_is_refused(depth_m: float) -> None:
     told = {"simulated": {"camera": {"appearance": {"hole": "blind", "bottom_depth_m": depth_m}}}}
-    with pytest.raises(ConfigError, match="appearance.bottom_depth_m: .* no more than the plate's 0.05 m"):
+    with pytest.raises(ConfigError, match=r"appearance\.bottom_depth_m: .* no more than the plate's 0\.05 m"):
         open_cell(WORKCELL, HardwareConfig.model_validate(told), realtime=False)

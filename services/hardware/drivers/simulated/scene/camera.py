@@ -218,9 +218,7 @@ class SimulatedScene:
             self._plate = look, Plate(self.hole, look, self._ways), Backdrop(self.rig, look)
         return self._plate[1:]
 
-    def _arrange(
-        self, pose_base_hole: Pose, joints_rad: Array | None, faults: Faults, look: Appearance | None
-    ) -> None:
+    def _arrange(self, pose_base_hole: Pose, joints_rad: Array | None, faults: Faults, look: Appearance | None) -> None:
         beside = pose_base_hole @ Pose.from_translation([0.0, -2.15 * self.hole.plate_half_size_m, 0.0])
         places = dict.fromkeys(self._bodies, PARKED)
         for name in self._open if faults.hole else ("blank", "sides"):

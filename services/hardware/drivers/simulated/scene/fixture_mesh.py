@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import Polygon, box, constrained_delaunay_triangles, get_parts
 
 from crosspih_common.geometry.pose import Array
@@ -82,7 +83,7 @@ def _flat(area: Polygon, z_m: float, up: float) -> Mesh:
     return _facets(rings, np.tile([0.0, 0.0, up], (len(rings), 1)))
 
 
-def _strip(near_m: Array, far_m: Array, normals: Array, chosen: Array | None = None) -> Mesh:
+def _strip(near_m: Array, far_m: Array, normals: Array, chosen: NDArray[np.intp] | None = None) -> Mesh:
     """The walls between two rims (n, 3), counter-clockwise, seen from within; only those `chosen` where given."""
     corners = np.stack((far_m, np.roll(far_m, -1, axis=0), np.roll(near_m, -1, axis=0), near_m), axis=1)
     some = np.arange(len(corners)) if chosen is None else chosen

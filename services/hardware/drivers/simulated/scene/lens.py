@@ -14,7 +14,7 @@ from crosspih_common.geometry.pose import Array
 FloatImage = NDArray[np.float32]
 
 NUMBERS = 8
-UNBEND_STEPS, UNBENT = 300, 1e-12
+UNBEND_STEPS, UNBENT, STEP = 20, 1e-12, 1e-6
 BORDER_PX = 1
 
 
@@ -90,11 +90,19 @@ class Lens:
         seen = np.stack(np.meshgrid(columns, rows), axis=-1)
         if not self.bends:
             return seen
-        matrix = np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
-        numbers = np.array((*self.distortion, *(0.0,) * (NUMBERS - len(self.distortion))))
-        until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, UNBEND_STEPS, UNBENT)
-        slopes = cv2.undistortPointsIter(seen.reshape(-1, 1, 2), matrix, numbers, np.eye(3), np.eye(3), until)
-        return self._pixels(np.asarray(slopes, float).reshape(seen.shape))
+        wanted = np.stack([(seen[..., 0] - self.cx) / self.fx, (seen[..., 1] - self.cy) / self.fy], axis=-1)
+        found, aside, below = wanted, np.array([STEP, 0.0]), np.array([0.0, STEP])
+        for _ in range(UNBEND_STEPS):
+            off = self.bent(found) - wanted
+            if float(np.abs(off).max()) < UNBENT:
+                break
+            by_x = (self.bent(found + aside) - self.bent(found - aside)) / (2.0 * STEP)
+            by_y = (self.bent(found + below) - self.bent(found - below)) / (2.0 * STEP)
+            determinant = by_x[..., 0] * by_y[..., 1] - by_y[..., 0] * by_x[..., 1]
+            step_x = (by_y[..., 1] * off[..., 0] - by_y[..., 0] * off[..., 1]) / determinant
+            step_y = (by_x[..., 0] * off[..., 1] - by_x[..., 1] * off[..., 0]) / determinant
+            found = found - np.stack([step_x, step_y], axis=-1)
+        return self._pixels(found)
 
 
 class Bend:
@@ -131,7 +139,8 @@ class Bend:
         at = at[fine * BORDER_PX : -fine * BORDER_PX, fine * BORDER_PX : -fine * BORDER_PX]
         at = (at + np.float32(0.5) - np.array([window.left, window.top], np.float32)) * np.float32(fine)
         at -= np.float32(0.5)
-        bent = cv2.remap(drawn, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        across, down = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+        bent = cv2.remap(drawn, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         part = np.s_[top:bottom, left:right]
         onto[part] = np.where(held[part], averaged(np.asarray(bent, np.float32), fine), onto[part])
 

@@ -28,6 +28,8 @@ SHINES: dict[Finish, tuple[float, float]] = {
 BACKGROUND_GREYS: dict[Background, tuple[float, float]] = {
     "dark": (0.03, 0.12), "grey": (0.2, 0.5), "bright": (0.7, 0.95), "cluttered": (0.1, 0.5)
 }  # fmt: skip
+FACE_LEVELS = (95.0, 185.0)
+"""Grey of a face that looks at the cameras, about."""
 FACE_GRADIENTS, PICTURE_GRADIENTS = (0.0, 0.25), (0.0, 0.15)
 EDGE_GLINTS, FACE_GLINTS_MOST = (0.0, 100.0), 3
 BOTTOM_SHARES = (0.9, 1.0)
@@ -84,7 +86,10 @@ class Appearance:
         """
         sideways, upwards = rng.uniform(-0.9, 0.9), rng.uniform(-0.3, 1.0)
         to_light = np.array([-1.0, sideways, upwards])
-        face = rng.uniform(0.5, 0.85)
+        to_light /= np.linalg.norm(to_light)
+        ambient, diffuse = rng.uniform(0.15, 0.3), rng.uniform(0.5, 0.65)
+        # whoever set the cell up chose the exposure by the face
+        face = min(1.0, rng.uniform(*FACE_LEVELS) / (255.0 * (ambient - diffuse * to_light[0])))
         finish = _one_of(FINISHES, config.finish, rng)
         background = _one_of(BACKGROUNDS, config.background, rng)
         blind = bool(rng.random() < 0.5)
@@ -99,9 +104,9 @@ class Appearance:
             face_grey=face,
             bore_grey=bore,
             background_grey=rng.uniform(*BACKGROUND_GREYS[background]),
-            to_light=to_light / np.linalg.norm(to_light),
-            ambient=rng.uniform(0.15, 0.3),
-            diffuse=rng.uniform(0.5, 0.65),
+            to_light=to_light,
+            ambient=ambient,
+            diffuse=diffuse,
             gradient=_towards(rng, config.picture_gradient, PICTURE_GRADIENTS),
             finish=finish,
             finish_strength=_given_or(config.finish_strength, rng, STRENGTHS[finish]),

@@ -74,7 +74,7 @@ class Plate:
         eyes_m = [into_hole.apply(pose.translation_m) for pose in poses_base_camera]
         shines = [self._shine(self._points, light, eye_m) for eye_m in eyes_m]
         # the exposure is set to what both see on the whole
-        level = float(np.mean(shines))
+        level = max(float(np.mean(shines)), 1e-9)
         return (
             self._lit(shines[0] / level, level, light, eyes_m[0], 0),
             self._lit(shines[1] / level, level, light, eyes_m[1], 1),
