@@ -56,8 +56,8 @@ class CameraSection(Section):
             reached = _bends_back_at(numbers or (), corner)
             if reached is not None:
                 raise ValueError(
-                    f"{field}: the picture's corner lies {corner:.2f} focal lengths from its middle, and a lens of these "
-                    f"numbers bends back at {reached:.2f}; give numbers that hold up to the corner"
+                    f"{field}: the picture's corner lies {corner:.2f} focal lengths from its middle, and a lens "
+                    f"of these numbers bends back at {reached:.2f}; give numbers that hold up to the corner"
                 )
         return self
 

@@ -1,4 +1,4 @@
-"""How the simulated plate looks: its marks stand still on it, each thing is where it belongs, the seed decides it all."""
+"""How the simulated plate looks: marks stand still on it, each thing is in its place, the seed decides it all."""
 
 from __future__ import annotations
 

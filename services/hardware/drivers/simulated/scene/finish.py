@@ -26,7 +26,7 @@ def texels(points_m: Array, half_size_m: float) -> Array:
 
 
 def places_m(half_size_m: float, size: int = SIZE) -> tuple[Array, Array]:
-    """x and y (size, size), hole frame, m, of the centres of a face divided into so many parts a side."""
+    """Where the centres of a face's parts are, so many a side: x and y (size, size), hole frame, m."""
     line = ((np.arange(size) + 0.5) * (2.0 / size) - 1.0) * half_size_m
     x, y = np.meshgrid(line, line)
     return x, y
