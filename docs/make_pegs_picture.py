@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.config.drawing import OUTLINES
 from crosspih_common.geometry import Pose
-from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
+from services.hardware.drivers.simulated.scene.fixture_mesh import chamfer_meshes, fixture_meshes
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, convex_mesh
 
 TILE_PX = 300
@@ -45,8 +45,9 @@ def tile(name: str) -> NDArray[np.uint8]:
     workcell = Workcell(peg=PegDrawing(outline=name))
     peg = workcell.peg.shape()
     pybullet.resetSimulation()
-    fixture = fixture_meshes(workcell.hole.shape(peg))
-    _add(Mesh.merged([fixture["face"], fixture["bore"]]), PLATE, STEEL)
+    hole = workcell.hole.shape(peg)
+    fixture, chamfer = fixture_meshes(hole), [mesh for _, mesh in chamfer_meshes(hole)]
+    _add(Mesh.merged([fixture["face"], fixture["sides"], fixture["bore"], *chamfer]), PLATE, STEEL)
     _add(convex_mesh(peg.pieces()), PEG, ORANGE)
     size = TILE_PX * SAMPLES
     _, _, rgba, depth, _ = pybullet.getCameraImage(

@@ -15,7 +15,7 @@ from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies
-from services.hardware.drivers.simulated.scene.fixture_mesh import fixture_meshes
+from services.hardware.drivers.simulated.scene.fixture_mesh import chamfer_meshes, fixture_meshes
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
 from services.hardware.hosting import HostedCell, open_cell
 
@@ -122,7 +122,8 @@ def test_any_number_of_pieces_weighs_and_rubs_the_same() -> None:
 def test_the_plate_that_is_seen_is_the_plate_that_is_felt(name: str) -> None:
     hole = Workcell(peg=PegDrawing(outline=name)).hole.shape(PegDrawing(outline=name).shape())
     meshes = fixture_meshes(hole)
-    seen = Mesh.merged([meshes["face"], meshes["bore"]])
+    chamfer = [mesh for _, mesh in chamfer_meshes(hole)]
+    seen = Mesh.merged([meshes["face"], meshes["sides"], meshes["bore"], *chamfer])
     corners = seen.vertices_m[np.array(seen.indices).reshape(-1, 3)]
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # closed, turned outward, and around as much as is solid

@@ -15,6 +15,7 @@ from crosspih_common.messages import CameraCalibration, CameraModel, PoseData
 from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.vision.stereo import Camera
+from tests.vision.plain_look import plain_look
 
 FINE = 2  # pixels of the sharp picture a pixel of the other
 OWN = CameraSection()
@@ -32,7 +33,8 @@ def fine_pair(truth: Pose, seed: int) -> tuple[NDArray[np.float32], NDArray[np.f
     )  # fmt: skip
     quality = SensorQuality(samples=2, blur_px=0.7 * FINE, noise_grey=0.0)
     with SimulatedScene(workcell.hole.shape(workcell.peg.shape()), StereoRig.of(section), quality=quality) as scene:
-        left, right = scene.render_stereo(truth, None, np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        left, right = scene.render_stereo(truth, None, rng, appearance=plain_look(rng))
     return left.astype(np.float32), right.astype(np.float32)
 
 

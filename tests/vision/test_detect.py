@@ -23,6 +23,7 @@ from services.vision.detect.picture_level import Level, Window
 from services.vision.detect.rim_samples import RimSamples
 from services.vision.stereo import Camera, StereoModel
 from tests.vision.drawn_pairs import Look, drawn_pair
+from tests.vision.plain_look import plain_look
 
 NOMINAL = Workcell().hole_prior.pose_base_hole()
 HALF_RANGES = np.asarray(Workcell().hole_prior.half_ranges(), float)
@@ -150,7 +151,7 @@ def test_the_cells_own_pictures(scene: SimulatedScene, faults: Faults) -> None:
     for seed in (61, 62):
         truth = truth_of(STEREO, seed)
         rng = np.random.default_rng(seed)
-        images = scene.render_stereo(STEREO.pose_base_camera @ truth, None, rng, faults)
+        images = scene.render_stereo(STEREO.pose_base_camera @ truth, None, rng, faults, plain_look(rng))
         found = candidates([i.astype(np.float32) for i in images], STEREO, scene.hole, NOMINAL, HALF_RANGES)
         assert off_px(STEREO, scene.hole, found[0].pose_camera_hole, truth) < NEAR_PX
         assert found[0].score > 0.8
@@ -158,7 +159,7 @@ def test_the_cells_own_pictures(scene: SimulatedScene, faults: Faults) -> None:
 
 def test_a_covered_arm_is_named(scene: SimulatedScene) -> None:
     truth, rng = truth_of(STEREO, 61), np.random.default_rng(61)
-    images = scene.render_stereo(STEREO.pose_base_camera @ truth, None, rng, Faults(covered_arm=1))
+    images = scene.render_stereo(STEREO.pose_base_camera @ truth, None, rng, Faults(covered_arm=1), plain_look(rng))
     found = candidates([i.astype(np.float32) for i in images], STEREO, scene.hole, NOMINAL, HALF_RANGES)[0]
     assert off_px(STEREO, scene.hole, found.pose_camera_hole, truth) < NEAR_PX
     for side in range(2):
@@ -170,7 +171,7 @@ def test_a_covered_arm_is_named(scene: SimulatedScene) -> None:
 @pytest.mark.parametrize("faults", [Faults(hole=False), Faults(hole=False, square=True)], ids=["blank", "square"])
 def test_where_no_such_hole_is_little_speaks_for_it(scene: SimulatedScene, faults: Faults) -> None:
     rng = np.random.default_rng(5)
-    images = scene.render_stereo(STEREO.pose_base_camera @ truth_of(STEREO, 5), None, rng, faults)
+    images = scene.render_stereo(STEREO.pose_base_camera @ truth_of(STEREO, 5), None, rng, faults, plain_look(rng))
     found = candidates([i.astype(np.float32) for i in images], STEREO, scene.hole, NOMINAL, HALF_RANGES)
     assert found[0].score < 0.6
 

@@ -27,6 +27,7 @@ from services.vision.refusals import (
     WrongImage,
 )
 from services.vision.stereo import StereoModel
+from tests.vision.plain_look import plain_look
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())
@@ -60,7 +61,7 @@ def shot(scene: SimulatedScene, seed: int, faults: Faults | None = None) -> tupl
     """Truth and a pair of pictures of a seed."""
     rng = np.random.default_rng(seed)
     truth = draw_hole(rng)
-    left, right = scene.render_stereo(truth, None, rng, faults or Faults())
+    left, right = scene.render_stereo(truth, None, rng, faults or Faults(), plain_look(rng))
     return truth, left, right
 
 
@@ -182,7 +183,8 @@ def test_a_cross_at_the_edge_of_a_picture_is_cut_off(scene: SimulatedScene, ster
 
 def test_a_hole_outside_the_prior_is_refused(scene: SimulatedScene, stereo: StereoModel) -> None:
     rng = np.random.default_rng(4302)
-    left, right = scene.render_stereo(NOMINAL @ Pose.from_translation([0.0, -0.02, 0.0]), None, rng)
+    away = NOMINAL @ Pose.from_translation([0.0, -0.02, 0.0])
+    left, right = scene.render_stereo(away, None, rng, appearance=plain_look(rng))
     with pytest.raises(OutsidePrior):
         locate_rim(left, right, stereo, HOLE, NOMINAL, HALF_RANGES)
 

@@ -11,6 +11,7 @@ from services.hardware.drivers.simulated.scene.camera import SimulatedScene
 from services.vision.fit.rim import Rim
 from services.vision.locate import locate_rim
 from services.vision.stereo import StereoModel
+from tests.vision.plain_look import plain_look
 
 NOMINAL = Workcell().hole_prior.pose_base_hole()
 HALF_RANGES = np.asarray(Workcell().hole_prior.half_ranges(), float)
@@ -30,7 +31,7 @@ def test_a_hole_of_another_outline_is_found(outline: str) -> None:
         rng = np.random.default_rng(11)
         xi = rng.uniform(-0.7, 0.7, 6) * HALF_RANGES
         truth = NOMINAL @ Pose.from_rotvec(xi[3:], xi[:3])
-        left, right = scene.render_stereo(truth, None, rng)
+        left, right = scene.render_stereo(truth, None, rng, appearance=plain_look(rng))
         found = locate_rim(left, right, stereo, hole, NOMINAL, HALF_RANGES)
     delta = found.pose_base_hole.inverse() @ truth
     error = np.concatenate([delta.translation_m, delta.rotvec_rad()])

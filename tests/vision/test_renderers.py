@@ -16,6 +16,7 @@ from services.hardware.drivers.simulated.scene.scene_appearance import Faults
 from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
 from services.vision.locate import locate_rim
 from services.vision.stereo import StereoModel
+from tests.vision.plain_look import plain_look
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())
@@ -66,7 +67,8 @@ def test_the_hole_is_found_alike(pair: tuple[SimulatedScene, SimulatedScene]) ->
         truth = NOMINAL @ Pose.from_rotvec(offset[3:], offset[:3])
         found = []
         for scene in pair:
-            left, right = scene.render_stereo(truth, None, np.random.default_rng(seed))
+            rng = np.random.default_rng(seed)
+            left, right = scene.render_stereo(truth, None, rng, appearance=plain_look(rng))
             found.append(locate_rim(left, right, stereo, HOLE, NOMINAL, HALF_RANGES).pose_base_hole)
         assert found[0].distance_to_m(found[1]) < 2e-6
         assert np.linalg.norm((found[0].inverse() @ found[1]).rotvec_rad()) < 1e-4

@@ -19,6 +19,7 @@ from services.hardware.shells.hardware import HardwareShell
 from services.vision.config import VisionConfig
 from services.vision.second_look import LAMPS, Look, next_look
 from services.vision.shell import VisionShell
+from tests.vision.plain_look import PLAIN_CAMERA
 
 
 def test_light_is_changed_towards_what_was_refused() -> None:
@@ -52,9 +53,10 @@ class Cell:
         def context(service: str) -> ServiceContext:
             return ServiceContext(service, cell, Bus(self.hub.transport(), cell.workcell.name, service))
 
+        plain = HardwareConfig.model_validate({"simulated": {"camera": PLAIN_CAMERA}})
         self.contexts = [context(name) for name in ("hardware", "vision", "operator")]
         self.shells: list[Closeable] = [
-            HardwareShell(open_cell(cell.workcell, HardwareConfig(), False), self.contexts[0]),
+            HardwareShell(open_cell(cell.workcell, plain, False), self.contexts[0]),
             VisionShell(self.contexts[1], VisionConfig(looks=looks)),
         ]
         self.bus = self.contexts[2].bus

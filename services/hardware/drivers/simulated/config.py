@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from crosspih_common.config.section import Section
 from crosspih_common.messages.base import Vector3, Vector6
@@ -28,17 +28,69 @@ class ForceTorqueConfig(Section):
     payload_centroid_m: Vector3 = (0.0006, 0.0011, 0.0327)
 
 
+Finish = Literal["matt", "milled", "ground", "turned", "cast", "blasted"]
+Background = Literal["dark", "grey", "bright", "cluttered"]
+
+
+class AppearanceConfig(Section):
+    """What the plate and what is around it look like. Each is drawn by the seed of a trial where it is left out."""
+
+    finish: Finish | None = Field(
+        default=None,
+        description="of the face: matt, milled (lines across), ground (fine lines one way), turned (rings), cast or "
+        "blasted (coarse or fine speckle)",
+    )
+    finish_strength: float | None = Field(
+        default=None, ge=0.0, le=0.4, description="one standard deviation of the finish, a share of the face's grey"
+    )
+    shine: float | None = Field(
+        default=None, ge=0.0, le=1.0,
+        description="how much of the light comes back as from metal: by where light and camera stand, so that the two "
+        "pictures differ; 0: as from paint",
+    )  # fmt: skip
+    face_gradient: float | None = Field(
+        default=None, ge=0.0, le=1.0, description="how much the light changes from one side of the face to the other"
+    )
+    picture_gradient: float | None = Field(
+        default=None, ge=0.0, le=1.0, description="how much the light changes from one edge of the picture to the other"
+    )
+    edge_glints: float | None = Field(
+        default=None, ge=0.0, le=500.0, description="grey levels of the bright stretches along broken edges of the rim"
+    )
+    face_glints: int | None = Field(default=None, ge=0, le=50, description="bright spots on the face")
+    background: Background | None = Field(default=None, description="what is behind the plate")
+    hole: Literal["through", "blind"] | None = Field(
+        default=None, description="through: the background is seen in it; blind: a bottom is"
+    )
+    bottom_depth_m: float | None = Field(
+        default=None, gt=0.0, le=1.0,
+        description="of a blind hole, below the face; drawn: nearly as deep as the plate is thick",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _only_a_blind_hole_has_a_bottom(self) -> AppearanceConfig:
+        if self.bottom_depth_m is not None and self.hole != "blind":
+            raise ValueError("bottom_depth_m: only a blind hole has a bottom; say hole: blind, or leave it out")
+        return self
+
+
 class CameraConfig(Section):
-    """How the simulated cameras turn light into pixels."""
+    """How the simulated cameras turn light into pixels, and what they see. The lenses are in `cell.camera`."""
 
     exposure_s: float = Field(default=0.02, gt=0.0, le=1.0, description="the cell's clock advances by this a capture")
     samples: int = Field(default=4, ge=1, le=8, description="sub-pixels a side")
-    blur_px: float = Field(default=0.7, ge=0.0, le=5.0)
-    noise_grey: float = Field(default=3.0, ge=0.0, le=50.0)
+    blur_px: float | None = Field(
+        default=None, ge=0.0, le=5.0,
+        description="Gaussian, before the pixel's own square; left out: each lens's own, drawn by the seed",
+    )  # fmt: skip
+    noise_grey: float | None = Field(
+        default=None, ge=0.0, le=50.0, description="one standard deviation, of 255; left out: drawn by the seed"
+    )
     brightness: float = Field(default=1.0, ge=0.0, le=4.0, description="of the cell's light; 0.3 is a dim cell")
     glare: float = Field(
         default=0.0, ge=0.0, le=500.0, description="grey levels of a round reflection near the rim under lamp 0"
     )
+    appearance: AppearanceConfig = AppearanceConfig()
 
 
 class TruthConfig(Section):

@@ -34,6 +34,7 @@ class _Triangles:
     inverse_w: Array  # (k, 3): one over the distance along the camera's axis, linear in the picture
     normals: Array  # (k, 3, 3), base frame
     rgb: Array  # (k, 3)
+    body: NDArray[np.intp]  # (k,): whose they are
 
 
 class NumpyRenderer:
@@ -73,14 +74,16 @@ class NumpyRenderer:
         seen = np.flatnonzero(owner >= 0)
         rgb[seen] = _shaded(triangles, owner[seen], seen % view.width, seen // view.width, view)
         shape = view.height, view.width
-        return Drawn(rgb.reshape(*shape, 3), (owner < 0).reshape(shape))
+        body = np.full(len(owner), -1, dtype=np.int32)
+        body[seen] = triangles.body[owner[seen]]
+        return Drawn(rgb.reshape(*shape, 3), body.reshape(shape))
 
     def _projected(self, view: View) -> _Triangles:
         look = np.reshape(view.view_matrix, (4, 4)).T
         lens = np.reshape(view.projection_matrix, (4, 4)).T
         near_m = lens[2, 3] / (lens[2, 2] - 1.0)
-        corners, normals, colours = [], [], []
-        for body in self._bodies:
+        corners, normals, colours, numbers = [], [], [], []
+        for number, body in enumerate(self._bodies):
             placed = look @ body.pose.matrix()
             in_view = body.corners_m @ placed[:3, :3].T + placed[:3, 3]
             turned = body.normals @ body.pose.rotation.T
@@ -88,14 +91,16 @@ class NumpyRenderer:
             corners.append(in_view)
             normals.append(turned)
             colours.append(np.broadcast_to(body.rgb, (len(in_view), 3)))
+            numbers.append(np.full(len(in_view), number))
         points, normal, rgb = np.concatenate(corners), np.concatenate(normals), np.concatenate(colours)
+        of_body = np.concatenate(numbers)
         w = -points[..., 2]
         x = (lens[0, 0] * points[..., 0] + lens[0, 2] * points[..., 2]) / w
         y = (lens[1, 1] * points[..., 1] + lens[1, 2] * points[..., 2]) / w
         pixels = np.stack([(x + 1.0) * 0.5 * view.width, (1.0 - y) * 0.5 * view.height], axis=-1)
         # anticlockwise from outside, and y points down
         towards = _doubled_areas(pixels) < -1e-9
-        return _Triangles(pixels[towards], 1.0 / w[towards], normal[towards], rgb[towards])
+        return _Triangles(pixels[towards], 1.0 / w[towards], normal[towards], rgb[towards], of_body[towards])
 
 
 def _in_front(corners_m: Array, normals: Array, near_m: float) -> tuple[Array, Array]:

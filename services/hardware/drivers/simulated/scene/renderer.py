@@ -40,10 +40,15 @@ class View:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """Colours (height, width, 3), and where nothing is (height, width)."""
+    """Colours (height, width, 3), and the body that is seen (height, width): its number, below 0 where nothing is."""
 
     rgb: NDArray[np.uint8]
-    empty: NDArray[np.bool_]
+    body: NDArray[np.int32]
+
+    @property
+    def empty(self) -> NDArray[np.bool_]:
+        """Where nothing is (height, width)."""
+        return self.body < 0
 
 
 class Renderer(Protocol):

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from crosspih_common.config import Workcell
+from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import CameraCalibration, CameraModel, SceneFaults
+from crosspih_common.messages import CameraCalibration, SceneFaults
 from crosspih_common.messages.base import PoseData
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
@@ -30,14 +31,22 @@ class SimulatedStereoCamera:
         self._rig = StereoRig.of(workcell.camera)
         truth = simulated.truth
         true_rig = replace(self._rig, pose_base_camera=true_camera(self._rig.pose_base_camera, truth))
+        hole = true_hole(workcell, truth)
+        self._depth_m = hole.depth_m
+        bottom_m = config.appearance.bottom_depth_m
+        if bottom_m is not None and not hole.chamfer_m < bottom_m <= hole.depth_m:
+            raise ConfigError(
+                f"hardware.simulated.camera.appearance.bottom_depth_m: is {bottom_m:g}; want more than the chamfer's "
+                f"{hole.chamfer_m:g} m and no more than the plate's {hole.depth_m:g} m"
+            )
         self._make: Callable[[], SimulatedScene] = lambda: SimulatedScene(
-            true_hole(workcell, truth), true_rig, true_peg(workcell, truth), workcell.arm(),
+            hole, true_rig, true_peg(workcell, truth), workcell.arm(),
             SensorQuality(config.samples, config.blur_px, config.noise_grey), workcell.pose_flange_peg(),
         )  # fmt: skip
         self._scene: SimulatedScene | None = None
         self._pose_base_hole = Pose.identity()
         self._rng = np.random.default_rng(0)
-        self._look = Appearance.draw(self._rng)
+        self._look = self._drawn()
         self._faults = Faults()
 
     def start(self, pose_base_hole: Pose, rng: np.random.Generator, scene: SceneFaults | None = None) -> None:
@@ -45,18 +54,19 @@ class SimulatedStereoCamera:
         self._pose_base_hole = pose_base_hole
         self._faults = Faults() if scene is None else Faults(**scene.model_dump())
         self._rng = rng
-        self._look = Appearance.draw(rng)
+        self._look = self._drawn()
+
+    def _drawn(self) -> Appearance:
+        return Appearance.draw(self._rng, self._config.appearance, self._depth_m)
 
     def calibration(self) -> CameraCalibration:
         """What the cameras are and where they stand."""
         rig = self._rig
-        camera = CameraModel(
-            width_px=rig.width, height_px=rig.height, fx_px=rig.fx, fy_px=rig.fy, cx_px=rig.cx, cy_px=rig.cy
-        )
+        left, right = rig.models()
         return CameraCalibration(
             stamp_ns=self._world.now_ns,
-            left=camera,
-            right=camera,
+            left=left,
+            right=right,
             pose_left_right=PoseData.of(Pose.from_translation([rig.baseline_m, 0.0, 0.0])),
             pose_base_camera=PoseData.of(rig.pose_base_camera),
         )

@@ -47,7 +47,7 @@ class TinyRenderer:
 
     def draw(self, view: View) -> Drawn:
         """A picture."""
-        _, _, rgba, depth, _ = pybullet.getCameraImage(
+        _, _, rgba, _, body = pybullet.getCameraImage(
             view.width, view.height, view.view_matrix, view.projection_matrix,
             lightDirection=np.asarray(view.to_light, float).tolist(),
             lightColor=[1.0, 1.0, 1.0],
@@ -55,11 +55,11 @@ class TinyRenderer:
             lightDiffuseCoeff=view.diffuse,
             lightSpecularCoeff=view.specular,
             shadow=int(view.shadow),
-            flags=pybullet.ER_NO_SEGMENTATION_MASK,
             renderer=pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )  # fmt: skip
         shape = view.height, view.width
         return Drawn(
-            np.asarray(rgba, dtype=np.uint8).reshape(*shape, 4)[..., :3], np.asarray(depth).reshape(shape) >= 1.0
+            np.asarray(rgba, dtype=np.uint8).reshape(*shape, 4)[..., :3],
+            np.asarray(body, dtype=np.int32).reshape(shape),
         )
