@@ -45,7 +45,9 @@ INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
-DARK_GREY, DARK_STEP_NOISES = 25.0, 4.0
+DARK_GREY = 25.0
+# on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
+DIM_NOISES = 8.0
 RESIDUAL_MOST = 0.1
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.16
@@ -256,8 +258,11 @@ def _checked(quality: Quality, rim: Rim) -> None:
         )
     step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
     dark = quality.face_grey < DARK_GREY
-    if dark:
-        step = max(DARK_STEP_NOISES * quality.noise_grey, step)
+    too_dark = TooDark(
+        f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
+        f"{max(DIM_NOISES * quality.noise_grey, step):.0f} or more: expose longer, or light it more"
+    )
+    dim = dark and quality.step_grey < DIM_NOISES * quality.noise_grey
     if quality.step_grey < step:
         if not dark:
             raise NoCross(
@@ -265,14 +270,13 @@ def _checked(quality: Quality, rim: Rim) -> None:
                 f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
                 "the right part, and the right way round?"
             )
-        raise TooDark(
-            f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
-            f"{step:.0f} or more: expose longer, or light it more"
-        )
+        raise too_dark
     # in each picture by itself: one that shows it all does not speak for one that shows something else
     seen = quality.support.mean(axis=1)
     edges = np.mean(quality.support > 0.5, axis=1)
     if seen.min() < SUPPORT_LEAST or edges.min() < EDGES_LEAST:
+        if dim:
+            raise too_dark
         side = int(np.argmin(np.minimum(seen, edges)))
         raise NotEnoughRim(
             f"{seen[side]:.0%} of the rim and {edges[side]:.0%} of its edges can be seen in the "
@@ -280,6 +284,8 @@ def _checked(quality: Quality, rim: Rim) -> None:
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
+        if dim:
+            raise too_dark
         raise PoorFit(
             f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
             f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use "
