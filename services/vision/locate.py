@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import DistortionModel
 from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated_rim
 from services.vision.detect import Candidate, candidates
@@ -38,7 +39,7 @@ from services.vision.refusals import (
     WrongImage,
 )
 from services.vision.stereo import StereoModel
-from services.vision.straightness import lenses_of
+from services.vision.straightness import Lenses, lenses_of
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
@@ -59,6 +60,8 @@ OFFSET_FREE, SIZES_FREE = 2.0, 6.0
 TAIL = 1.25
 # the less of the rim is seen, the more what covers it may have pulled at the rest: a third hidden, variances times 3.7
 HIDDEN = 8.0
+# marks along an edge move it as a whole: with a texture of 2 % of the step variances are doubled
+TEXTURED = 50.0
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
@@ -148,7 +151,8 @@ def locate_rim(
         raise NotAStereoPair(
             "calibration.pose_left_right: both cameras stand in one place, want the right one where it stands, m"
         )
-    lenses = lenses_of(images, stereo.cameras)
+    untold = any(camera.distortion_model is DistortionModel.NONE for camera in stereo.cameras)
+    lenses = lenses_of(images, stereo.cameras) if untold else Lenses(None, None, None)
     if lenses.sure:
         stereo = stereo.more_bent(lenses.by_side()[0])
     coarse, fine = rims(hole)
@@ -404,7 +408,7 @@ def covariance_of(fit: Fit, quality: Quality, half_ranges: Array, beside: Array)
     known without any picture: half_ranges (6,), m and rad."""
     posterior = fit.covariance[:6, :6]
     strain = TAIL * max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
-    strain *= 1.0 + HIDDEN * (1.0 - quality.supported)
+    strain *= (1.0 + HIDDEN * (1.0 - quality.supported)) * (1.0 + TEXTURED * quality.rough)
     known = np.linalg.inv(posterior * strain + beside) + np.diag(3.0 / half_ranges**2)
     covariance = np.linalg.inv(known)
     return np.asarray(0.5 * (covariance + covariance.T))
