@@ -57,7 +57,7 @@ OFFSET_MOST, SIZES_MOST = 7.0, 25.0
 # from there on they make the covariance larger
 OFFSET_FREE, SIZES_FREE = 2.0, 6.0
 # errors have wider tails than a Gaussian: its variances times
-TAIL = 1.25
+TAIL = 1.5
 # the less of the rim is seen, the more what covers it may have pulled at the rest: a third hidden, variances times 3.7
 HIDDEN = 8.0
 # marks along an edge move it as a whole: with a texture of 2 % of the step variances are doubled
@@ -65,10 +65,9 @@ TEXTURED = 50.0
 PRIOR_SLACK = 1.3
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
-# another fit about the same place that leaves less than so many times as much unexplained is a rival; chi2 (6) of how
-# far away it may be; one that leaves less than so many times as much may be the right one: the covariance reaches it
-ALIKE_SHARE, RIVAL_MOST = 1.06, 27.9
-REACHED_SHARE = 1.1
+# another fit about the same place that leaves less than so many times as much unexplained may be the right one: the
+# covariance reaches it; and how far away it may be, m: a chamfer's width or two
+RIVAL_SHARE, RIVAL_MOST_M = 1.12, 2.5e-3
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
@@ -101,11 +100,11 @@ class _Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """The best fit about one place; how far away (chi2) the farthest is that explains the pictures as well; and the
-    spread (6, 6), m and rad, of all that explain them nearly as well."""
+    """The best fit about one place; and of all others there that explain the pictures nearly as well how far they are,
+    the farthest, m, and their spread about the best (6, 6), m and rad."""
 
     fit: Fit
-    rival: float
+    apart_m: float
     spread: Array
 
 
@@ -195,7 +194,7 @@ def locate_rim(
 
 def _fits(task: _Task, found: list[Candidate]) -> Iterator[_Found]:
     """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for
-    all, whether it is then found sound or not; with it how far away another one is that explains as much."""
+    all, whether it is then found sound or not; others that explain as much widen its covariance."""
     rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
     while rest:
         centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
@@ -212,30 +211,22 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[_Found]:
             left_over = [unlikely(fit, fits[0].even, task.doubts) for fit in fits]
             order = np.argsort(left_over)
             best = fits[order[0]]
-            rival, spread = 0.0, np.zeros((6, 6))
+            apart_m, spread = 0.0, np.zeros((6, 6))
             for index in order[1:]:
-                if left_over[index] > REACHED_SHARE * left_over[order[0]]:
+                if left_over[index] > RIVAL_SHARE * left_over[order[0]]:
                     break
-                off, apart = _apart(best, fits[index])
-                if apart < RIVAL_MOST:
-                    spread += np.outer(off, off)
-                if left_over[index] < ALIKE_SHARE * left_over[order[0]]:
-                    rival = max(rival, apart)
-            yield _Found(best, rival, spread)
-
-
-def _apart(fit: Fit, other: Fit) -> tuple[Array, float]:
-    """Where another fit's pose lies in the first one's (6,), m and rad, and that against both covariances, squared."""
-    moved = fit.state.pose_camera_hole.inverse() @ other.state.pose_camera_hole
-    off = np.concatenate([moved.translation_m, moved.rotvec_rad()])
-    return off, float(off @ np.linalg.solve(fit.covariance[:6, :6] + other.covariance[:6, :6], off))
+                moved = best.state.pose_camera_hole.inverse() @ fits[index].state.pose_camera_hole
+                off = np.concatenate([moved.translation_m, moved.rotvec_rad()])
+                spread += np.outer(off, off)
+                apart_m = max(apart_m, float(np.linalg.norm(off[:2])))
+            yield _Found(best, apart_m, spread)
 
 
 def _judged(task: _Task, found: _Found) -> _Attempt:
     fit = found.fit
     quality = quality_of(fit, task.fine, task.doubts)
     _checked(quality, task.fine)
-    if found.rival > RIVAL_MOST:
+    if found.apart_m > RIVAL_MOST_M:
         raise Doubtful(
             "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
             "use a larger, softer light, or one from another side"
