@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import DistortionModel
 from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated_rim
 from services.vision.detect import Candidate, candidates
@@ -39,7 +38,7 @@ from services.vision.refusals import (
     WrongImage,
 )
 from services.vision.stereo import StereoModel
-from services.vision.straightness import Lenses, lenses_of
+from services.vision.straightness import lenses_of
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
@@ -49,6 +48,7 @@ STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 DARK_GREY = 25.0
 # on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
 DIM_NOISES = 8.0
+LONE_MOST, LONE_BESIDE = 0.2, 0.9
 RESIDUAL_MOST = 0.1
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.16
@@ -150,8 +150,7 @@ def locate_rim(
         raise NotAStereoPair(
             "calibration.pose_left_right: both cameras stand in one place, want the right one where it stands, m"
         )
-    untold = any(camera.distortion_model is DistortionModel.NONE for camera in stereo.cameras)
-    lenses = lenses_of(images, stereo.cameras) if untold else Lenses(None, None, None)
+    lenses = lenses_of(images, stereo.cameras)
     if lenses.sure:
         stereo = stereo.more_bent(lenses.by_side()[0])
     coarse, fine = rims(hole)
@@ -278,6 +277,12 @@ def _checked(quality: Quality, rim: Rim) -> None:
             f"{('left', 'right')[side]} picture, want {SUPPORT_LEAST:.0%}; hidden or dark is "
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
+    lone = _lone_edges(quality.support)
+    if len(lone):
+        raise NotTheDrawing(
+            f"{len(lone)} edges of the rim are not where the drawing has them, and nothing covers them, for all beside "
+            "them is seen: is it the right part and cell?"
+        )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         if dim:
             raise too_dark
@@ -303,6 +308,14 @@ def _checked(quality: Quality, rim: Rim) -> None:
             f"apart by {quality.offset_conflict:.0f}, want {OFFSET_MOST:g}): is it the right part and cell, is "
             "cell.hole.tolerance too small?"
         )
+
+
+def _lone_edges(support: Array) -> NDArray[np.int64]:
+    """Edges that neither picture shows where the drawing has them, though both show both neighbours whole: what covers
+    an edge covers a part of what is beside it. `support` (2, G), the groups in order around the rim."""
+    best, least = support.max(axis=0), support.min(axis=0)
+    beside = np.minimum(np.roll(least, 1), np.roll(least, -1))
+    return np.flatnonzero((best < LONE_MOST) & (beside > LONE_BESIDE))
 
 
 def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:

@@ -18,7 +18,7 @@ from crosspih_common.geometry.pose import Array
 from services.vision.light import Light, shown
 from services.vision.stereo import Camera
 
-SEARCH_WIDTH_PX = 800  # lines are looked for in a picture no wider than this
+SEARCH_WIDTH_PX = 400  # lines are looked for in a picture no wider than this
 LENGTH_LEAST = 0.1  # of a line, as a share of the picture's width
 EDGES_MOST, EDGES_LEAST, EDGES_SURE = 24, 3, 4
 ENDS = 0.06  # share of a line at each end that a corner disturbs

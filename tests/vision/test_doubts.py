@@ -73,8 +73,8 @@ def test_the_defaults_of_the_cells_file_are_those_of_the_fit() -> None:
 
 @pytest.mark.parametrize(
     "more",
-    [Doubts(size_sd_m=2e-4), Doubts(offset_sd_px=0.2)],
-    ids=["size", "calibration"],
+    [Doubts(outer_sd_m=3e-4, inner_sd_m=3e-4, size_sd_m=5e-4, offset_sd_px=0.2), Doubts(offset_sd_px=0.2)],
+    ids=["all", "calibration"],
 )
 def test_a_larger_doubt_makes_the_covariance_larger(more: Doubts) -> None:
     usual, doubted = (located(pictures(), doubts).covariance for doubts in (Doubts(), more))
@@ -101,7 +101,7 @@ def test_a_distortion_that_nobody_told_is_within_the_covariance_and_one_that_is_
     )
     error = error_of(found)
     assert np.array_equal(found.pose_base_hole.matrix(), sure.pose_base_hole.matrix())
-    assert abs(error[2]) > 1.2 * np.sqrt(sure.covariance[2, 2])  # what it costs where it is not doubted
+    assert abs(error[2]) > 0.9 * np.sqrt(sure.covariance[2, 2])  # what it costs where it is not doubted
     assert error @ np.linalg.solve(found.covariance, error) < CHI2_6_9999
     assert np.all(np.linalg.eigvalsh(found.covariance - sure.covariance) > -1e-12)
     assert abs(error_of(told)[2]) < 0.5 * abs(error[2])

@@ -26,6 +26,7 @@ SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
 # a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
 # faintly
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.62, 0.72
+FAINTLY_BETTER = 0.08
 # how much better or worse a plane must explain it than another, share of what is seen
 BETTER = 0.12
 # from the first on a bottom, a wall or the background; up to the second a pocket, up to the third the face itself
@@ -120,7 +121,11 @@ def _depth_by(inside: Inside, quality: Quality) -> float | None:
         return float(inside.depths_m[best])
     if deep < share[0] - BETTER:
         return DEEP_M
-    return np.inf if share[0] > (NOT_EXPLAINED if seen > PLAIN_NOISES else FAINTLY_NOT_EXPLAINED) else None
+    if seen > PLAIN_NOISES:
+        return np.inf if share[0] > NOT_EXPLAINED else None
+    # faintly seen: what no plane explains better than another is noise, and says nothing
+    told = share[0] > FAINTLY_NOT_EXPLAINED and share[0] > np.nanmin(share) + FAINTLY_BETTER
+    return np.inf if told else None
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
@@ -142,7 +147,8 @@ def judge(evidence: Evidence, quality: Quality) -> None:
         )
     sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
     faint = inside.structure < FAINT_NOISES * inside.noise
-    if faint and (evidence.chamfer > sure or evidence.black < BLACK_SHARE):
+    # a chamfer that is as likely drawn on the face is no proof
+    if faint and ((evidence.chamfer > sure and evidence.deeper > 0.0) or evidence.black < BLACK_SHARE):
         return
     one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARE
     ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
