@@ -48,7 +48,7 @@ STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 DARK_GREY = 25.0
 # on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
 DIM_NOISES = 8.0
-LONE_MOST, LONE_BESIDE = 0.2, 0.9
+LONE_LEAST, LONE_BESIDE = 0.7, 0.9
 RESIDUAL_MOST = 0.1
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.16
@@ -277,7 +277,7 @@ def _checked(quality: Quality, rim: Rim) -> None:
             f"{('left', 'right')[side]} picture, want {SUPPORT_LEAST:.0%}; hidden or dark is "
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
-    lone = _lone_edges(quality.support)
+    lone = _lone_edges(quality.support, quality.astray)
     if len(lone):
         raise NotTheDrawing(
             f"{len(lone)} edges of the rim are not where the drawing has them, and nothing covers them, for all beside "
@@ -310,12 +310,13 @@ def _checked(quality: Quality, rim: Rim) -> None:
         )
 
 
-def _lone_edges(support: Array) -> NDArray[np.int64]:
-    """Edges that neither picture shows where the drawing has them, though both show both neighbours whole: what covers
-    an edge covers a part of what is beside it. `support` (2, G), the groups in order around the rim."""
-    best, least = support.max(axis=0), support.min(axis=0)
+def _lone_edges(support: Array, astray: Array) -> NDArray[np.int64]:
+    """Edges of which neither picture shows any step where the drawing has one, face or hole going on there, though they
+    show both neighbours whole: what covers an edge has a border itself, and covers a part of what is beside it.
+    `support` and `astray` (2, G): shares, the groups in order around the rim."""
+    least = support.min(axis=0)
     beside = np.minimum(np.roll(least, 1), np.roll(least, -1))
-    return np.flatnonzero((best < LONE_MOST) & (beside > LONE_BESIDE))
+    return np.flatnonzero((astray.min(axis=0) > LONE_LEAST) & (beside > LONE_BESIDE))
 
 
 def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:

@@ -58,7 +58,22 @@ def test_a_hole_is_never_called_a_print(look: Look) -> None:
 def test_a_drawing_without_a_chamfer_has_one_step_and_proves_nothing() -> None:
     nothing = np.full(12, 0.02)
     inside = Inside(np.zeros(12), nothing, 0.3, 0.6, 900, 9.0)
-    quality = Quality(120.0, 1.5, 150.0, np.ones((2, 12)), 0.02, 1.0, 0.0, 0.0, np.zeros(2), 0.0, np.zeros(4), 0.0, 0.0)
+    quality = Quality(
+        120.0,
+        1.5,
+        150.0,
+        np.ones((2, 12)),
+        np.zeros((2, 12)),
+        0.02,
+        1.0,
+        0.0,
+        0.0,
+        np.zeros(2),
+        0.0,
+        np.zeros(4),
+        0.0,
+        0.0,
+    )
     for chamfered, name in ((True, FlatPrint), (False, NotSeenInside)):
         with pytest.raises(name):
             judge(Evidence(inside, 0.0, 0.06, 0.0, chamfered), quality)
