@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio
 from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from crosspih_common.arm.errors import Unreachable
@@ -31,6 +32,8 @@ _FAR_RAD = 1.0  # a posture that far from the seed: others may be nearer
 _STARTS = 24
 _SINGULAR = 0.02
 _AT_LIMIT_RAD = 1e-6
+_BOUNDED_STEPS = 200
+_MET_SQUARED = 1e-20  # (1e-10 m and rad)^2
 
 
 class Numerical:
@@ -68,7 +71,10 @@ class Numerical:
             elif float(left @ left) < closest[0]:
                 closest = float(left @ left), joints
         if not found:
-            raise Unreachable(self._why(target, closest[1]))
+            joints = self._within_limits(target, seed)
+            if joints is None:
+                raise Unreachable(self._why(target, closest[1]))
+            found.append(joints)
         turned = [self._unwound(joints, seed) for joints in found]
         return min(turned, key=lambda joints: float(np.linalg.norm(joints - seed)))
 
@@ -133,6 +139,21 @@ class Numerical:
                     break
             joints = ahead
         return joints, self._missing(target, joints)[0]
+
+    def _within_limits(self, target: pinocchio.SE3, seed: Array) -> Array | None:
+        """The target met by least squares between the limits: slower, but a pose in a corner of many of them, where
+        Newton's steps with held joints stop short, is found as well. None where there is none."""
+        result = least_squares(
+            lambda joints: self._missing(target, joints)[0],
+            seed,
+            # that of the twist's logarithm is left out: at the target it is one
+            jac=lambda joints: -self._missing(target, joints)[1],
+            bounds=(self._lower, self._upper),
+            xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=_BOUNDED_STEPS,
+        )  # fmt: skip
+        joints = np.clip(result.x, self._lower, self._upper)
+        missing = self._missing(target, joints)[0]
+        return joints if float(missing @ missing) < _MET_SQUARED else None
 
     def _held(
         self, joints: Array, ahead: Array, jacobian: Array, missing: Array, wish: Array | None, damping: float

@@ -43,6 +43,14 @@ def test_any_pose_of_the_arm_is_met_from_a_seed_nearby(arm: ArmModel, share: Arr
     assert arm.limits.violations(found) == []
 
 
+def test_a_pose_in_a_corner_of_the_limits_is_met() -> None:
+    arm = panda()
+    low, high = arm.limits.lower_rad, arm.limits.upper_rad
+    joints = low + np.array([0.0, 0.0, 0.0, 0.0, 0.015625, 0.001953125, 1.0]) * (high - low)
+    pose = arm.pose_base_flange(joints)
+    assert off_by(arm, nearest(arm, pose, np.clip(joints - 0.1, low, high)), pose) < 1e-9
+
+
 @each_arm
 def test_far_poses_are_met_as_well(arm: ArmModel) -> None:
     rng = np.random.default_rng(2)
