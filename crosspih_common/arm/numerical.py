@@ -32,7 +32,7 @@ _FAR_RAD = 1.0  # a posture that far from the seed: others may be nearer
 _STARTS = 24
 _SINGULAR = 0.02
 _AT_LIMIT_RAD = 1e-6
-_BOUNDED_STEPS = 200
+_BOUNDED_STEPS = 100
 _MET_SQUARED = 1e-20  # (1e-10 m and rad)^2
 
 
@@ -71,10 +71,10 @@ class Numerical:
             elif float(left @ left) < closest[0]:
                 closest = float(left @ left), joints
         if not found:
-            joints = self._within_limits(target, seed)
-            if joints is None:
+            bounded = self._within_limits(target, seed)
+            if bounded is None:
                 raise Unreachable(self._why(target, closest[1]))
-            found.append(joints)
+            found.append(bounded)
         turned = [self._unwound(joints, seed) for joints in found]
         return min(turned, key=lambda joints: float(np.linalg.norm(joints - seed)))
 
@@ -143,12 +143,16 @@ class Numerical:
     def _within_limits(self, target: pinocchio.SE3, seed: Array) -> Array | None:
         """The target met by least squares between the limits: slower, but a pose in a corner of many of them, where
         Newton's steps with held joints stop short, is found as well. None where there is none."""
+
+        def left(joints: Array) -> Array:
+            return self._missing(target, joints)[0]
+
+        def slope(joints: Array) -> Array:
+            # but for that of the twist's logarithm, which is one at the target
+            return -self._missing(target, joints)[1]
+
         result = least_squares(
-            lambda joints: self._missing(target, joints)[0],
-            seed,
-            # that of the twist's logarithm is left out: at the target it is one
-            jac=lambda joints: -self._missing(target, joints)[1],
-            bounds=(self._lower, self._upper),
+            left, seed, slope, (self._lower, self._upper), "dogbox",
             xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=_BOUNDED_STEPS,
         )  # fmt: skip
         joints = np.clip(result.x, self._lower, self._upper)
