@@ -86,6 +86,19 @@ def test_what_is_wrong_is_named(tmp_path: Path, change: dict[str, Any], words: s
         open_cell(Workcell(), _config({**_files(tmp_path), **change}), realtime=False)
 
 
+def test_without_a_place_of_its_own_the_camera_stands_where_the_cell_has_it(tmp_path: Path) -> None:
+    said = _files(tmp_path)
+    content = json.loads(said["calibration"].read_text(encoding="utf-8"))
+    del content["pose_base_camera"]
+    said["calibration"].write_text(json.dumps(content), encoding="utf-8")
+    cell = open_cell(Workcell(), _config(said), realtime=False)
+    try:
+        pose = cell.camera.calibration().pose_base_camera.pose()
+        assert np.allclose(pose.matrix(), Workcell().camera.pose_base_camera().matrix())
+    finally:
+        cell.close()
+
+
 def test_a_picture_of_another_size_than_the_calibration_says_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"left\.png is 320 x 240, the calibration says 640 x 480"):
         open_cell(Workcell(), _config(_files(tmp_path, shape=(240, 320))), realtime=False)

@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 
 from crosspih_common.config import CameraSection, PegDrawing, Workcell
 from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import DistortionModel
 from crosspih_common.shapes import Hole, Outline
 from services.hardware.drivers.simulated.scene.camera import SimulatedScene
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.scene.scene_appearance import Faults
-from services.vision.detect import Candidate, candidates
+from services.vision.detect import candidates
 from services.vision.detect.picture_level import Level, Window
 from services.vision.detect.rim_samples import RimSamples
 from services.vision.stereo import Camera, StereoModel
@@ -96,7 +95,7 @@ def test_the_cross_is_found_however_it_looks(look: str) -> None:
     hole, truth = hole_of("cross"), truth_of(STEREO, 7)
     found = candidates(drawn_pair(STEREO, hole, truth, LOOKS[look]), STEREO, hole, NOMINAL, HALF_RANGES)
     assert off_px(STEREO, hole, found[0].pose_camera_hole, truth) < NEAR_PX
-    assert min(found[0].supported) > (0.6 if look == "a third covered" else 0.8)
+    assert found[0].score > (0.5 if look == "a third covered" else 0.7)
 
 
 @pytest.mark.parametrize(
@@ -157,15 +156,11 @@ def test_the_cells_own_pictures(scene: SimulatedScene, faults: Faults) -> None:
         assert found[0].score > 0.8
 
 
-def test_a_covered_arm_is_named(scene: SimulatedScene) -> None:
+def test_a_covered_arm_does_not_lead_astray(scene: SimulatedScene) -> None:
     truth, rng = truth_of(STEREO, 61), np.random.default_rng(61)
     images = scene.render_stereo(STEREO.pose_base_camera @ truth, None, rng, Faults(covered_arm=1), plain_look(rng))
     found = candidates([i.astype(np.float32) for i in images], STEREO, scene.hole, NOMINAL, HALF_RANGES)[0]
     assert off_px(STEREO, scene.hole, found.pose_camera_hole, truth) < NEAR_PX
-    for side in range(2):
-        share, middle = found.gap(side)
-        assert 0.1 < share < 0.4
-        assert middle[1] > 0.018, "the arm along +y is the covered one"
 
 
 @pytest.mark.parametrize("faults", [Faults(hole=False), Faults(hole=False, square=True)], ids=["blank", "square"])
@@ -180,10 +175,9 @@ def test_pictures_that_show_nothing_support_nothing() -> None:
     empty = np.full((480, 640), 90.0, dtype=np.float32)
     found = candidates((empty, empty), STEREO, hole_of("cross"), NOMINAL, HALF_RANGES)
     assert found[0].score < 0.05
-    assert found[0].supported == (0.0, 0.0)
 
 
-def test_a_rim_that_leaves_the_picture_is_unseen_there() -> None:
+def test_a_rim_that_leaves_the_picture_is_found_by_the_rest() -> None:
     hole, truth = hole_of("cross"), truth_of(STEREO, 7)
     images = drawn_pair(STEREO, hole, truth, Look())
     middle = round(float(STEREO.project(truth.translation_m)[0, 0]))
@@ -191,8 +185,6 @@ def test_a_rim_that_leaves_the_picture_is_unseen_there() -> None:
     cut = np.ascontiguousarray(images[0][:, :middle])
     found = candidates((cut, images[1]), STEREO, hole, NOMINAL, HALF_RANGES)[0]
     assert off_px(STEREO, hole, found.pose_camera_hole, truth) < 2.0 * NEAR_PX
-    beyond = STEREO.project(found.pose_camera_hole.apply(found.rim_m))[0, :, 0] > middle + 3
-    assert found.support[0][beyond].max() < 0.3
 
 
 def test_the_same_pictures_give_the_same_answer_to_the_last_bit() -> None:
@@ -201,22 +193,6 @@ def test_the_same_pictures_give_the_same_answer_to_the_last_bit() -> None:
     first, second = (candidates(images, STEREO, hole, NOMINAL, HALF_RANGES) for _ in range(2))
     assert [c.score for c in first] == [c.score for c in second]
     assert np.array_equal(first[0].pose_camera_hole.matrix(), second[0].pose_camera_hole.matrix())
-
-
-def told(score: float, hidden: Array, apart: float = 0.0) -> Candidate:
-    turn = np.linspace(0.0, 2.0 * np.pi, len(hidden), endpoint=False)
-    rim = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
-    return Candidate(Pose.identity(), score, rim, np.tile(np.where(hidden, 0.0, 1.0), (2, 1)), apart)
-
-
-def test_a_gap_may_lie_across_the_rims_start() -> None:
-    hidden = np.zeros(40, dtype=bool)
-    hidden[[38, 39, 0, 1, 2, 20]] = True
-    share, middle = told(0.9, hidden).gap(1)
-    assert share == pytest.approx(5 / 40)
-    assert middle == pytest.approx([1.0, 0.0, 0.0])
-    assert told(0.9, ~np.zeros(40, dtype=bool)).gap(0)[0] == 1.0
-    assert told(0.9, np.zeros(40, dtype=bool)).gap(0)[0] == 0.0
 
 
 @settings(max_examples=30, deadline=None)

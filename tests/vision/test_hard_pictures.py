@@ -9,11 +9,11 @@ import pytest
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
+from services.vision.covariance import covariance_of
 from services.vision.fit.climb import climb, rims
 from services.vision.fit.noise import likeness
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.solve import BLUR_MEAN_PX2, Doubts, Fit, roundness_cost, start_state
-from services.vision.locate import covariance_of
 from tests.vision.drawn_pairs import Look, drawn_pair
 from tests.vision.test_detect import HALF_RANGES, STEREO, truth_of
 

@@ -24,7 +24,6 @@ STARTS, KEPT, MOST = 8, 4, 5
 FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
 # how far two rims are apart at least, px, to be worth refining both, and to be two answers
 WORTH_PX, SAME_PX = 1.5, 0.7
-SUPPORTED = 0.45
 UNEXPLAINED_LEAST = 0.001
 
 
@@ -32,35 +31,11 @@ UNEXPLAINED_LEAST = 0.001
 class Candidate:
     """A pose at which the rim may be, and what speaks for it.
 
-    `score` 0 to 1: the mean support over both pictures. `rim_m` (M, 3): places on the middle of the chamfer, hole
-    frame, m, evenly along the rim; `support` (2, M): 0 to 1, how much the left and the right picture look like a rim
-    at each.
-    `apart`: how far its rim lies from the best candidate's at most, as a share of the rim's extent in that picture.
+    `score` 0 to 1: how much of the rim looks like it, the mean over both pictures.
     """
 
     pose_camera_hole: Pose
     score: float
-    rim_m: Array
-    support: Array
-    apart: float = 0.0
-
-    @property
-    def supported(self) -> tuple[float, float]:
-        """The share of the rim that is seen in the left and in the right picture."""
-        left, right = (self.support > SUPPORTED).mean(axis=1)
-        return float(left), float(right)
-
-    def gap(self, side: int) -> tuple[float, Array]:
-        """The longest stretch of the rim that is not seen in a picture (0 left, 1 right): its share of the rim, and the
-        place (3,) on the rim, hole frame, m, in its middle: what covers the rim, or hides it in the dark, is there."""
-        hidden = self.support[side] <= SUPPORTED
-        count = len(hidden)
-        longest, start, run = 0, 0, 0
-        for index in range(2 * count):  # the rim is closed: twice around
-            run = run + 1 if hidden[index % count] else 0
-            if longest < run <= count:
-                longest, start = run, index - run + 1
-        return longest / count, np.asarray(self.rim_m[(start + longest // 2) % count])
 
 
 def candidates(
@@ -104,14 +79,7 @@ def candidates(
     seen = np.asarray(likeness(levels, samples, stereo, poses), dtype=float)
     score = seen.mean(axis=(0, 2))
     chosen = _apart(samples, stereo, poses, _rank(seen), SAME_PX)[:MOST]
-    middle = samples.at(0.5)
-    rims = stereo.project(poses.apply(middle))
-    best = rims[:, chosen[0]]
-    apart = np.linalg.norm(rims - best[:, None], axis=-1).max(axis=2) / np.ptp(best, axis=1).max(axis=1)[:, None]
-    return [
-        Candidate(poses[index], float(score[index]), middle, seen[:, index], float(apart[:, index].max()))
-        for index in chosen
-    ]
+    return [Candidate(poses[index], float(score[index])) for index in chosen]
 
 
 def _with_slips(poses: Poses, samples: RimSamples) -> Poses:

@@ -12,8 +12,9 @@ import numpy as np
 import yaml
 from pydantic import ValidationError
 
+from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
-from crosspih_common.messages import CameraCalibration
+from crosspih_common.messages import CameraCalibration, PoseData
 from crosspih_common.messages.images import Pixels
 from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.registry import OpenRequest
@@ -55,7 +56,7 @@ def open_devices(request: OpenRequest) -> Devices:
         raise ConfigError(
             f"{FIELD}.left, right: {len(config.left)} and {len(config.right)} files, want as many of both, one or more"
         )
-    calibration = _calibration(config)
+    calibration = _calibration(config, request.workcell)
     pairs = []
     for left, right in zip(config.left, config.right, strict=True):
         pair = _picture(left, "left", calibration), _picture(right, "right", calibration)
@@ -64,7 +65,7 @@ def open_devices(request: OpenRequest) -> Devices:
     return Devices(camera=PictureCamera(pairs, calibration, config.exposure_s), realtime=request.realtime)
 
 
-def _calibration(config: PicturesConfig) -> CameraCalibration:
+def _calibration(config: PicturesConfig, workcell: Workcell) -> CameraCalibration:
     path = config.calibration
     if path is None:
         raise ConfigError(f"{FIELD}.calibration: names no file; give the cameras' calibration (docs/locate.md)")
@@ -74,8 +75,10 @@ def _calibration(config: PicturesConfig) -> CameraCalibration:
         raise ConfigError(f"{FIELD}.calibration: {path} cannot be read: {error}") from None
     if not isinstance(said, dict):
         raise ConfigError(f"{FIELD}.calibration: {path} holds no fields, want left, right, pose_left_right, ...")
+    # where the cameras stand is mostly the cell's to say
+    standing = {"pose_base_camera": PoseData.of(workcell.camera.pose_base_camera())}
     try:
-        return CameraCalibration.model_validate({"stamp_ns": 0, **said})
+        return CameraCalibration.model_validate({"stamp_ns": 0, **standing, **said})
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])

@@ -1,0 +1,139 @@
+"""What a fit must be like to be believed, and what to do where it is not."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.vision.fit.quality import Quality
+from services.vision.fit.rim import Rim
+from services.vision.hidden import hidden_parts
+from services.vision.refusals import (
+    CutOff,
+    NoCross,
+    NotAStereoPair,
+    NotEnoughRim,
+    NotTheDrawing,
+    OutsidePrior,
+    PoorFit,
+    TooBright,
+    TooDark,
+)
+
+# of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
+INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
+SATURATED_MOST, RIM_SATURATED_MOST = 0.25, 0.75
+STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
+# a face darker than that could hide a hole
+DARK_GREY = 25.0
+# on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
+DIM_NOISES = 8.0
+# of an edge that shows no step, and of both edges beside it that do
+LONE_LEAST, LONE_BESIDE = 0.7, 0.9
+RESIDUAL_MOST = 0.1
+# how rough what is seen at the rim may be, share of the step
+ROUGH_MOST = 0.16
+# chi2 of what the pictures say against the calibration (2) and against the drawing (4)
+OFFSET_MOST, SIZES_MOST = 7.0, 25.0
+PRIOR_SLACK = 1.3
+
+
+def require_sound(quality: Quality, rim: Rim) -> None:
+    """Raises the VisionRefusal that says best what is wrong with a fit."""
+    if quality.saturated > SATURATED_MOST:
+        raise TooBright(
+            f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
+            "expose less, or take the glare off it"
+        )
+    if quality.rim_saturated > RIM_SATURATED_MOST:
+        raise TooBright(
+            f"{quality.rim_saturated:.0%} of the rim is beside something saturated, want less than "
+            f"{RIM_SATURATED_MOST:.0%}: expose less, or take the glare off the chamfer"
+        )
+    if quality.inside < INSIDE_LEAST:
+        raise CutOff(
+            f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
+        )
+    step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
+    dark = quality.face_grey < DARK_GREY
+    too_dark = TooDark(
+        f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
+        f"{max(DIM_NOISES * quality.noise_grey, step):.0f} or more: expose longer, or light it more"
+    )
+    dim = dark and quality.step_grey < DIM_NOISES * quality.noise_grey
+    if quality.step_grey < step:
+        if not dark:
+            raise NoCross(
+                f"where the rim should be the step is {quality.step_grey:.0f} grey levels in noise of "
+                f"{quality.noise_grey:.1f}, on a face of grey {quality.face_grey:.0f}: no such hole is there; is it "
+                "the right part, and the right way round?"
+            )
+        raise too_dark
+    # in each picture by itself: one that shows it all does not speak for one that shows something else
+    seen = quality.support.mean(axis=1)
+    edges = np.mean(quality.support > 0.5, axis=1)
+    if seen.min() < SUPPORT_LEAST or edges.min() < EDGES_LEAST:
+        if dim:
+            raise too_dark
+        side = int(np.argmin(np.minimum(seen, edges)))
+        raise NotEnoughRim(
+            f"{seen[side]:.0%} of the rim and {edges[side]:.0%} of its edges can be seen in the "
+            f"{('left', 'right')[side]} picture, want {SUPPORT_LEAST:.0%}; hidden or dark is "
+            f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
+        )
+    lone = _lone_edges(quality.support, quality.astray)
+    if len(lone):
+        raise NotTheDrawing(
+            f"{len(lone)} edges of the rim are not where the drawing has them, and nothing covers them, for all beside "
+            "them is seen: is it the right part and cell?"
+        )
+    if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
+        if dim:
+            raise too_dark
+        raise PoorFit(
+            f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
+            f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {ROUGH_MOST:.0%}: use "
+            "a larger, softer light"
+        )
+    # an outline of another size pulls at the calibration as well, and harder at the drawing
+    drawing_first = quality.sizes_conflict > quality.offset_conflict
+    if quality.offset_conflict > OFFSET_MOST and not drawing_first:
+        du, dv = quality.offset_px
+        raise NotAStereoPair(
+            f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
+            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare "
+            "in one?"
+        )
+    if quality.sizes_conflict > SIZES_MOST or quality.offset_conflict > OFFSET_MOST:
+        outer, inner, near, far = quality.sizes_m * 1e3
+        raise NotTheDrawing(
+            f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
+            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}; the pictures "
+            f"apart by {quality.offset_conflict:.0f}, want {OFFSET_MOST:g}): is it the right part and cell, is "
+            "cell.hole.tolerance too small?"
+        )
+
+
+def _lone_edges(support: Array, astray: Array) -> NDArray[np.int64]:
+    """Edges of which neither picture shows any step where the drawing has one, face or hole going on there, though they
+    show both neighbours whole: what covers an edge has a border itself, and covers a part of what is beside it.
+    `support` and `astray` (2, G): shares, the groups in order around the rim."""
+    least = support.min(axis=0)
+    beside = np.minimum(np.roll(least, 1), np.roll(least, -1))
+    return np.flatnonzero((astray.min(axis=0) > LONE_LEAST) & (beside > LONE_BESIDE))
+
+
+def require_inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> None:
+    """Raises OutsidePrior for a pose farther from `nominal` than `half_ranges` (6,), m and rad, and some slack."""
+    off = nominal.inverse() @ pose_base_hole
+    error = np.concatenate([off.translation_m, off.rotvec_rad()])
+    worst = int(np.argmax(np.abs(error) / half_ranges))
+    if abs(error[worst]) > PRIOR_SLACK * half_ranges[worst]:
+        name = ("x", "y", "z", "rx", "ry", "rz")[worst]
+        unit, factor = ("mm", 1e3) if worst < 3 else ("rad", 1.0)
+        raise OutsidePrior(
+            f"{name} is {error[worst] * factor:.3g} {unit} from the nominal hole, want within "
+            f"{half_ranges[worst] * PRIOR_SLACK * factor:.3g}"
+        )
