@@ -31,7 +31,7 @@ DARK_GREY = 25.0
 # on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
 DIM_NOISES = 8.0
 # of an edge that shows no step, and of both edges beside it that do
-LONE_LEAST, LONE_BESIDE = 0.7, 0.9
+LONE_LEAST, LONE_BESIDE = 0.7, 0.5
 RESIDUAL_MOST = 0.1
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.16

@@ -40,6 +40,11 @@ class Inside:
     points: int
     bright: float
 
+    @property
+    def uneven(self) -> float:
+        """What may be seen inside, as a share of how bright it is there."""
+        return float(np.hypot(self.structure, 0.5 * self.noise)) / max(self.bright, 1e-9)
+
 
 def _grid(inner_m: Array, pixel_m: float) -> Array:
     """Points (N, 2) of the face's plane inside the outline (n, 2), away from it, m."""

@@ -25,23 +25,34 @@ DEPTHS_M = np.array([0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.0
 SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
 # a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
 # faintly
-EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.62, 0.72
+EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
 FAINTLY_BETTER = 0.08
+# what is faintly seen says something where it is no mere shade of ink, as a share of its grey, or the chamfer is there
+FAINTLY_UNEVEN, FAINTLY_CHAMFER = 0.15, 0.2
 # how much better or worse a plane must explain it than another, share of what is seen
 BETTER = 0.12
+# a glossy print mirrors what is far away: it is as even as that, and a deep plane leaves that share of what the face's
+# plane leaves
+MIRRORED_UNEVEN, MIRRORED = 0.1, 0.6
+# a bottom DEEP_M below a face, of the face's own surface, is as bright as that share of it
+BOTTOM_SHARE = 0.5
 # from the first on a bottom, a wall or the background; up to the second a pocket, up to the third the face itself
 DEEP_M, SHALLOW_M, FLAT_M = 0.012, 0.0065, 0.0008
-# a bottom deeper than SHALLOW_M and not yet DEEP_M: one plane explains all but that much, and deeper ones leave more by
-ONE_PLANE, ONE_PLANE_BETTER = 0.12, 0.05
+# a bottom deeper than SHALLOW_M and no deeper than DEEP_M: one plane explains all but that much, and deeper ones leave
+# more by
+ONE_PLANE, ONE_PLANE_BETTER = 0.2, 0.04
 # log likelihood of a chamfer that goes down against one that is drawn on the face
 DEEPER_LEAST = 8.0
 # the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line
 CHAMFER_LEAST = 0.085
 CHAMFER_NOISES = 2.0
-# of the face's light: the blackest inks give back more
-BLACK_SHARE = 0.027
+# of the face's light: the blackest inks give back more than the first; and nearly all more than the second, which says
+# something where there is a chamfer too
+BLACK_SHARE, BLACKISH_SHARE = 0.022, 0.034
 # with more seen inside than that a hole would show its depth
 FAINT_NOISES = 1.4
+# what the face's plane leaves of what is seen inside, when that does not lie in it
+NOT_IN_PLANE = 0.6
 CHAMFERED_M = 1e-4
 # what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
 # and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
@@ -51,7 +62,7 @@ EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
-    the less of both; black: the inside's grey over the face's; deeper: log likelihood of a chamfer that goes down
+    the less of both; black: the median of the inside's grey over the face's; deeper: log likelihood of a chamfer that goes down
     against one that is drawn on the face; chamfered: by the drawing."""
 
     inside: Inside
@@ -64,11 +75,6 @@ class Evidence:
     def seen(self) -> float:
         """What is seen inside, times the noise."""
         return self.inside.structure / max(self.inside.noise, 1e-9)
-
-    @property
-    def uneven(self) -> float:
-        """What may be seen inside, as a share of how bright it is there."""
-        return float(np.hypot(self.inside.structure, 0.5 * self.inside.noise)) / max(self.inside.bright, 1e-9)
 
 
 def chamfer_shade(fit: Fit, rim: Rim, step_grey: float) -> Array:
@@ -97,42 +103,45 @@ def evidence_of(
     shade = chamfer_shade(fit, rim, quality.step_grey)
     known = shade[np.isfinite(shade)]
     chamfer, deeper = 0.0, 0.0
+    black = inside.bright / max(float(np.median(fit.steps.face)), 1.0)
     chamfered = float(np.abs(hole.inner_rim_m()[:, 2]).max()) > CHAMFERED_M
     if chamfered:
         if len(known) >= 2:
             chamfer = float(min(np.sqrt(np.mean(known**2)), np.sqrt(np.mean((known - 1.0) ** 2))))
-        if _depth_by(inside, quality) is None:
+        if _depth_by(inside, chamfer, black, quality) is None:
             deeper = deeper_by(images, rim, stereo, fit, doubts)
-    face = float(np.median(fit.steps.face))
-    return Evidence(inside, chamfer, float(np.median(fit.steps.bore)) / max(face, 1.0), deeper, chamfered)
+    return Evidence(inside, chamfer, black, deeper, chamfered)
 
 
-def _depth_by(inside: Inside, quality: Quality) -> float | None:
+def _depth_by(inside: Inside, chamfer: float, black: float, quality: Quality) -> float | None:
     """How deep what is seen inside lies, m; infinite where no plane explains it; None where it does not say."""
     seen = inside.structure / max(inside.noise, 1e-9)
     if seen < SEEN_NOISES or inside.structure < SEEN_SHARE * quality.step_grey:
         return None
     share = inside.unexplained / inside.structure
     deep = float(np.nanmin(np.where(inside.depths_m >= DEEP_M, share, np.nan)))
+    deeper = float(np.nanmin(np.where(inside.depths_m > DEEP_M, share, np.nan)))
     best = int(np.nanargmin(share))
     if share[best] < EXPLAINED and inside.depths_m[best] <= SHALLOW_M and share[-1] > share[best] + BETTER:
         return float(inside.depths_m[best])
-    if share[best] < ONE_PLANE and inside.depths_m[best] < DEEP_M and deep > share[best] + ONE_PLANE_BETTER:
+    bottom = inside.depths_m[best] < DEEP_M or (inside.depths_m[best] == DEEP_M and black > BOTTOM_SHARE)
+    if share[best] < ONE_PLANE and bottom and deeper > share[best] + ONE_PLANE_BETTER:
         return float(inside.depths_m[best])
-    if deep < share[0] - BETTER:
-        return DEEP_M
+    behind = deep < share[0] - BETTER
     if seen > PLAIN_NOISES:
-        return np.inf if share[0] > NOT_EXPLAINED else None
+        mirrored = inside.uneven < MIRRORED_UNEVEN and deep > MIRRORED * share[0]
+        return np.inf if share[0] > NOT_EXPLAINED or (behind and not mirrored) else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
     told = share[0] > FAINTLY_NOT_EXPLAINED and share[0] > np.nanmin(share) + FAINTLY_BETTER
-    return np.inf if told else None
+    mere_ink = inside.uneven < FAINTLY_UNEVEN and chamfer < FAINTLY_CHAMFER
+    return np.inf if (told or behind) and not mere_ink else None
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
     """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside: in this order, the certain first."""
     inside = evidence.inside
-    depth = _depth_by(inside, quality)
-    if depth is not None and depth >= DEEP_M:
+    depth = _depth_by(inside, evidence.chamfer, evidence.black, quality)
+    if depth is not None and np.isinf(depth):
         return
     if depth is not None and depth > FLAT_M:
         raise ShallowPocket(
@@ -148,11 +157,15 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
     faint = inside.structure < FAINT_NOISES * inside.noise
     # a chamfer that is as likely drawn on the face is no proof
-    if faint and ((evidence.chamfer > sure and evidence.deeper > 0.0) or evidence.black < BLACK_SHARE):
+    if faint and evidence.chamfer > sure and evidence.deeper > 0.0:
+        return
+    # ink that is seen at all lies in the face's plane
+    black = evidence.black < (BLACKISH_SHARE if evidence.chamfer > sure else BLACK_SHARE)
+    if black and (faint or share > NOT_IN_PLANE):
         return
     one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARE
     ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
-    if (one_step and evidence.uneven < EVEN_ONE_STEP) or (ink and evidence.uneven < EVEN):
+    if (one_step and inside.uneven < EVEN_ONE_STEP) or (ink and inside.uneven < EVEN):
         # a black hole under stray light and an even dome could look like that: the name is not certain
         step = "the outline is one step, without the drawing's chamfer, and " if one_step else ""
         raise FlatPrint(
