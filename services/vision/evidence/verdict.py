@@ -62,7 +62,7 @@ EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
-    the less of both; black: the median of the inside's grey over the face's; deeper: log likelihood of a chamfer that goes down
+    the less of both; black: the median grey inside over the face's; deeper: log likelihood of a chamfer that goes down
     against one that is drawn on the face; chamfered: by the drawing."""
 
     inside: Inside

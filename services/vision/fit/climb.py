@@ -48,7 +48,7 @@ ALIKE_SHARE, FINISHED = 1.2, 3
 SAME_M = 0.05e-3
 MARGIN_PX = 40
 # a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
-STRANGE_OFFSET, STRANGE_SIZES, STRANGE_LEAST = 4.0, 12.0, 0.1
+STRANGE_OFFSET, STRANGE_SIZES, STRANGE_LEAST = 3.0, 6.0, 0.1
 
 
 def rims(hole: Rimmed) -> tuple[Rim, Rim]:
