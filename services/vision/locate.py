@@ -17,7 +17,7 @@ from services.vision.checks import require_inside_prior, require_sound
 from services.vision.covariance import covariance_of
 from services.vision.detect import Candidate, candidates
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
-from services.vision.fit.climb import climb, rims, unlikely
+from services.vision.fit.climb import Rival, climb, rims
 from services.vision.fit.lens import LensDoubt, lens_doubt
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
@@ -37,9 +37,9 @@ from services.vision.straightness import lenses_of
 
 # candidates that are tried, and how good, against the best, one must be
 TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
-# another fit about the same place that leaves less than so many times as much unexplained may be the right one: the
-# covariance reaches it; and how far away it may be, m: a chamfer's width or two
-RIVAL_SHARE, RIVAL_MOST_M = 1.12, 2.5e-3
+# a rival counts e times less for each such share by which it is worse than the best; one that counts for more than that
+# may not be farther away, m: a chamfer's width or two
+RIVAL_WORSE, RIVAL_COUNTS, RIVAL_MOST_M = 0.1, 0.3, 2.5e-3
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
@@ -177,20 +177,23 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[_Found]:
         ]
         rest = [one for one in rest if one not in near]
         starts = [one.pose_camera_hole for one in near if one.score >= COMPETES * near[0].score]
-        fits = climb(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
-        if fits:
-            left_over = [unlikely(fit, fits[0].even, task.doubts) for fit in fits]
-            order = np.argsort(left_over)
-            best = fits[order[0]]
-            apart_m, spread = 0.0, np.zeros((6, 6))
-            for index in order[1:]:
-                if left_over[index] > RIVAL_SHARE * left_over[order[0]]:
-                    break
-                moved = best.state.pose_camera_hole.inverse() @ fits[index].state.pose_camera_hole
-                off = np.concatenate([moved.translation_m, moved.rotvec_rad()])
-                spread += np.outer(off, off)
-                apart_m = max(apart_m, float(np.linalg.norm(off[:2])))
-            yield _Found(best, apart_m, spread)
+        fit, rivals = climb(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
+        if fit is not None:
+            yield _Found(fit, *_beside(fit.state.pose_camera_hole, rivals))
+
+
+def _beside(pose: Pose, rivals: list[Rival]) -> tuple[float, Array]:
+    """How far away, m, the farthest rival is that counts; and the spread of all about the pose (6, 6), m and rad."""
+    apart_m, spread, counted = 0.0, np.zeros((6, 6)), 1.0
+    for rival in rivals:
+        counts = float(np.exp(-max(rival.worse - 1.0, 0.0) / RIVAL_WORSE))
+        moved = pose.inverse() @ rival.pose_camera_hole
+        off = np.concatenate([moved.translation_m, moved.rotvec_rad()])
+        spread += counts * np.outer(off, off)
+        counted += counts
+        if counts > RIVAL_COUNTS:
+            apart_m = max(apart_m, float(np.linalg.norm(off[:2])))
+    return apart_m, spread / counted
 
 
 def _judged(task: _Task, found: _Found) -> _Attempt:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.vision.fit.quality import quality_of, roughness_of
+from services.vision.fit.quality import roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
 from services.vision.fit.solve import (
     GLOSS_MOST,
@@ -39,16 +39,18 @@ FINE_STEPS = 5
 GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
-OTHER_STEPS, OTHER_HELD = 5, 3
-# one chamfer as bright as the face (1), its opposite as dark as the bore (0): a rim moved by its width looks alike;
-# from that difference on
-BRIGHTER_LEAST = 0.5
+# steps from a rim moved by its chamfer's width, the first of them with the blur held; how many times less likely than
+# the best it may be after one step to be followed; from how many places that are better than all before
+OTHER_STEPS, OTHER_HELD, AT_SECOND_SIGHT, ROUNDS = 5, 3, 1.75, 2
 # what is worse by less than that may be the better one with all profiles; so many are tried with them
 ALIKE_SHARE, FINISHED = 1.2, 3
+# what is worse by more than that is no rival
+RIVAL_SHARE = 1.5
 SAME_M = 0.05e-3
+# a bore is no ridge of light that is brighter, times, than the face and what is farther in, with the noise; a face no
+# darker than that; and minus the log likelihood of one
+RIDGE_FREE, RIDGE_NOISES, RIDGE_FACE, RIDGE_COST = 1.15, 3.0, 20.0, 12.0
 MARGIN_PX = 40
-# a fit that pulls at the calibration or the drawing by more (chi2 of 2 and of 4) has perhaps gone astray
-STRANGE_OFFSET, STRANGE_SIZES, STRANGE_LEAST = 3.0, 6.0, 0.1
 
 
 def rims(hole: Rimmed) -> tuple[Rim, Rim]:
@@ -106,9 +108,20 @@ def misfit(fit: Fit, even: Array) -> float:
     return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
 
 
+def ridges(fit: Fit) -> float:
+    """How much looks like a chamfer where the bore should begin: brighter than the face and than what is farther in; by
+    edges, in both pictures, 1 for an edge where it is brighter by the face's grey."""
+    bore, face = np.median(fit.steps.bore, axis=2), np.median(fit.steps.face, axis=2)
+    rest = np.maximum(face, np.median(fit.profiles.beyond, axis=2))
+    noise = np.sqrt(np.median(fit.variance, axis=(2, 3)))
+    excess = (bore - RIDGE_FREE * rest - RIDGE_NOISES * noise) / np.maximum(face, RIDGE_FACE)
+    return float(np.sum(np.clip(excess, 0.0, 1.0)))
+
+
 def unlikely(fit: Fit, even: Array, doubts: Doubts) -> float:
-    """The misfit, and what an odd blur and odd sizes cost: minus the log likelihood a sample, but for a constant."""
-    sizes = 0.5 * float(np.sum((fit.state.sizes_m / doubts.sds()) ** 2))
+    """The misfit, and what an odd blur, odd sizes and ridges cost: minus the log likelihood a sample, but for a
+    constant."""
+    sizes = 0.5 * float(np.sum((fit.state.sizes_m / doubts.sds()) ** 2)) + RIDGE_COST * ridges(fit)
     # neighbours along a profile and along the rim see the same pixels
     independent = 2.0 * STEP_PX * float(np.mean(np.minimum(fit.seen.spacing_px, 1.0)))
     samples = max(float(fit.profiles.inside.sum()), 1.0)
@@ -141,11 +154,18 @@ class _Climbed:
     fit: Fit
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Another place that explains the pictures: how many times less likely than the best, by the logarithm."""
+
+    pose_camera_hole: Pose
+    worse: float
+
+
 def climb(
     images: Images, coarse: Rim, fine: Rim, stereo: StereoModel, starts: Sequence[Pose], doubts: Doubts
-) -> list[Fit]:
-    """The fits from starts about one place, each within a pixel or two of the rim in both pictures; and others
-    elsewhere, where few profiles do not tell which of them it is.
+) -> tuple[Fit | None, list[Rival]]:
+    """The best fit from starts about one place, each within a pixel or two of the rim in both pictures, and its rivals.
 
     Starts that led to one and the same place are followed once, and one that leaves far more unexplained than the best
     is given up: it is neither the best fit nor a rival of it.
@@ -160,14 +180,35 @@ def climb(
                 climbed.append(_stage(looked, coarse, stereo, state, doubts, extra, most))
         climbed = _worth_following(climbed, doubts, worse)
         states = [one.state for one in climbed]
-    if not climbed:
-        return []
-    climbed += _alike(images, coarse, stereo, climbed[0], doubts)
+    seen_about: list[_Climbed] = []
+    for _ in range(ROUNDS):
+        if not climbed or any(climbed[0] is one for one in seen_about):
+            break
+        seen_about.append(climbed[0])
+        climbed = _worth_following(climbed + _alike(images, coarse, stereo, climbed[0], doubts), doubts, RIVAL_SHARE)
     fits = []
-    for one in _worth_following(climbed, doubts, ALIKE_SHARE)[:FINISHED]:
+    for one in climbed[:FINISHED]:
+        if _cost(one, climbed, doubts) > ALIKE_SHARE * _cost(climbed[0], climbed, doubts):
+            break
         with suppress(np.linalg.LinAlgError):
             fits.append(finish(images, fine, stereo, glossed(one.state, one.fit), doubts))
-    return fits
+    if not fits:
+        return None, []
+    left_over = [unlikely(fit, fits[0].even, doubts) for fit in fits]
+    best = fits[int(np.argmin(left_over))]
+    least = min(_cost(one, climbed, doubts) for one in climbed)
+    rivals = [
+        Rival(fit.state.pose_camera_hole, cost / min(left_over)) for fit, cost in zip(fits, left_over, strict=True)
+    ] + [
+        Rival(one.fit.state.pose_camera_hole, _cost(one, climbed, doubts) / least)
+        for one in climbed
+        if not any(_same(one.state, fit.state) for fit in fits)
+    ]
+    return best, [one for one in rivals if best.state.pose_camera_hole.distance_to_m(one.pose_camera_hole) > SAME_M]
+
+
+def _cost(one: _Climbed, climbed: list[_Climbed], doubts: Doubts) -> float:
+    return unlikely(one.fit, climbed[0].fit.even, doubts)
 
 
 def _stage(
@@ -217,37 +258,28 @@ def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, doubts:
 
 def _alike(images: Images, rim: Rim, stereo: StereoModel, climbed: _Climbed, doubts: Doubts) -> list[_Climbed]:
     """Where the fit may have to be instead: a rim moved by its chamfer's width looks much the same where the chamfers
-    ahead are bright and those behind are dark."""
-    state, fit = climbed.state, climbed.fit
+    ahead are as bright as the face and those behind as dark as the bore, and where the pictures are blurred."""
     width = float(np.median(np.linalg.norm((rim.outer_m - rim.inner_m)[..., :2], axis=-1)))
     if width < 1e-5:
         return []
-    found = quality_of(fit, rim, doubts, STRANGE_LEAST)
-    strange = found.offset_conflict > STRANGE_OFFSET or found.sizes_conflict > STRANGE_SIZES
-    middle = rim.outward.mean(axis=1)
-    bright = np.median(
-        (fit.steps.chamfer - fit.steps.bore) / _away_from_zero(fit.steps.face - fit.steps.bore), axis=2
-    ).mean(axis=0)
+    least = unlikely(climbed.fit, climbed.fit.even, doubts)
+    along = rim.outward[0].mean(axis=0)[:2]
     others = []
-    for axis in (middle[0, :2], np.array([-middle[0, 1], middle[0, 0]])):
-        for sign in (1.0, -1.0):
-            way = sign * axis
-            facing = middle[:, :2] @ way
-            # the rim moved this way: walls ahead gain the chamfer, those behind lose it
-            ahead, behind = facing > 0.7, facing < -0.7
-            if not ahead.any() or not behind.any():
-                continue
-            if np.median(bright[ahead]) - np.median(bright[behind]) < BRIGHTER_LEAST and not strange:
-                continue
-            moved = perturbed(state.pose_camera_hole, np.array([*(-width * way), 0.0, 0.0, 0.0, 0.0]))
+    for axis in (along, np.array([-along[1], along[0]])):
+        for way in (axis, -axis):
+            moved = perturbed(climbed.state.pose_camera_hole, np.array([*(width * way), 0.0, 0.0, 0.0, 0.0]))
             # a wrong place is blurred by more than the lens
-            other = start_state(rim, moved, float(np.min(state.blur_px2[:, [0, 2]])))
+            state = start_state(rim, moved, float(np.min(climbed.state.blur_px2[:, [0, 2]])))
+            passed: list[tuple[float, _Climbed]] = []
             with suppress(np.linalg.LinAlgError):
                 for number in range(OTHER_STEPS):
-                    other, other_fit = iterate(images, rim, stereo, other, doubts, hold_blur=number < OTHER_HELD)
-                others.append(_Climbed(other, other_fit))
+                    before = state
+                    state, fit = iterate(images, rim, stereo, before, doubts, hold_blur=number < OTHER_HELD)
+                    passed.append((unlikely(fit, climbed.fit.even, doubts), _Climbed(before, fit)))
+                    if number == 1 and passed[-1][0] > AT_SECOND_SIGHT * least:
+                        break
+                else:
+                    others.append(_Climbed(state, fit))
+                    # where nothing tells one place from the next the way there is as likely as its end
+                    others += [one for cost, one in passed[1:-1] if cost < min(least, passed[-1][0])]
     return others
-
-
-def _away_from_zero(values: Array) -> NDArray[np.float64]:
-    return np.asarray(np.where(np.abs(values) < 1.0, 1.0, values))

@@ -40,11 +40,13 @@ def sample(image: NDArray[np.float32], points_px: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
-    """Greys (2, G, S, L) at `offsets_px` (L,) along the normals, and where a profile counts (2, G, S, L), 0 or 1."""
+    """Greys (2, G, S, L) at `offsets_px` (L,) along the normals, and where a profile counts (2, G, S, L), 0 or 1;
+    `beyond` (2, G, S): grey one more chamfer's width into the hole."""
 
     offsets_px: Array
     grey: Array
     inside: Array
+    beyond: Array
 
 
 def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenRim, blur_px: float) -> Profiles:
@@ -52,8 +54,11 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
     face, bore = 2.0 + 2.0 * blur_px, 0.8 + 1.3 * blur_px
     chamfer = np.maximum(rim.chamfer_px, 0.0)
     offsets = np.arange(-np.ceil(2 * face) / 2, float(chamfer.max()) + bore + STEP_PX, STEP_PX)
-    points = rim.outer_px[..., None, :] + offsets[:, None] * rim.normal[..., None, :]
+    along = np.broadcast_to(offsets, (*chamfer.shape, len(offsets)))
+    along = np.concatenate([along, (2.0 * chamfer + bore)[..., None]], axis=-1)
+    points = rim.outer_px[..., None, :] + along[..., None] * rim.normal[..., None, :]
     grey = np.stack([sample(images[side], points[side]) for side in range(2)])
+    grey, beyond, points = grey[..., :-1], grey[..., -1], points[..., :-1, :]
     inside = np.ones_like(grey)
     for side in range(2):
         height, width = images[side].shape
@@ -68,7 +73,7 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
             wide[..., step:] |= full[..., :-step]
             wide[..., :-step] |= full[..., step:]
         inside *= ~wide
-    return Profiles(offsets, grey, inside)
+    return Profiles(offsets, grey, inside, beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
