@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -30,8 +29,6 @@ STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 DARK_GREY = 25.0
 # on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
 DIM_NOISES = 8.0
-# of an edge that shows no step, and of both edges beside it that do
-LONE_LEAST, LONE_BESIDE = 0.7, 0.5
 RESIDUAL_MOST = 0.1
 # how rough what is seen at the rim may be, share of the step
 ROUGH_MOST = 0.16
@@ -83,12 +80,6 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             f"{('left', 'right')[side]} picture, want {SUPPORT_LEAST:.0%}; hidden or dark is "
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
-    lone = _lone_edges(quality.support, quality.astray)
-    if len(lone):
-        raise NotTheDrawing(
-            f"{len(lone)} edges of the rim are not where the drawing has them, and nothing covers them, for all beside "
-            "them is seen: is it the right part and cell?"
-        )
     if quality.residual > RESIDUAL_MOST or quality.rough > ROUGH_MOST:
         if dim:
             raise too_dark
@@ -116,13 +107,14 @@ def require_sound(quality: Quality, rim: Rim) -> None:
         )
 
 
-def _lone_edges(support: Array, astray: Array) -> NDArray[np.int64]:
-    """Edges of which neither picture shows any step where the drawing has one, face or hole going on there, though they
-    show both neighbours whole: what covers an edge has a border itself, and covers a part of what is beside it.
-    `support` and `astray` (2, G): shares, the groups in order around the rim."""
-    least = support.min(axis=0)
-    beside = np.minimum(np.roll(least, 1), np.roll(least, -1))
-    return np.flatnonzero((astray.min(axis=0) > LONE_LEAST) & (beside > LONE_BESIDE))
+def require_drawn_edges(elsewhere: list[tuple[int, float]]) -> None:
+    """Raises NotTheDrawing where edges of the rim (their number, and by how much outward, m) are elsewhere."""
+    if elsewhere:
+        group, offset = max(elsewhere, key=lambda one: abs(one[1]))
+        raise NotTheDrawing(
+            f"{len(elsewhere)} edges of the rim are not where the drawing has them, edge {group} by "
+            f"{offset * 1e3:+.1f} mm, in the face's plane: is it the right part and cell?"
+        )
 
 
 def require_inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> None:

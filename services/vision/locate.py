@@ -13,9 +13,10 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.images import Pixels
 from services.vision.annotate import annotated_rim
-from services.vision.checks import require_inside_prior, require_sound
+from services.vision.checks import require_drawn_edges, require_inside_prior, require_sound
 from services.vision.covariance import covariance_of
 from services.vision.detect import Candidate, candidates
+from services.vision.elsewhere import edges_elsewhere
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
 from services.vision.fit.climb import Rival, climb, rims
 from services.vision.fit.lens import LensDoubt, lens_doubt
@@ -200,6 +201,7 @@ def _judged(task: _Task, found: _Found) -> _Attempt:
     fit = found.fit
     quality = quality_of(fit, task.fine, task.doubts)
     require_sound(quality, task.fine)
+    require_drawn_edges(edges_elsewhere(task.images, task.stereo, task.fine, fit, quality))
     if found.apart_m > RIVAL_MOST_M:
         raise Doubtful(
             "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "

@@ -1,0 +1,78 @@
+"""Edges that are not where the drawing has them: both pictures show a straight one in the face's plane beside it.
+
+What covers a rim lies above the face and what is in the hole lies below it: seen from two places its border moves
+against the face, and that of another outline does not.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from services.vision.fit.quality import Quality
+from services.vision.fit.rim import Rim
+from services.vision.fit.solve import Fit, Images
+from services.vision.fit.steps import sample
+from services.vision.stereo import StereoModel
+
+# of a group's profiles: with fewer that look like the rim in either picture it is looked for elsewhere
+SUPPORT_MOST = 0.6
+# how far to both sides, how finely, how much is smoothed, and what still is the drawn edge itself, m
+REACH_M, STEP_M, SMOOTH_M, SELF_M = 10e-3, 0.125e-3, 0.25e-3, 1.7e-3
+# what another drawn edge lies that near to belongs to it, m
+OTHER_M = 1.2e-3
+# both pictures agree on the place to so much, m and px
+AGREE_M, AGREE_PX = 0.15e-3, 0.25
+# the step's height, as a share of the rim's; how much of it all profiles along the edge share; and, as a share of it,
+# what may be seen where the drawing has the edge
+HEIGHT_LEAST, ALIKE_LEAST, DRAWN_MOST = 0.3, 0.75, 0.35
+
+
+def edges_elsewhere(
+    images: Images, stereo: StereoModel, rim: Rim, fit: Fit, quality: Quality
+) -> list[tuple[int, float]]:
+    """Groups of the rim that lie elsewhere in the face's plane, and by how much outward, m."""
+    found = []
+    for group in np.flatnonzero(quality.support.max(axis=0) < SUPPORT_MOST):
+        offset = _elsewhere(images, stereo, rim, fit, int(group), HEIGHT_LEAST * quality.step_grey)
+        if offset is not None:
+            found.append((int(group), offset))
+    return found
+
+
+def _elsewhere(images: Images, stereo: StereoModel, rim: Rim, fit: Fit, group: int, height_grey: float) -> float | None:
+    offsets = np.arange(-REACH_M, REACH_M + STEP_M / 2, STEP_M)
+    points = rim.outer_m[group][:, None] + offsets[:, None] * rim.outward[group][:, None]
+    seen = stereo.project(fit.state.pose_camera_hole.apply(points))
+    pixel_m = STEP_M / float(np.median(np.linalg.norm(np.diff(seen, axis=2), axis=-1)))
+    free = np.abs(offsets) > SELF_M
+    others = np.delete(rim.outer_m, group, axis=0).reshape(-1, 3)
+    apart = np.linalg.norm(points.reshape(-1, 1, 3) - others, axis=-1).min(axis=1).reshape(points.shape[:2])
+    free &= np.median(apart, axis=0) > OTHER_M
+    if not free.any():
+        return None
+    places, ways = [], []
+    for side in range(2):
+        grey = sample(images[side], seen[side])
+        slopes = cv2.GaussianBlur(np.gradient(grey, axis=1), (0, 0), SMOOTH_M / STEP_M, sigmaY=1e-3)
+        mean, drawn = slopes.mean(axis=0), grey.mean(axis=0)[np.abs(offsets) < SELF_M]
+        at = int(np.argmax(np.where(free, np.abs(mean), 0.0)))
+        near = slice(max(at - int(1e-3 / STEP_M), 0), at + int(1e-3 / STEP_M) + 1)
+        heights = slopes[:, near].sum(axis=1)
+        whole = float(np.mean(heights))
+        if (
+            abs(whole) < height_grey
+            or np.ptp(drawn) > DRAWN_MOST * abs(whole)
+            or at in (0, len(offsets) - 1)
+            or not free[at]
+        ):
+            return None
+        if np.mean(heights * np.sign(whole) > 0.5 * abs(whole)) < ALIKE_LEAST:
+            return None
+        around = np.abs(mean[at - 1 : at + 2])
+        bend = around[0] - 2.0 * around[1] + around[2]
+        places.append(offsets[at] + (0.5 * STEP_M * (around[0] - around[2]) / bend if bend < 0.0 else 0.0))
+        ways.append(np.sign(whole))
+    if ways[0] != ways[1] or abs(places[0] - places[1]) > max(AGREE_M, AGREE_PX * pixel_m):
+        return None
+    return float(np.mean(places))
