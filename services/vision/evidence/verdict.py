@@ -26,33 +26,32 @@ SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
 # a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
 # faintly
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
-FAINTLY_BETTER = 0.08
+FAINTLY_BETTER, PLAINLY_BETTER = 0.08, 0.15
 # what is faintly seen says something where it is no mere shade of ink, as a share of its grey, or the chamfer is there
 FAINTLY_UNEVEN, FAINTLY_CHAMFER = 0.15, 0.2
 # how much better or worse a plane must explain it than another, share of what is seen
 BETTER = 0.12
 # a glossy print mirrors what is far away: it is as even as that, and a deep plane leaves that share of what the face's
 # plane leaves
-MIRRORED_UNEVEN, MIRRORED = 0.1, 0.6
+MIRRORED_UNEVEN, MIRRORED = 0.15, 0.6
 # a bottom DEEP_M below a face, of the face's own surface, is as bright as that share of it
 BOTTOM_SHARE = 0.5
-# from the first on a bottom, a wall or the background; up to the second a pocket, up to the third the face itself
-DEEP_M, SHALLOW_M, FLAT_M = 0.012, 0.0065, 0.0008
-# a bottom deeper than SHALLOW_M and no deeper than DEEP_M: one plane explains all but that much, and deeper ones leave
-# more by
-ONE_PLANE, ONE_PLANE_BETTER = 0.2, 0.04
-# log likelihood of a chamfer that goes down against one that is drawn on the face
-DEEPER_LEAST = 8.0
-# the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line
-CHAMFER_LEAST = 0.085
+# from the first on a bottom, a wall or the background; up to the second the face itself
+DEEP_M, FLAT_M = 0.012, 0.0008
+# a lit wall is best explained by a plane in its middle, and by that much better than by the face's
+WALL_M, WALL_BETTER = 0.004, 0.1
+# log likelihood of a chamfer that goes down against one that is drawn on the face, beyond doubt
+DEEPER_PLAIN = 50.0
+# the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line; plainly none
+CHAMFER_LEAST, PLAIN_CHAMFER = 0.085, 0.3
 CHAMFER_NOISES = 2.0
 # of the face's light: the blackest inks give back more than the first; and nearly all more than the second, which says
-# something where there is a chamfer too
-BLACK_SHARE, BLACKISH_SHARE = 0.022, 0.034
+# something where there is a chamfer, and the third, where there plainly is
+BLACK_SHARES = 0.022, 0.034, 0.05
 # with more seen inside than that a hole would show its depth
 FAINT_NOISES = 1.4
 # what the face's plane leaves of what is seen inside, when that does not lie in it
-NOT_IN_PLANE = 0.6
+NOT_IN_PLANE = 0.44
 CHAMFERED_M = 1e-4
 # what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
 # and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
@@ -119,22 +118,27 @@ def _depth_by(inside: Inside, chamfer: float, black: float, quality: Quality) ->
     if seen < SEEN_NOISES or inside.structure < SEEN_SHARE * quality.step_grey:
         return None
     share = inside.unexplained / inside.structure
-    deep = float(np.nanmin(np.where(inside.depths_m >= DEEP_M, share, np.nan)))
-    deeper = float(np.nanmin(np.where(inside.depths_m > DEEP_M, share, np.nan)))
     best = int(np.nanargmin(share))
-    if share[best] < EXPLAINED and inside.depths_m[best] <= SHALLOW_M and share[-1] > share[best] + BETTER:
-        return float(inside.depths_m[best])
-    bottom = inside.depths_m[best] < DEEP_M or (inside.depths_m[best] == DEEP_M and black > BOTTOM_SHARE)
-    if share[best] < ONE_PLANE and bottom and deeper > share[best] + ONE_PLANE_BETTER:
-        return float(inside.depths_m[best])
-    behind = deep < share[0] - BETTER
+    depth = float(inside.depths_m[best])
+    gain = share[0] - share[best]
+    if black > BOTTOM_SHARE:
+        # as bright as a bottom of the face's own surface
+        if share[best] > NOT_EXPLAINED or (gain > BETTER and depth > DEEP_M):
+            return np.inf
+        return depth if share[best] < EXPLAINED or gain > BETTER else None
     if seen > PLAIN_NOISES:
-        mirrored = inside.uneven < MIRRORED_UNEVEN and deep > MIRRORED * share[0]
-        return np.inf if share[0] > NOT_EXPLAINED or (behind and not mirrored) else None
+        if share[0] > NOT_EXPLAINED:
+            return np.inf
+        deep = float(np.nanmin(np.where(inside.depths_m >= DEEP_M, share, np.nan)))
+        mirrored = inside.uneven < MIRRORED_UNEVEN and share[best] > MIRRORED * share[0]
+        # a wall of a dark bore, seen down to some depth, or what is behind it
+        if not mirrored and ((gain > WALL_BETTER and depth >= WALL_M) or deep < share[0] - BETTER):
+            return np.inf
+        return depth if share[best] < EXPLAINED and share[-1] > share[best] + BETTER else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
-    told = share[0] > FAINTLY_NOT_EXPLAINED and share[0] > np.nanmin(share) + FAINTLY_BETTER
+    told = (share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
     mere_ink = inside.uneven < FAINTLY_UNEVEN and chamfer < FAINTLY_CHAMFER
-    return np.inf if (told or behind) and not mere_ink else None
+    return np.inf if told and not mere_ink else None
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
@@ -149,21 +153,23 @@ def judge(evidence: Evidence, quality: Quality) -> None:
             f"{DEEP_M * 1e3:g} mm: a pocket, not the hole; is the right part in the fixture?"
         )
     share = inside.unexplained[0] / max(inside.structure, 1e-9)
-    if depth is not None or evidence.deeper < -DEEPER_LEAST:
+    if depth is not None:
         raise FlatPrint(
             f"what is seen inside the outline lies in the face's plane ({share:.0%} of it left unexplained there): a "
             "print or a sticker, not a hole; is the right part in the fixture?"
         )
     sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
     faint = inside.structure < FAINT_NOISES * inside.noise
+    chamfer = evidence.chamfer > sure
     # a chamfer that is as likely drawn on the face is no proof
-    if faint and evidence.chamfer > sure and evidence.deeper > 0.0:
+    if chamfer and ((faint and evidence.deeper > 0.0) or (share > NOT_IN_PLANE and evidence.deeper > DEEPER_PLAIN)):
         return
     # ink that is seen at all lies in the face's plane
-    black = evidence.black < (BLACKISH_SHARE if evidence.chamfer > sure else BLACK_SHARE)
-    if black and (faint or share > NOT_IN_PLANE):
+    plain_chamfer = evidence.chamfer > PLAIN_CHAMFER and evidence.deeper > 0.0
+    least = BLACK_SHARES[0] if not chamfer else BLACK_SHARES[1] if not plain_chamfer else BLACK_SHARES[2]
+    if evidence.black < least and (faint or share > NOT_IN_PLANE):
         return
-    one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARE
+    one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARES[0]
     ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
     if (one_step and inside.uneven < EVEN_ONE_STEP) or (ink and inside.uneven < EVEN):
         # a black hole under stray light and an even dome could look like that: the name is not certain
