@@ -24,6 +24,8 @@ from services.vision.refusals import (
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST = 0.25
+# the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
+RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.75, 4.0, 10.0
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY = 25.0
@@ -43,6 +45,12 @@ def require_sound(quality: Quality, rim: Rim) -> None:
         raise TooBright(
             f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
             "expose less, or take the glare off it"
+        )
+    saturated = quality.rim_saturated > RIM_SATURATED_MOST
+    odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > SATURATED_SIZES_MOST
+    if saturated and (odd or quality.inside < INSIDE_LEAST):
+        raise TooBright(
+            f"{quality.rim_saturated:.0%} of the rim is beside something saturated: expose less, or take the glare off it"
         )
     if quality.inside < INSIDE_LEAST:
         raise CutOff(

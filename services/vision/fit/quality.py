@@ -15,6 +15,8 @@ from services.vision.fit.steps import SATURATED_GREY
 STEP_NOISES, ALONG = 4.0, 5
 STEP_SHARE_LEAST = 0.15
 WEIGHT_LEAST = 0.3
+# of a profile: what is left when the rest is saturated or beyond the border
+SEEN_SAMPLES = 5
 FLAT_SHARE = 0.15
 TINY = 1e-9
 ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
@@ -93,7 +95,7 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_
     weight = fit.weight * fit.even[..., None, None]
     count = np.maximum(inside.sum(axis=-1), 1.0)
     kept = weight.sum(axis=-1) / count
-    seen = inside.mean(axis=-1) > 0.4
+    seen = inside.sum(axis=-1) >= SEEN_SAMPLES
     ok = (height > least) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
     # the mean profile of each group, whatever the model makes of it
     beside = np.sum(fit.profiles.grey * inside, axis=2) / np.maximum(inside.sum(axis=2), 1.0)
