@@ -25,7 +25,7 @@ from services.vision.refusals import (
 INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST = 0.25
 # the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
-RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.75, 4.0, 10.0
+RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.5, 4.0, 10.0
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY = 25.0
