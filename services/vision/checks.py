@@ -50,7 +50,8 @@ def require_sound(quality: Quality, rim: Rim) -> None:
     odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > SATURATED_SIZES_MOST
     if saturated and (odd or quality.inside < INSIDE_LEAST):
         raise TooBright(
-            f"{quality.rim_saturated:.0%} of the rim is beside something saturated: expose less, or take the glare off it"
+            f"{quality.rim_saturated:.0%} of the rim is beside something saturated: expose less, or take the glare "
+            "off it"
         )
     if quality.inside < INSIDE_LEAST:
         raise CutOff(

@@ -26,9 +26,12 @@ from services.vision.fit.solve import Doubts, Fit, Images
 from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
     Doubtful,
+    FlatPrint,
     NoCross,
     NotAStereoPair,
+    NotSeenInside,
     PoorFit,
+    ShallowPocket,
     TwoCrosses,
     VisionRefusal,
     WrongImage,
@@ -36,11 +39,11 @@ from services.vision.refusals import (
 from services.vision.stereo import StereoModel
 from services.vision.straightness import lenses_of
 
-# candidates that are tried, and how good, against the best, one must be
-TRIED, SCORE_LEAST, COMPETES = 4, 0.6, 0.9
+# candidates that are tried, so many at first of those about one place; and how good, against the best, one must be
+TRIED, STARTS, SCORE_LEAST, COMPETES = 4, 2, 0.6, 0.9
 # a rival counts e times less for each such share by which it is worse than the best; one that counts for more than that
 # may not be farther away, m: a chamfer's width or two
-RIVAL_WORSE, RIVAL_COUNTS, RIVAL_MOST_M = 0.1, 0.3, 2.5e-3
+RIVAL_WORSE, RIVAL_COUNTS, RIVAL_MOST_M = 0.12, 0.3, 2.5e-3
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
@@ -135,15 +138,16 @@ def locate_rim(
         )
     refusal: VisionRefusal | None = None
     attempt = None
-    for one in _fits(task, found):
+    for starts in _places(task, found):
         try:
-            attempt = _judged(task, one)
+            attempt = _attempt(task, starts)
             break
         except VisionRefusal as error:
             refusal = refusal or error
     if attempt is None:
         _unless_swapped(task, nominal, half_ranges)
-        raise refusal or PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
+        assert refusal is not None
+        raise refusal
     _unless_another(task, found, attempt)
     lens = lens_doubt(attempt.fit, fine, stereo, doubts, lenses)
     pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
@@ -164,9 +168,8 @@ def locate_rim(
     )
 
 
-def _fits(task: _Task, found: list[Candidate]) -> Iterator[_Found]:
-    """What the candidates come to, the likeliest first. Those about the same place compete: the best fit stands for
-    all, whether it is then found sound or not; others that explain as much widen its covariance."""
+def _places(task: _Task, found: list[Candidate]) -> Iterator[list[Pose]]:
+    """The candidates by where they are, the likeliest first: those about the same place are starts of one fit."""
     rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
     while rest:
         centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
@@ -177,10 +180,29 @@ def _fits(task: _Task, found: list[Candidate]) -> Iterator[_Found]:
             < APART_PX
         ]
         rest = [one for one in rest if one not in near]
-        starts = [one.pose_camera_hole for one in near if one.score >= COMPETES * near[0].score]
-        fit, rivals = climb(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
-        if fit is not None:
-            yield _Found(fit, *_beside(fit.state.pose_camera_hole, rivals))
+        yield [one.pose_camera_hole for one in near if one.score >= COMPETES * near[0].score]
+
+
+def _attempt(task: _Task, starts: list[Pose]) -> _Attempt:
+    """What one place comes to: from few starts, and from all where that is no sound fit. Raises a VisionRefusal."""
+    try:
+        return _judged(task, _fitted(task, starts[:STARTS]))
+    except (FlatPrint, ShallowPocket, NotSeenInside):
+        # the rim is found: no other start shows more of the inside
+        raise
+    except VisionRefusal:
+        if len(starts) <= STARTS:
+            raise
+    return _judged(task, _fitted(task, starts))
+
+
+def _fitted(task: _Task, starts: list[Pose]) -> _Found:
+    """The best fit stands for all, whether it is then found sound or not; others that explain as much widen its
+    covariance. Raises PoorFit where there is none."""
+    fit, rivals = climb(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
+    if fit is None:
+        raise PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
+    return _Found(fit, *_beside(fit.state.pose_camera_hole, rivals))
 
 
 def _beside(pose: Pose, rivals: list[Rival]) -> tuple[float, Array]:
@@ -219,12 +241,11 @@ def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:
         return
     swapped = _Task((right, left), task.stereo, task.hole, task.coarse, task.fine, task.doubts)
     found = candidates(swapped.images, task.stereo, task.hole, nominal, half_ranges)
-    for one in _fits(swapped, found[:1]):
+    for starts in _places(swapped, found[:1]):
         try:
-            _judged(swapped, one)
+            offset = _attempt(swapped, starts).quality.offset_px
         except VisionRefusal:
             return
-        offset = quality_of(one.fit, task.fine, task.doubts).offset_px
         raise NotAStereoPair(
             f"the hole is found within {np.linalg.norm(offset):.2f} px with left and right exchanged: give the left "
             "camera's picture as the left one"
@@ -240,8 +261,8 @@ def _unless_another(task: _Task, found: list[Candidate], attempt: _Attempt) -> N
             continue
         holes = 0
         with suppress(VisionRefusal):
-            for one in _fits(task, [other]):
-                _judged(task, one)
+            for starts in _places(task, [other]):
+                _attempt(task, starts)
                 holes += 1
         if holes == 0:
             continue

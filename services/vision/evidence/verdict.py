@@ -40,8 +40,9 @@ BOTTOM_SHARE = 0.5
 DEEP_M, FLAT_M = 0.012, 0.0008
 # a lit wall is best explained by a plane in its middle, and by that much better than by the face's
 WALL_M, WALL_BETTER = 0.004, 0.1
-# log likelihood of a chamfer that goes down against one that is drawn on the face, beyond doubt
-DEEPER_PLAIN = 50.0
+# log likelihood of a chamfer that goes down against one that is drawn on the face: where the inside may be ink, and
+# beyond doubt
+DEEPER_LEAST, DEEPER_PLAIN = 20.0, 50.0
 # the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line; plainly none
 CHAMFER_LEAST, PLAIN_CHAMFER = 0.085, 0.3
 CHAMFER_NOISES = 2.0
@@ -136,9 +137,9 @@ def _depth_by(inside: Inside, chamfer: float, black: float, quality: Quality) ->
             return np.inf
         return depth if share[best] < EXPLAINED and share[-1] > share[best] + BETTER else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
-    told = (share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
-    mere_ink = inside.uneven < FAINTLY_UNEVEN and chamfer < FAINTLY_CHAMFER
-    return np.inf if told and not mere_ink else None
+    uneven = inside.uneven > FAINTLY_UNEVEN
+    told = share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER and (uneven or chamfer > FAINTLY_CHAMFER)
+    return np.inf if told or (gain > PLAINLY_BETTER and uneven) else None
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
@@ -162,7 +163,9 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     faint = inside.structure < FAINT_NOISES * inside.noise
     chamfer = evidence.chamfer > sure
     # a chamfer that is as likely drawn on the face is no proof
-    if chamfer and ((faint and evidence.deeper > 0.0) or (share > NOT_IN_PLANE and evidence.deeper > DEEPER_PLAIN)):
+    no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > FAINTLY_UNEVEN
+    deeper_least = DEEPER_PLAIN if not faint else 0.0 if no_ink else DEEPER_LEAST
+    if chamfer and evidence.deeper > deeper_least and (faint or share > NOT_IN_PLANE):
         return
     # ink that is seen at all lies in the face's plane
     plain_chamfer = evidence.chamfer > PLAIN_CHAMFER and evidence.deeper > 0.0

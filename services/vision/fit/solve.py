@@ -189,7 +189,7 @@ def iterate(
     moved, square, variance_px2, taken = _look(images, rim, stereo, state, extra_px2)
     columns = columns_of(taken, moved, variance_px2)
     known = state.profile_weight if state.profile_weight is not None else np.ones(taken.grey.shape[:3])
-    first = steps(columns, taken.inside * known[..., None] / ROUGH_GREY**2, state.chamfer_grey)
+    first = steps(columns, taken.inside * known[..., None] / ROUGH_GREY**2, state.chamfer_grey, greys_only=True)
     variance = variance_by_grey(first.model, first.residual, taken.inside, state.profile_weight)
     height = np.maximum(np.abs(first.chamfer - first.face), np.abs(first.bore - first.face))
     weight, profile_weight, even = robust_weight(first.model, first.residual, variance, height, taken.inside)
@@ -370,7 +370,8 @@ def _stepped(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, eff
     for kind, (_, belief) in EFFECTS.items():
         sd = believed(kind, state.gloss)
         values = second[kinds[kind]]
-        now = max(float(np.median(state.effects[kind])), sd**2)
+        usual = state.effects[kind]
+        now = max(float(np.partition(usual, len(usual) // 2)[len(usual) // 2]), sd**2)
         heavy = (EFFECT_DEGREES + 1.0) / (EFFECT_DEGREES + values / now)
         common = (belief * sd**2 + float(np.sum(heavy * values))) / (belief + values.size)
         measured[kind] = (EFFECT_DEGREES * common + values) / (EFFECT_DEGREES + 1.0)

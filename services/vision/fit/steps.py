@@ -28,6 +28,7 @@ SATURATED_GREY, SATURATED_REACH = 250.0, 2
 UNSEEN_GREY = 2000.0
 # columns of a profile's table
 FACE, BORE, GREY, CHAMFER, FACE_SLOPE, BORE_SLOPE, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
+GREYS = 6  # the first of them, without the derivatives
 
 
 def sample(image: NDArray[np.float32], points_px: Array) -> Array:
@@ -120,9 +121,11 @@ def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Ar
     return columns
 
 
-def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> Steps:
+def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, greys_only: bool = False) -> Steps:
     """The greys that fit best: `weight` (2, G, S, L): one over the noise's variance; `chamfer_grey` (2, G): in the
-    middle of each group, None to take what fits best."""
+    middle of each group, None to take what fits best. `greys_only`: table and shared stay empty."""
+    if greys_only:
+        columns = columns[..., :GREYS, :]
     grey = columns[..., GREY, :]
     groups, samples = grey.shape[1], grey.shape[2]
     gram = (columns * weight[..., None, :]) @ np.swapaxes(columns, -1, -2)
@@ -163,6 +166,9 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None) -> S
     amounts = np.stack([face, bore, grey_chamfer, slope_face * ones, slope_bore * ones], axis=-1)
     shown = [FACE, BORE, CHAMFER, FACE_SLOPE, BORE_SLOPE]
     model = (amounts[..., None, :] @ columns[..., shown, :])[..., 0, :]
+    if greys_only:
+        none = np.empty(0)
+        return Steps(face, grey_chamfer, bore, model, grey - model, none, none, inverse)
     # residual, and the derivatives by where the steps are and by the blur: each its shape times the height of its step
     first_step, second_step = grey_chamfer - face, bore - grey_chamfer
     wanted = np.array([GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR, CHAMFER]) - 2
