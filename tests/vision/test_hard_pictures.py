@@ -28,7 +28,8 @@ def fitted(look: Look, seed: int) -> tuple[Fit, Quality, float, float]:
     truth = truth_of(STEREO, seed)
     coarse, fine = rims(HOLE)
     start = truth @ Pose.from_rotvec([0.005, -0.004, 0.002], [0.3e-3, -0.2e-3, 1.0e-3])
-    fit = climb(drawn_pair(STEREO, HOLE, truth, look), coarse, fine, STEREO, [start], Doubts())[0]
+    fit, _ = climb(drawn_pair(STEREO, HOLE, truth, look), coarse, fine, STEREO, [start], Doubts())
+    assert fit is not None
     quality = quality_of(fit, fine, Doubts())
     off = fit.state.pose_camera_hole.inverse() @ truth
     error = np.concatenate([off.translation_m, off.rotvec_rad()])

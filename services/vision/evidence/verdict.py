@@ -27,8 +27,8 @@ SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
 # faintly
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
 FAINTLY_BETTER, PLAINLY_BETTER = 0.08, 0.15
-# what is faintly seen says something where it is no mere shade of ink, as a share of its grey, or the chamfer is there
-FAINTLY_UNEVEN, FAINTLY_CHAMFER = 0.15, 0.2
+# what is faintly seen says something where it is no mere shade of ink, as a share of its grey
+FAINTLY_UNEVEN = 0.15
 # how much better or worse a plane must explain it than another, share of what is seen
 BETTER = 0.12
 # a glossy print mirrors what is far away: it is as even as that, and a deep plane leaves that share of what the face's
@@ -108,12 +108,12 @@ def evidence_of(
     if chamfered:
         if len(known) >= 2:
             chamfer = float(min(np.sqrt(np.mean(known**2)), np.sqrt(np.mean((known - 1.0) ** 2))))
-        if _depth_by(inside, chamfer, black, quality) is None:
+        if _depth_by(inside, black, quality) is None:
             deeper = deeper_by(images, rim, stereo, fit, doubts)
     return Evidence(inside, chamfer, black, deeper, chamfered)
 
 
-def _depth_by(inside: Inside, chamfer: float, black: float, quality: Quality) -> float | None:
+def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
     """How deep what is seen inside lies, m; infinite where no plane explains it; None where it does not say."""
     seen = inside.structure / max(inside.noise, 1e-9)
     if seen < SEEN_NOISES or inside.structure < SEEN_SHARE * quality.step_grey:
@@ -137,15 +137,14 @@ def _depth_by(inside: Inside, chamfer: float, black: float, quality: Quality) ->
             return np.inf
         return depth if share[best] < EXPLAINED and share[-1] > share[best] + BETTER else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
-    uneven = inside.uneven > FAINTLY_UNEVEN
-    told = share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER and (uneven or chamfer > FAINTLY_CHAMFER)
-    return np.inf if told or (gain > PLAINLY_BETTER and uneven) else None
+    told = (share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
+    return np.inf if told and inside.uneven > FAINTLY_UNEVEN else None
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
     """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside: in this order, the certain first."""
     inside = evidence.inside
-    depth = _depth_by(inside, evidence.chamfer, evidence.black, quality)
+    depth = _depth_by(inside, evidence.black, quality)
     if depth is not None and np.isinf(depth):
         return
     if depth is not None and depth > FLAT_M:

@@ -15,6 +15,8 @@ STEP_SHARE = 0.1
 STEP_MOST = 2.0
 # and the model itself, one sd, share of the step
 MODEL_SHARE = 0.04
+# where a chamfer shines, brighter than the face, the shine is not where the drawing's lines are: more of that
+GLINT_SHARE = 0.1
 DEGREES = 4.0
 # a profile that leaves so much of what it shows unexplained, noise aside, is half a rim: something covers it
 UNLIKE_SHARE = 0.15
@@ -61,12 +63,13 @@ def likeness(model: Array, residual: Array, variance: Array, inside: Array) -> A
 
 
 def robust_weight(
-    model: Array, residual: Array, variance: Array, step: Array, inside: Array
+    model: Array, residual: Array, variance: Array, step: Array, inside: Array, glint: Array
 ) -> tuple[Array, Array, Array]:
     """One over the variance, less where a sample or its whole profile lies far out (Student's t), or does not look like
     a rim; and how much of each profile (2, G, S) counts, and the variance that a group (2, G) is taken to have.
 
-    `step` (2, G, S): height of the whole step, grey.
+    `step` (2, G, S): height of the whole step, grey; `glint` (2, G): how much brighter than the face a chamfer shines,
+    0 to 1, by the face's grey.
     """
     usual = np.median(step, axis=(1, 2))[:, None, None]
     scale = variance + (STEP_SHARE * np.minimum(step, STEP_MOST * usual)[..., None]) ** 2
@@ -78,6 +81,7 @@ def robust_weight(
     # one weight a group: a dark bore with little noise knows no better where the edge lies than the model is true
     level = np.sum(variance * inside, axis=(2, 3)) / np.maximum(inside.sum(axis=(2, 3)), 1.0)
     height = np.mean(step**2, axis=2)
-    even = np.maximum(level + MODEL_SHARE**2 * height, QUANTISED_GREY**2)[..., None, None]
+    doubt = MODEL_SHARE**2 + (GLINT_SHARE * glint) ** 2
+    even = np.maximum(level + doubt * height, QUANTISED_GREY**2)[..., None, None]
     profile = np.minimum(whole, 1.0) ** 2 * likeness(model, residual, variance, inside)
     return inside * np.minimum(one, 1.0) * profile[..., None] / even, profile, even[..., 0, 0]
