@@ -43,7 +43,7 @@ BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
 BLUR_FACTOR_MOST = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
-GLINT_FREE = 1.5  # a chamfer up to that many times as bright as the face is lit, and does not shine
+SHINE_FREE = 1.5  # a chamfer up to that many times as bright as the face is lit, and does not shine
 SHADE_MEAN, SHADE_SD = 0.5, 1.0
 LEVEL_MOST, CHAMFER_STEP = 1.5, 1.0  # times the median height of a step; a change in one step, times that level
 CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
@@ -194,7 +194,7 @@ def iterate(
     variance = variance_by_grey(first.model, first.residual, taken.inside, state.profile_weight)
     height = np.maximum(np.abs(first.chamfer - first.face), np.abs(first.bore - first.face))
     face = np.maximum(first.face.mean(axis=2), 1.0)
-    glint = np.clip(first.chamfer.mean(axis=2) / face - GLINT_FREE, 0.0, 1.0)
+    glint = np.clip(first.chamfer.mean(axis=2) / face - SHINE_FREE, 0.0, 1.0)
     weight, profile_weight, even = robust_weight(first.model, first.residual, variance, height, taken.inside, glint)
     chamfer = state.chamfer_grey
     if chamfer is None:
