@@ -26,6 +26,7 @@ INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST = 0.25
 # the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
 RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.5, 4.0, 10.0
+INSIDE_SATURATED_MOST = 0.4
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY = 25.0
@@ -47,8 +48,9 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             "expose less, or take the glare off it"
         )
     saturated = quality.rim_saturated > RIM_SATURATED_MOST
+    blind = quality.inside < INSIDE_LEAST or quality.inside_saturated > INSIDE_SATURATED_MOST
     odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > SATURATED_SIZES_MOST
-    if saturated and (odd or quality.inside < INSIDE_LEAST):
+    if saturated and (odd or blind):
         raise TooBright(
             f"{quality.rim_saturated:.0%} of the rim is beside something saturated: expose less, or take the glare "
             "off it"

@@ -26,9 +26,11 @@ SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
 # a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
 # faintly
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
+BRIGHT_NOT_EXPLAINED = 0.75  # where the inside is as bright as a pocket's bottom, which shines as the face does
 FAINTLY_BETTER, PLAINLY_BETTER = 0.08, 0.15
-# what is faintly seen says something where it is no mere shade of ink, as a share of its grey
-FAINTLY_UNEVEN = 0.15
+# what is faintly seen says something where it is no mere shade of ink, nor what glossy ink mirrors, as a share of its
+# grey; and no print's chamfer is drawn beside ink as uneven as the second
+FAINTLY_UNEVEN, INK_UNEVEN = 0.26, 0.15
 # how much better or worse a plane must explain it than another, share of what is seen
 BETTER = 0.12
 # a glossy print mirrors what is far away: it is as even as that, and a deep plane leaves that share of what the face's
@@ -124,7 +126,8 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
     gain = share[0] - share[best]
     if black > BOTTOM_SHARE:
         # as bright as a bottom of the face's own surface
-        if share[best] > NOT_EXPLAINED or (gain > BETTER and depth > DEEP_M):
+        nothing_like_it = share[best] > BRIGHT_NOT_EXPLAINED and inside.uneven > MIRRORED_UNEVEN
+        if nothing_like_it or (gain > BETTER and depth > DEEP_M):
             return np.inf
         return depth if share[best] < EXPLAINED or gain > BETTER else None
     if seen > PLAIN_NOISES:
@@ -162,7 +165,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     faint = inside.structure < FAINT_NOISES * inside.noise
     chamfer = evidence.chamfer > sure
     # a chamfer that is as likely drawn on the face is no proof
-    no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > FAINTLY_UNEVEN
+    no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > INK_UNEVEN
     deeper_least = DEEPER_PLAIN if not faint else 0.0 if no_ink else DEEPER_LEAST
     if chamfer and evidence.deeper > deeper_least and (faint or share > NOT_IN_PLANE):
         return

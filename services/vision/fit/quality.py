@@ -17,7 +17,6 @@ STEP_SHARE_LEAST = 0.15
 WEIGHT_LEAST = 0.3
 # of a profile: what is left when the rest is saturated or beyond the border
 SEEN_SAMPLES = 5
-FLAT_SHARE = 0.15
 TINY = 1e-9
 ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
 # what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it: of
@@ -28,22 +27,22 @@ SIZES_LEAST, OFFSET_LEAST = 0.1, 0.01
 @dataclass(frozen=True, slots=True, eq=False)
 class Quality:
     """step_grey: median height of the step at the rim; noise_grey, face_grey: median; support (2, G): share of each
-    group's profiles that look like the rim; astray (2, G): that do not, of a group that shows no step at all;
-    residual: what is left of the greys, share of the step; inside: share of
-    the rim inside the picture, the worse of both; saturated: share of the face beside the rim; rim_saturated: of the
-    profiles across it, any part of them; offset_px (2,) and its conflict with the calibration, sizes_m (4,) (outer,
-    inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough: what the model leaves unsaid, share
-    of the step, the more the farther along the rim it hangs together: texture."""
+    group's profiles that look like the rim; residual: what is left of the greys, share of the step; inside: share of
+    the rim inside the picture, the worse of both;
+    saturated: share of the face beside the rim; rim_saturated: of the profiles across it, any part of them;
+    inside_saturated: of the inside next to it; offset_px (2,) and its conflict with the calibration, sizes_m (4,)
+    (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough: what the model leaves unsaid,
+    share of the step, the more the farther along the rim it hangs together: texture."""
 
     step_grey: float
     noise_grey: float
     face_grey: float
     support: Array
-    astray: Array
     residual: float
     inside: float
     saturated: float
     rim_saturated: float
+    inside_saturated: float
     offset_px: Array
     offset_conflict: float
     sizes_m: Array
@@ -97,10 +96,6 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_
     kept = weight.sum(axis=-1) / count
     seen = inside.sum(axis=-1) >= SEEN_SAMPLES
     ok = (height > least) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
-    # the mean profile of each group, whatever the model makes of it
-    beside = np.sum(fit.profiles.grey * inside, axis=2) / np.maximum(inside.sum(axis=2), 1.0)
-    counted = inside.mean(axis=2) > 0.5
-    contrast = np.max(np.where(counted, beside, -np.inf), axis=2) - np.min(np.where(counted, beside, np.inf), axis=2)
     squares = np.sum(weight * steps.residual**2) / max(float(weight.sum()), 1.0)
     kinds = kinds_of(rim)
     offset, sizes = kinds["offset"], slice(POSE, COMMON)
@@ -111,11 +106,11 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_
         float(np.median(noise)),
         float(np.median(steps.face)),
         ok.mean(axis=2),
-        (1.0 - ok.mean(axis=2)) * (contrast < FLAT_SHARE * np.median(np.abs(steps.bore - steps.face))),
         float(np.sqrt(squares)) / max(typical, 1.0),
         float(np.mean(seen, axis=(1, 2)).min()),
         float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),
         float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
+        float(np.mean(fit.profiles.beyond > SATURATED_GREY)),
         off,
         _conflict(off, fit.covariance[offset, offset], offset_sd, offset_least),
         fit.state.sizes_m,
