@@ -92,3 +92,30 @@ def test_a_round_blur_costs_nothing_and_a_dragged_one_not_without_end() -> None:
     assert roundness_cost(state) == 0.0
     costs = [roundness_cost(replace(state, blur_px2=np.tile([1.0 + off, 0.0, 1.0], (2, 1)))) for off in (0.1, 1.0, 3.0)]
     assert 0.0 < costs[0] < costs[1] < costs[2] < 13.0
+
+
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+@pytest.mark.parametrize("light_rad", [0.0, 2.4])
+def test_a_start_a_chamfers_width_aside_comes_back(way: tuple[float, float], light_rad: float) -> None:
+    """Bright chamfers ahead and dark ones behind: the rim moved by their width looks much the same."""
+    truth = truth_of(STEREO, 7)
+    coarse, fine = rims(HOLE)
+    pictures = drawn_pair(STEREO, HOLE, truth, Look(chamfer=100.0, relief=0.8, light_rad=light_rad, seed=7))
+    start = truth @ Pose.from_rotvec([0.0, 0.0, 0.0], [1e-3 * way[0], 1e-3 * way[1], 0.0])
+    fit, _ = climb(pictures, coarse, fine, STEREO, [start], Doubts())
+    assert fit is not None
+    off = fit.state.pose_camera_hole.inverse() @ truth
+    assert np.hypot(*off.translation_m[:2]) < 0.15e-3
+
+
+def test_places_that_explain_a_blurred_rim_alike_are_told_as_rivals() -> None:
+    truth = truth_of(STEREO, 8)
+    coarse, fine = rims(HOLE)
+    pictures = drawn_pair(
+        STEREO, HOLE, truth, Look(chamfer=95.0, relief=0.8, light_rad=0.0, wall=25.0, bottom=15.0, blur_px=1.5, seed=8)
+    )
+    fit, rivals = climb(pictures, coarse, fine, STEREO, [truth], Doubts())
+    assert fit is not None
+    far = [one for one in rivals if fit.state.pose_camera_hole.distance_to_m(one.pose_camera_hole) > 0.3e-3]
+    off = fit.state.pose_camera_hole.inverse() @ truth
+    assert far or np.hypot(*off.translation_m[:2]) < 0.3e-3
