@@ -37,7 +37,9 @@ def plain_pose(
         if corners is None:
             return None
         seen.append(corners)
-    ok, turn, shift = cv2.solvePnP(model, seen[0], *lenses[0], flags=cv2.SOLVEPNP_IPPE if len(model) > 3 else 0)
+    ok, turn, shift = cv2.solvePnP(
+        model, seen[0], *lenses[0], flags=cv2.SOLVEPNP_IPPE if len(model) > 3 else cv2.SOLVEPNP_SQPNP
+    )
     if not ok:
         return None
 
