@@ -28,9 +28,8 @@ SIZES_LEAST, OFFSET_LEAST = 0.1, 0.01
 class Quality:
     """step_grey: median height of the step at the rim; noise_grey, face_grey: median; support (2, G): share of each
     group's profiles that look like the rim; residual: what is left of the greys, share of the step; inside: share of
-    the rim inside the picture, the worse of both;
-    saturated: share of the face beside the rim; rim_saturated: of the profiles across it, any part of them;
-    inside_saturated: of the inside next to it; offset_px (2,) and its conflict with the calibration, sizes_m (4,)
+    the rim inside the picture, the worse of both; saturated: share of the face beside the rim; rim_saturated: of the
+    profiles across it, any part of them; inside_saturated: of the inside next to it; offset_px (2,) and its conflict with the calibration, sizes_m (4,)
     (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough: what the model leaves unsaid,
     share of the step, the more the farther along the rim it hangs together: texture."""
 
@@ -83,8 +82,8 @@ def _conflict(mean: Array, posterior: Array, prior_sd: Array, least: float) -> f
     return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
-def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_LEAST) -> Quality:
-    """The figures of a fit at its end. `offset_least`: what share of the belief's variance is no conflict."""
+def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
+    """The figures of a fit at its end."""
     steps, inside = fit.steps, fit.profiles.inside
     rises = (steps.chamfer - steps.face, steps.bore - steps.face, steps.bore - steps.chamfer)
     height = np.max(np.abs([_along(rise) for rise in rises]), axis=0)
@@ -112,7 +111,7 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts, offset_least: float = OFFSET_
         float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
         float(np.mean(fit.profiles.beyond > SATURATED_GREY)),
         off,
-        _conflict(off, fit.covariance[offset, offset], offset_sd, offset_least),
+        _conflict(off, fit.covariance[offset, offset], offset_sd, OFFSET_LEAST),
         fit.state.sizes_m,
         _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds(), SIZES_LEAST),
         roughness_of(fit),
