@@ -29,9 +29,10 @@ class Quality:
     """step_grey: median height of the step at the rim; noise_grey, face_grey: median; support (2, G): share of each
     group's profiles that look like the rim; residual: what is left of the greys, share of the step; inside: share of
     the rim inside the picture, the worse of both; saturated: share of the face beside the rim; rim_saturated: of the
-    profiles across it, any part of them; inside_saturated: of the inside next to it; offset_px (2,) and its conflict with the calibration, sizes_m (4,)
-    (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4; rough: what the model leaves unsaid,
-    share of the step, the more the farther along the rim it hangs together: texture."""
+    profiles across it, any part of them; inside_saturated: of the inside next to it; offset_px (2,) and its conflict
+    with the calibration, sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4;
+    rough: what the model leaves unsaid, share of the step, the more the farther along the rim it hangs together:
+    texture."""
 
     step_grey: float
     noise_grey: float
