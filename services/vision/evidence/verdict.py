@@ -129,7 +129,7 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
         nothing_like_it = share[best] > BRIGHT_NOT_EXPLAINED and inside.uneven > MIRRORED_UNEVEN
         if nothing_like_it or (gain > BETTER and depth > DEEP_M):
             return np.inf
-        return depth if share[best] < EXPLAINED or gain > BETTER else None
+        return depth if depth <= DEEP_M and (share[best] < EXPLAINED or gain > BETTER) else None
     if seen > PLAIN_NOISES:
         if share[0] > NOT_EXPLAINED:
             return np.inf
@@ -138,7 +138,8 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
         # a wall of a dark bore, seen down to some depth, or what is behind it
         if not mirrored and ((gain > WALL_BETTER and depth >= WALL_M) or deep < share[0] - BETTER):
             return np.inf
-        return depth if share[best] < EXPLAINED and share[-1] > share[best] + BETTER else None
+        shallow = depth <= DEEP_M and share[-1] > share[best] + BETTER
+        return depth if shallow and share[best] < EXPLAINED else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
     told = (share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
     return np.inf if told and inside.uneven > FAINTLY_UNEVEN else None
