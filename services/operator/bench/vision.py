@@ -204,6 +204,8 @@ def vision(
     wanted: list[tuple[str, SceneFaults | None, int]] = [("sound", None, poses)]
     wanted += [(name, scene, faults) for name, scene in FAULTS.items() if faults]
     summaries: list[SightSummary] = []
+    name, sights = "sound", list[Sight]()
+    ended: CrosspihError | None = None
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     try:
         with (
@@ -219,10 +221,15 @@ def vision(
                     progress.advance(task)
                 summaries.append(summarise_sights(name, sights))
     except CrosspihError as error:
-        console.print(f"bench ended early: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
+        # what was seen until then is told all the same
+        ended = error
+        if sights and not any(row.condition == name for row in summaries):
+            summaries.append(summarise_sights(name, sights))
     if as_json:
         json.dump([row.model_dump() for row in summaries], sys.stdout, indent=1)
         print()
-    else:
+    elif summaries:
         Console().print(_table(summaries))
+    if ended is not None:
+        console.print(f"bench ended early: {ended}", style="red", markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(1)
