@@ -36,7 +36,8 @@ def build(context: ServiceContext, wanted: frozenset[str] | None) -> HardwareShe
     speed = os.environ.get("CROSSPIH_SPEED") or config.simulated.speed
     if speed not in ("realtime", "max"):
         raise ConfigError(f"CROSSPIH_SPEED={speed}: want realtime or max")
-    return HardwareShell(open_cell(context.cell.workcell, config, speed == "realtime", wanted), context)
+    cell = open_cell(context.cell.workcell, config, speed == "realtime", wanted, context.event)
+    return HardwareShell(cell, context)
 
 
 def main() -> int:

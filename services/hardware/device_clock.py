@@ -1,11 +1,11 @@
 """A device's own time, mapped to this machine's clock, with an uncertainty that holds.
 
 What a device measured at its own time `d` arrives here at h = T(d) + delay. A delay is never negative, mostly short and
-now and then long, so that arrivals lie above a line, T, and touch it: it is their lower envelope (Paxson, "On calibrating
-measurements of packet transit times", SIGMETRICS 1998; Moon, Skelly and Towsley, "Estimation and removal of clock skew
-from network delay measurements", INFOCOM 1999). One-way times alone cannot tell the shortest delay from an offset of the
-clocks. So one thing must be known of the transport, `best_delay_s`: of all that arrives within `span_s` at least one
-piece was no longer under way than that. Each span then bounds T from both sides,
+now and then long, so that arrivals lie above a line, T, and touch it: it is their lower envelope (Paxson, "On
+calibrating measurements of packet transit times", SIGMETRICS 1998; Moon, Skelly and Towsley, "Estimation and removal
+of clock skew from network delay measurements", INFOCOM 1999). One-way times alone cannot tell the shortest delay from
+an offset of the clocks. So one thing must be known of the transport, `best_delay_s`: of all that arrives within
+`span_s` at least one piece was no longer under way than that. Each span then bounds T from both sides,
 
     h_best - best_delay_s  <=  T(d_best)  <=  h_best        h_best: the arrival that lies lowest in its span,
 
@@ -16,8 +16,8 @@ estimate, half of it the uncertainty: a bound, not a standard deviation. It hold
 - the device's clock is wrong by `max_drift_ppm` at the most, and changes its rate by `wander_ppm_s` at the most,
 - no delay is longer than `longest_delay_s`. In the first span the uncertainty is that long.
 
-A counter that wraps and a device that was restarted are told apart by the time that went by here meanwhile. A step of the
-device's clock shorter than `longest_delay_s` looks like a delay at first, and is noticed after `PATIENCE` spans.
+A counter that wraps and a device that was restarted are told apart by the time that went by here meanwhile. A step of
+the device's clock shorter than `longest_delay_s` looks like a delay at first, and is noticed after `PATIENCE` spans.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ PATIENCE = 3  # spans in a row that lie too late: not their delays, but the devi
 
 
 class DeviceClock:
-    """`observe` each arrival, or some of them; then `to_host_ns` says when the device's time was on this machine's clock.
+    """`observe` each arrival, or some of them; then `to_host_ns` says when the device's time was on this machine's
+    clock.
 
-    `wrap_s` is where the device's counter begins anew, in seconds: 2**32 counts over their rate; None: it never does. Not
-    for several threads at once.
+    `wrap_s` is where the device's counter begins anew, in seconds: 2**32 counts over their rate; None: it never does.
+    Not for several threads at once.
     """
 
     def __init__(
@@ -53,6 +54,10 @@ class DeviceClock:
         self.restarts = 0  # of the device's clock: a restart of the device, or a step of either clock
         self.struck = 0  # spans in which no arrival came within `best_delay_s`
         self._observed = False
+        self._host0_ns = 0
+        self._last_raw_s = self._last_host_s = self._x = 0.0
+        self._slope = self._slope_x = self._lowness = 0.0
+        self._slope_half = self._max_slope
 
     # ------------------------------------------------------------------------------------------------------ observing
 
@@ -96,7 +101,8 @@ class DeviceClock:
         self._start(device_s, host_ns)
 
     def _start(self, device_s: float, host_ns: int) -> None:
-        """From here on nothing is known but this arrival; x is the device's time since, e what an arrival is above it."""
+        """From here on nothing is known but this arrival; x is the device's time since, e what an arrival is above
+        it."""
         self._host0_ns = host_ns
         self._last_raw_s, self._last_host_s, self._x = device_s, 0.0, 0.0
         # of each span the lowest arrival, and by how much it may lie above T: inf where that is not known
@@ -116,7 +122,8 @@ class DeviceClock:
     # -------------------------------------------------------------------------------------------------------- fitting
 
     def _settle(self, x: float, least: float | None, most: float) -> None:
-        """T - x lies between these at x; None: nothing is known but the latest arrivals, and the usual delay believed."""
+        """T - x lies between these at x; None: nothing is known but the latest arrivals, and the usual delay
+        believed."""
         self._ref_x, self._least, self._most = x, least, most
         if least is None or most - least > self._longest_s:
             self._least = None
@@ -249,10 +256,19 @@ class DeviceClock:
         return np.asarray(self._host0_ns + np.rint((x + offset) * 1e9).astype(np.int64))
 
     def many_to_device_s(self, host_ns: NDArray[np.int64]) -> Array:
-        """The device's time (n,) at times (n,) of this machine's clock: the other way round. Raises ValueError likewise."""
+        """The device's time (n,) at times (n,) of this machine's clock: the other way round. Raises ValueError
+        likewise."""
         if not self._observed:
             raise ValueError(NOTHING_YET)
         host_s = (np.asarray(host_ns) - self._host0_ns) * 1e-9
         x = (host_s - self._mid + self._slope * self._ref_x) / (1.0 + self._slope)
         device_s = self._last_raw_s + (x - self._x)
         return np.asarray(device_s if self._wrap_s is None else device_s % self._wrap_s)
+
+
+def onward(stamps_ns: NDArray[np.int64], after_ns: int | None) -> NDArray[np.int64]:
+    """Stamps (n,) that only go on, and begin after another: a better estimate of a clock puts none before the last
+    one."""
+    order = np.arange(len(stamps_ns))
+    least = np.maximum.accumulate(stamps_ns - order) + order
+    return least if after_ns is None else np.asarray(np.maximum(least, after_ns + 1 + order))

@@ -124,7 +124,8 @@ class Devices:
     """The devices that one process has opened; None is what another process has.
 
     `realtime` is False only for a simulated cell whose time stands still between commands. `landing` is what the driver
-    of the arm knows of its mass and contacts; the cell's file goes before it (`hardware.limits`).
+    of the arm knows of its mass and contacts; the cell's file goes before it (`hardware.limits`). `host_stamped`: the
+    wrench's stamps are `time.monotonic_ns()` of this machine, to be put on the clock of another driver's joints.
     """
 
     joints: JointDevice | None = None
@@ -133,4 +134,5 @@ class Devices:
     simulation: Simulation | None = None
     realtime: bool = True
     landing: Landing | None = None
+    host_stamped: bool = False
     close: Callable[[], None] = lambda: None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -9,25 +10,43 @@ from typing import Any
 
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
+from crosspih_common.messages import Severity
+from services.hardware.cell_time import CellStampedWrench, TimedJoints
 from services.hardware.config import DEVICES, HardwareConfig
 from services.hardware.protocols import Devices
 
 # name: "module:function"; the function takes an OpenRequest and returns Devices
 DRIVERS = {
+    "ati": "services.hardware.drivers.ati.opening:open_devices",
     "pictures": "services.hardware.drivers.pictures.opening:open_devices",
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
+    "robotiq": "services.hardware.drivers.robotiq.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
 }
 
 
+Tell = Callable[[Severity, str, str], None]
+
+
+def tell_on_standard_error(severity: Severity, code: str, text: str) -> None:
+    """How devices tell of themselves where nobody else listens."""
+    print(f"{severity.value}: {code}: {text}", file=sys.stderr, flush=True)
+
+
 @dataclass(frozen=True, slots=True)
 class OpenRequest:
-    """What a driver is told: the cell, the options of its file, and which devices to open (names of `DEVICES`)."""
+    """What a driver is told: the cell, the options of its file, and which devices to open (names of `DEVICES`).
+
+    `tell` is for what people should know of a device that is open: severity, a stable code, a text with the mend. Any
+    thread may call it; what it says becomes an event of the service. It is no place for what happens many times a
+    second.
+    """
 
     workcell: Workcell
     config: HardwareConfig
     wanted: frozenset[str]
     realtime: bool
+    tell: Tell = tell_on_standard_error
 
     @property
     def options(self) -> dict[str, Any]:
@@ -54,7 +73,10 @@ def opener(name: str) -> Opener:
     return function
 
 
-def open_devices(workcell: Workcell, config: HardwareConfig, wanted: frozenset[str], realtime: bool) -> Devices:
+def open_devices(
+    workcell: Workcell, config: HardwareConfig, wanted: frozenset[str], realtime: bool,
+    tell: Tell = tell_on_standard_error,
+) -> Devices:  # fmt: skip
     """Open the wanted devices, each by the driver that the cell's file names for it.
 
     Drivers may be mixed: a simulated arm with a camera of your own. Raises ConfigError; what was opened is closed.
@@ -74,14 +96,23 @@ def open_devices(workcell: Workcell, config: HardwareConfig, wanted: frozenset[s
 
     try:
         for name, devices in drivers.items():
-            opened = opener(name)(OpenRequest(workcell, config, frozenset(devices), realtime))
+            opened = opener(name)(OpenRequest(workcell, config, frozenset(devices), realtime, tell))
             closers.append(opened.close)
             _take_over(found, opened, name, devices)
     except BaseException:
         close()
         raise
     found.close = close
+    _on_one_clock(found)
     return found
+
+
+def _on_one_clock(found: Devices) -> None:
+    """The stamps of the joints are the cell's clock; a sensor of another driver that has this machine's is put on
+    it."""
+    if found.host_stamped and found.joints is not None and found.wrench is not None:
+        joints = TimedJoints(found.joints)
+        found.joints, found.wrench = joints, CellStampedWrench(found.wrench, joints.clock)
 
 
 def _take_over(found: Devices, opened: Devices, name: str, devices: set[str]) -> None:
@@ -93,6 +124,6 @@ def _take_over(found: Devices, opened: Devices, name: str, devices: set[str]) ->
         found.joints, found.simulation, found.realtime = opened.joints, opened.simulation, opened.realtime
         found.landing = opened.landing
     if "force_torque" in devices:
-        found.wrench = opened.wrench
+        found.wrench, found.host_stamped = opened.wrench, opened.host_stamped
     if "camera" in devices:
         found.camera = opened.camera

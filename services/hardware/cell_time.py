@@ -1,0 +1,69 @@
+"""A sensor that stamps by this machine's clock, put on the cell's: the joints' own, which every reading of them
+tells."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from crosspih_common.arm import ArmModel
+from crosspih_common.geometry.pose import Array
+from services.hardware.device_clock import DeviceClock, onward
+from services.hardware.protocols import JointDevice, JointReading, WrenchDevice, WrenchSamples
+
+
+class TimedJoints:
+    """Implements JointDevice: another one, whose readings also tell when the cell's clock was at their stamps here."""
+
+    def __init__(self, joints: JointDevice) -> None:
+        self._joints = joints
+        self.clock = DeviceClock()
+
+    @property
+    def model(self) -> ArmModel:
+        """The arm's."""
+        return self._joints.model
+
+    @property
+    def period_s(self) -> float:
+        """The arm's."""
+        return self._joints.period_s
+
+    def read(self) -> JointReading:
+        """The next cycle."""
+        reading = self._joints.read()
+        self.clock.observe(reading.stamp_ns * 1e-9, time.monotonic_ns())
+        return reading
+
+    def write(self, positions_rad: Array, speeds_rad_s: Array) -> None:
+        """The reference of the next cycle."""
+        self._joints.write(positions_rad, speeds_rad_s)
+
+    def halt(self) -> None:
+        """Stop as the arm can."""
+        self._joints.halt()
+
+
+class CellStampedWrench:
+    """Implements WrenchDevice: another one that stamps with `time.monotonic_ns()`, on the cell's clock."""
+
+    def __init__(self, wrench: WrenchDevice, clock: DeviceClock) -> None:
+        self._wrench, self._clock = wrench, clock
+        self._last_ns: int | None = None
+
+    @property
+    def period_s(self) -> float:
+        """The sensor's."""
+        return self._wrench.period_s
+
+    def read(self) -> WrenchSamples:
+        """The samples since the last read. A better estimate of the clock never puts one before the one that it
+        follows."""
+        samples = self._wrench.read()
+        if not len(samples.stamps_ns):
+            return samples
+        stamps = np.rint(self._clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
+        stamps = onward(stamps, self._last_ns)
+        self._last_ns = int(stamps[-1])
+        return WrenchSamples(stamps, samples.wrenches)
