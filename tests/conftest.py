@@ -39,6 +39,8 @@ END_S = 10.0
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_stack.py",
+    "tests/hardware/test_ati.py",
+    "tests/hardware/test_robotiq.py",
     "tests/holding/test_lease.py",
     "tests/operator/test_bench_pool.py",
     "tests/recorder/test_recording_over_processes.py",

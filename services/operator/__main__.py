@@ -9,7 +9,7 @@ import typer
 
 from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
-from services.operator.bench import app as bench_app
+from services.operator.bench.commands import app as bench_app
 from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
 from services.operator.for_cell import for_cell

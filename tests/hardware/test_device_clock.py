@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
-from services.hardware.device_clock import DeviceClock
+from services.hardware.device_clock import DeviceClock, onward
 
 BEST_S = 5e-4
 HOST0_NS = 123_456_789_000_000
@@ -145,3 +145,13 @@ def test_nothing_is_told_before_anything_came() -> None:
     assert clock.uncertainty_s == float("inf") and not clock.settled
     with pytest.raises(ValueError, match="observe an arrival"):
         clock.to_host_ns(0.0)
+
+
+@given(st.lists(st.integers(0, 10**6), min_size=1, max_size=40), st.integers(0, 10**6))
+def test_stamps_only_go_on_and_none_is_later_than_it_must_be(stamps: list[int], after: int) -> None:
+    moved = onward(np.array(stamps, dtype=np.int64), after).tolist()
+    expected, last = [], after
+    for stamp in stamps:
+        last = max(stamp, last + 1)
+        expected.append(last)
+    assert moved == expected

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import CameraCalibration
-from services.operator.bench import app
+from services.operator.bench.commands import app
 from services.operator.bench.pictures import shots, store
 from services.operator.bench.pictures.judging import figures_of, least_off
 from services.operator.bench.pictures.plain_pnp import plain_pose

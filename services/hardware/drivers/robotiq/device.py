@@ -37,7 +37,7 @@ from services.hardware.drivers.robotiq.wire import (
 )
 from services.hardware.protocols import WrenchSamples
 
-SILENT_S = 0.25
+SILENT_S = 0.5
 TRY_S = 0.5
 TELL_S = 2.0
 # nobody says how exact its 100 Hz are; USB adapters hand on what came every few milliseconds

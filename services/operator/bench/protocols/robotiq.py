@@ -6,7 +6,7 @@ communication". `--tcp PORT` listens there; `--serial PATH` makes a serial line 
 with that name. What it feels is fed to it (feed.py), `--wrench` before. It prints `ready feed PORT` when it serves.
 
 On standard input it takes one command a line: `off S` (dead for S seconds, then nobody has asked for a stream),
-`garble N` (one wrong byte in each of the next N packets of the stream), `quit`.
+`garble N` (one wrong byte in each of the next N packets of the stream), `slow S` (each answer takes so long), `quit`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import sys
 import threading
 import time
 import tty
+from collections.abc import Sequence
 from pathlib import Path
 
 from pymodbus import FramerType
@@ -55,7 +56,8 @@ class Ft300:
         self.quit = threading.Event()
         self.off_until_s = 0.0
         self.garble = 0
-        texts = [SimData(500, values=[0x5331, 0x322D, 0x0105], datatype=DataType.REGISTERS, readonly=True)]
+        self.slow_s = 0.0
+        texts = [SimData(500, values=[0x5331, 0x3201, 0x0105], datatype=DataType.REGISTERS, readonly=True)]
         texts += [SimData(510, values=[0x5359, 0x4E00, 0, 4711, 2026], datatype=DataType.REGISTERS, readonly=True)]
         self.device = SimDevice(
             id=device_id,
@@ -82,16 +84,11 @@ class Ft300:
         return bytes(whole)
 
     async def _accessed(
-        self,
-        function: int,
-        start: int,
-        address: int,
-        count: int,
-        now: list[int],
-        written: list[int] | list[bool] | None,
+        self, function: int, start: int, address: int, count: int, now: list[int], written: Sequence[int] | None
     ) -> ExcCodes | None:
         if time.monotonic() < self.off_until_s:
             return ExcCodes.DEVICE_FAILURE
+        await asyncio.sleep(self.slow_s)
         if written is None:
             now[WRENCH_AT - start : WRENCH_AT - start + 6] = self.numbers()
         elif address == SELECT_OUTPUT and list(written) == [STREAM]:
@@ -104,6 +101,8 @@ class Ft300:
         if word == "off":
             self.off_until_s = time.monotonic() + float(rest[0])
             self.streaming.clear()
+        elif word == "slow":
+            self.slow_s = float(rest[0])
         elif word == "garble":
             self.garble = int(rest[0])
         elif word == "quit":
@@ -133,8 +132,9 @@ class SerialLine:
         while not sensor.quit.is_set():
             streaming = sensor.streaming.is_set()
             wait_s = max(0.0, due_s + TRANSMIT_S - time.monotonic()) if streaming and due_s else 0.02
-            ready, _, _ = select.select([self._outside, self._inside, sensor.feed.socket], [], [], min(wait_s, 0.02))
-            if sensor.feed.socket in ready:
+            feed = sensor.feed.socket.fileno()
+            ready, _, _ = select.select([self._outside, self._inside, feed], [], [], min(wait_s, 0.02))
+            if feed in ready:
                 sensor.feed.take()
             if self._inside in ready:
                 os.write(self._outside, os.read(self._inside, 4096))
@@ -176,7 +176,7 @@ async def _serve(sensor: Ft300, tcp: int | None, line: SerialLine | None) -> Non
         await asyncio.sleep(0.02)
         if line is None:
             sensor.feed.take()
-    await server.shutdown()
+    await server.shutdown()  # type: ignore[no-untyped-call]
 
 
 def main() -> None:
