@@ -12,6 +12,9 @@ from crosspih_common.geometry.pose import Array
 from services.hardware.device_clock import DeviceClock, onward
 from services.hardware.protocols import JointDevice, JointReading, WrenchDevice, WrenchSamples
 
+AHEAD_NS = 10_000_000  # of the last cycle: as much as any arm that is in time is behind its own clock
+FAR_NS = 1_000_000_000
+
 
 class TimedJoints:
     """Implements JointDevice: another one, whose readings also tell when the cell's clock was at their stamps here."""
@@ -19,6 +22,7 @@ class TimedJoints:
     def __init__(self, joints: JointDevice) -> None:
         self._joints = joints
         self.clock = DeviceClock()
+        self.now_ns = 0
 
     @property
     def model(self) -> ArmModel:
@@ -34,6 +38,7 @@ class TimedJoints:
         """The next cycle."""
         reading = self._joints.read()
         self.clock.observe(reading.stamp_ns * 1e-9, time.monotonic_ns())
+        self.now_ns = reading.stamp_ns
         return reading
 
     def write(self, positions_rad: Array, speeds_rad_s: Array) -> None:
@@ -46,11 +51,17 @@ class TimedJoints:
 
 
 class CellStampedWrench:
-    """Implements WrenchDevice: another one that stamps with `time.monotonic_ns()`, on the cell's clock."""
+    """Implements WrenchDevice: another one that stamps with `time.monotonic_ns()`, on the cell's clock.
 
-    def __init__(self, wrench: WrenchDevice, clock: DeviceClock) -> None:
-        self._wrench, self._clock = wrench, clock
+    A simulated arm that was kept waiting makes up for it in cycles that follow each other faster than time goes by.
+    What the sensor said meanwhile lies ahead of them, and is handed on as they come to it.
+    """
+
+    def __init__(self, wrench: WrenchDevice, joints: TimedJoints) -> None:
+        self._wrench, self._joints = wrench, joints
         self._last_ns: int | None = None
+        self._stamps_ns = np.zeros(0, dtype=np.int64)
+        self._wrenches = np.zeros((0, 6))
 
     @property
     def period_s(self) -> float:
@@ -58,12 +69,20 @@ class CellStampedWrench:
         return self._wrench.period_s
 
     def read(self) -> WrenchSamples:
-        """The samples since the last read. A better estimate of the clock never puts one before the one that it
+        """The samples since the last read. A better estimate of the clock never puts one before that which it
         follows."""
         samples = self._wrench.read()
-        if not len(samples.stamps_ns):
-            return samples
-        stamps = np.rint(self._clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
-        stamps = onward(stamps, self._last_ns)
-        self._last_ns = int(stamps[-1])
-        return WrenchSamples(stamps, samples.wrenches)
+        if len(samples.stamps_ns):
+            stamps = np.rint(self._joints.clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
+            stamps = onward(stamps, self._last_ns)
+            self._last_ns = int(stamps[-1])
+            self._stamps_ns = np.concatenate((self._stamps_ns, stamps))
+            self._wrenches = np.concatenate((self._wrenches, samples.wrenches))
+        ahead_ns = self._stamps_ns - self._joints.now_ns
+        # those that lie far ahead are of a clock that has changed meanwhile
+        due = int(np.searchsorted(ahead_ns, AHEAD_NS, side="right"))
+        if len(ahead_ns) and ahead_ns[-1] > FAR_NS:
+            due = len(ahead_ns)
+        ready = WrenchSamples(self._stamps_ns[:due], self._wrenches[:due])
+        self._stamps_ns, self._wrenches = self._stamps_ns[due:], self._wrenches[due:]
+        return ready

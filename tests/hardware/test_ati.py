@@ -19,6 +19,7 @@ from crosspih_common.messages import Dwell, MotionOutcome, StopReason
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.ati import opening
 from services.hardware.drivers.ati.device import AtiWrench
+from services.hardware.drivers.ati.page import fetch_page
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.hosting import open_cell
 from tests.hardware.peers import Peer, Told, serving, wait_until
@@ -49,7 +50,12 @@ def peer() -> Iterator[Peer]:
 
 def newest(wrench: AtiWrench) -> np.ndarray[Any, np.dtype[np.float64]]:
     rows: list[Any] = []
-    wait_until(lambda: bool(rows.extend(wrench.read().wrenches) or rows), "a record")
+
+    def come() -> bool:
+        rows.extend(wrench.read().wrenches)
+        return bool(rows)
+
+    wait_until(come, "a record")
     return np.asarray(rows[-1])
 
 
@@ -170,11 +176,11 @@ def test_what_would_make_the_numbers_wrong_is_refused_on_opening(peer: Peer, mon
         refused("0 records came; a firewall", rdt_port=deaf.getsockname()[1], timeout_s=0.2)
     refused("does not answer", http_port=1)
     peer.say("set comrdte Disabled")
-    wait_until(lambda: "Disabled" in opening.fetch_page("127.0.0.1", peer.ports["http"], 5.0), "the page")
+    wait_until(lambda: "Disabled" in fetch_page("127.0.0.1", peer.ports["http"], 5.0), "the page")
     refused("RDT is switched off")
     peer.say("set comrdte Enabled")
     peer.say("status 0x80020000")
-    wait_until(lambda: "0x8002" in opening.fetch_page("127.0.0.1", peer.ports["http"], 5.0), "the page")
+    wait_until(lambda: "0x8002" in fetch_page("127.0.0.1", peer.ports["http"], 5.0), "the page")
     refused("transducer saturated")
 
 

@@ -58,7 +58,7 @@ def test_its_samples_are_put_on_the_arms_clock(monkeypatch: pytest.MonkeyPatch) 
     # the arm's answer is under way for a while before it is read
     monkeypatch.setattr(time, "monotonic_ns", lambda: now[0] + round(rng.exponential(2e5)) + 20_000)
     joints = TimedJoints(Joints(lambda: now[0]))
-    wrench = CellStampedWrench(Sensor(lambda: now[0]), joints.clock)
+    wrench = CellStampedWrench(Sensor(lambda: now[0]), joints)
     last = -1
     for _ in range(4000):
         now[0] += 2_000_000
@@ -70,3 +70,25 @@ def test_its_samples_are_put_on_the_arms_clock(monkeypatch: pytest.MonkeyPatch) 
             off_s = abs(last - cell_ns(now[0])) * 1e-9
             assert off_s <= joints.clock.uncertainty_s + 2e-8
     assert joints.clock.uncertainty_s < 6e-4
+
+
+def test_an_arm_that_makes_up_for_lost_time_hears_the_sensor_as_it_comes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its cycles stood still for 200 ms, and follow each other at once until they are in time again."""
+    host = [10**15]
+    cell = [10**15]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: host[0])
+    joints = TimedJoints(Joints(lambda: cell[0]))
+    wrench = CellStampedWrench(Sensor(lambda: host[0]), joints)
+
+    def cycle(host_step_ns: int) -> int:
+        host[0] += host_step_ns
+        cell[0] += 2_000_000
+        joints.read()
+        return len(wrench.read().stamps_ns)
+
+    for _ in range(1000):
+        assert cycle(2_000_000) == 2
+    host[0] += 198_000_000
+    sensor_says = [cycle(2_000_000), *(cycle(0) for _ in range(99))]
+    # the last ones are handed on at the end, none before the cycles are near them
+    assert sum(sensor_says[:90]) == 0 and sum(sensor_says) >= 2

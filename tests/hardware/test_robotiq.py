@@ -113,7 +113,12 @@ def opened(told: Told, robotiq: dict[str, Any]) -> Any:
 
 def newest(wrench: Any) -> Any:
     rows: list[Any] = []
-    wait_until(lambda: bool(rows.extend(wrench.read().wrenches) or rows), "a sample")
+
+    def come() -> bool:
+        rows.extend(wrench.read().wrenches)
+        return bool(rows)
+
+    wait_until(come, "a sample")
     return rows[-1]
 
 

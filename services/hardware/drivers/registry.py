@@ -112,7 +112,7 @@ def _on_one_clock(found: Devices) -> None:
     it."""
     if found.host_stamped and found.joints is not None and found.wrench is not None:
         joints = TimedJoints(found.joints)
-        found.joints, found.wrench = joints, CellStampedWrench(found.wrench, joints.clock)
+        found.joints, found.wrench = joints, CellStampedWrench(found.wrench, joints)
 
 
 def _take_over(found: Devices, opened: Devices, name: str, devices: set[str]) -> None:
