@@ -13,7 +13,6 @@ from services.hardware.device_clock import DeviceClock, onward
 from services.hardware.protocols import JointDevice, JointReading, WrenchDevice, WrenchSamples
 
 AHEAD_NS = 10_000_000  # of the last cycle: as much as any arm that is in time is behind its own clock
-FAR_NS = 1_000_000_000
 
 
 class TimedJoints:
@@ -53,15 +52,16 @@ class TimedJoints:
 class CellStampedWrench:
     """Implements WrenchDevice: another one that stamps with `time.monotonic_ns()`, on the cell's clock.
 
-    A simulated arm that was kept waiting makes up for it in cycles that follow each other faster than time goes by.
-    What the sensor said meanwhile lies ahead of them, and is handed on as they come to it.
+    A simulated arm that was kept waiting makes up for it by cycles that follow each other faster than time goes by.
+    What the sensor said meanwhile lies ahead of them, and is handed on as they come to it: else the first would hear
+    all of it, and the others a sensor that is silent.
     """
 
     def __init__(self, wrench: WrenchDevice, joints: TimedJoints) -> None:
         self._wrench, self._joints = wrench, joints
-        self._last_ns: int | None = None
-        self._stamps_ns = np.zeros(0, dtype=np.int64)
-        self._wrenches = np.zeros((0, 6))
+        self._handed_ns: int | None = None
+        self._kept = WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
+        self._restarts = 0
 
     @property
     def period_s(self) -> float:
@@ -69,20 +69,27 @@ class CellStampedWrench:
         return self._wrench.period_s
 
     def read(self) -> WrenchSamples:
-        """The samples since the last read. A better estimate of the clock never puts one before that which it
-        follows."""
-        samples = self._wrench.read()
+        """The samples since the last read that are due. A better estimate of the clock never puts one before that which
+        it follows."""
+        samples, clock = self._wrench.read(), self._joints.clock
         if len(samples.stamps_ns):
-            stamps = np.rint(self._joints.clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
-            stamps = onward(stamps, self._last_ns)
-            self._last_ns = int(stamps[-1])
-            self._stamps_ns = np.concatenate((self._stamps_ns, stamps))
-            self._wrenches = np.concatenate((self._wrenches, samples.wrenches))
-        ahead_ns = self._stamps_ns - self._joints.now_ns
-        # those that lie far ahead are of a clock that has changed meanwhile
-        due = int(np.searchsorted(ahead_ns, AHEAD_NS, side="right"))
-        if len(ahead_ns) and ahead_ns[-1] > FAR_NS:
-            due = len(ahead_ns)
-        ready = WrenchSamples(self._stamps_ns[:due], self._wrenches[:due])
-        self._stamps_ns, self._wrenches = self._stamps_ns[due:], self._wrenches[due:]
-        return ready
+            stamps = np.rint(clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
+            samples = WrenchSamples(stamps, samples.wrenches)
+        kept = self._kept
+        if len(kept.stamps_ns):
+            samples = WrenchSamples(
+                np.concatenate((kept.stamps_ns, samples.stamps_ns)), np.concatenate((kept.wrenches, samples.wrenches))
+            )
+        if not len(samples.stamps_ns):
+            return samples
+        latest_ns = self._joints.now_ns + AHEAD_NS
+        due = len(samples.stamps_ns)
+        if clock.restarts == self._restarts and samples.stamps_ns[-1] > latest_ns:
+            due = int(np.searchsorted(samples.stamps_ns, latest_ns, side="right"))
+        self._restarts = clock.restarts
+        self._kept = WrenchSamples(samples.stamps_ns[due:], samples.wrenches[due:])
+        if not due:
+            return WrenchSamples(samples.stamps_ns[:0], samples.wrenches[:0])
+        handed = onward(np.minimum(samples.stamps_ns[:due], latest_ns), self._handed_ns)
+        self._handed_ns = int(handed[-1])
+        return WrenchSamples(handed, samples.wrenches[:due])

@@ -72,23 +72,61 @@ def test_its_samples_are_put_on_the_arms_clock(monkeypatch: pytest.MonkeyPatch) 
     assert joints.clock.uncertainty_s < 6e-4
 
 
-def test_an_arm_that_makes_up_for_lost_time_hears_the_sensor_as_it_comes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its cycles stood still for 200 ms, and follow each other at once until they are in time again."""
+class Sampled(Sensor):
+    """Samples by the millisecond, each once."""
+
+    def __init__(self, host_ns: Callable[[], int]) -> None:
+        super().__init__(host_ns)
+        self._next_ns = host_ns()
+
+    def read(self) -> WrenchSamples:
+        stamps = np.arange(self._next_ns, self._host_ns() + 1, 1_000_000, dtype=np.int64)
+        self._next_ns += 1_000_000 * len(stamps)
+        return WrenchSamples(stamps, np.zeros((len(stamps), 6)))
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], tuple[int, list[int]]]:
+    """Goes on by so many ns, and the arm by a cycle: its stamp, and the sensor's samples that it hears."""
     host = [10**15]
     cell = [10**15]
     monkeypatch.setattr(time, "monotonic_ns", lambda: host[0])
     joints = TimedJoints(Joints(lambda: cell[0]))
-    wrench = CellStampedWrench(Sensor(lambda: host[0]), joints)
+    wrench = CellStampedWrench(Sampled(lambda: host[0]), joints)
 
-    def cycle(host_step_ns: int) -> int:
+    def cycle(host_step_ns: int) -> tuple[int, list[int]]:
         host[0] += host_step_ns
         cell[0] += 2_000_000
-        joints.read()
-        return len(wrench.read().stamps_ns)
+        now_ns = joints.read().stamp_ns
+        return now_ns, wrench.read().stamps_ns.tolist()
 
+    return cycle
+
+
+def test_an_arm_that_makes_up_for_lost_time_is_not_told_that_its_sensor_is_silent(
+    machine: Callable[[int], tuple[int, list[int]]],
+) -> None:
     for _ in range(1000):
-        assert cycle(2_000_000) == 2
-    host[0] += 198_000_000
-    sensor_says = [cycle(2_000_000), *(cycle(0) for _ in range(99))]
-    # the last ones are handed on at the end, none before the cycles are near them
-    assert sum(sensor_says[:90]) == 0 and sum(sensor_says) >= 2
+        machine(2_000_000)
+    heard = [machine(202_000_000), *(machine(0) for _ in range(100))]
+    assert sum(len(stamps) for _, stamps in heard) >= 195
+    longest, since_ns = 0, heard[0][0]
+    for now_ns, stamps in heard:
+        longest = max(longest, now_ns - since_ns)
+        since_ns = now_ns if stamps else since_ns
+    assert longest < 20_000_000
+
+
+def test_an_arm_that_falls_behind_hears_nothing_of_the_future(
+    machine: Callable[[int], tuple[int, list[int]]],
+) -> None:
+    """Its clock goes half as fast as ours for a while, and as fast again then."""
+    last, count = -1, 0
+    for cycle in range(9000):
+        now_ns, stamps = machine(4_000_000 if 2000 < cycle < 4000 else 2_000_000)
+        if stamps:
+            assert last < stamps[0] and stamps[-1] <= now_ns + 11_000_000
+            last = stamps[-1]
+        count += len(stamps)
+    assert abs(last - now_ns) < 2_000_000
+    assert count == pytest.approx(2 * 9000 + 2 * 2000, abs=20)  # none is lost
