@@ -52,16 +52,13 @@ class TimedJoints:
 class CellStampedWrench:
     """Implements WrenchDevice: another one that stamps with `time.monotonic_ns()`, on the cell's clock.
 
-    A simulated arm that was kept waiting makes up for it by cycles that follow each other faster than time goes by.
-    What the sensor said meanwhile lies ahead of them, and is handed on as they come to it: else the first would hear
-    all of it, and the others a sensor that is silent.
+    A simulated arm that is kept waiting falls behind the clock that it had before; what is heard in a cycle is said to
+    be no more than 10 ms later than that.
     """
 
     def __init__(self, wrench: WrenchDevice, joints: TimedJoints) -> None:
         self._wrench, self._joints = wrench, joints
-        self._handed_ns: int | None = None
-        self._kept = WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
-        self._restarts = 0
+        self._last_ns: int | None = None
 
     @property
     def period_s(self) -> float:
@@ -69,27 +66,12 @@ class CellStampedWrench:
         return self._wrench.period_s
 
     def read(self) -> WrenchSamples:
-        """The samples since the last read that are due. A better estimate of the clock never puts one before that which
-        it follows."""
-        samples, clock = self._wrench.read(), self._joints.clock
-        if len(samples.stamps_ns):
-            stamps = np.rint(clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
-            samples = WrenchSamples(stamps, samples.wrenches)
-        kept = self._kept
-        if len(kept.stamps_ns):
-            samples = WrenchSamples(
-                np.concatenate((kept.stamps_ns, samples.stamps_ns)), np.concatenate((kept.wrenches, samples.wrenches))
-            )
+        """The samples since the last read. A better estimate of the clock never puts one before that which it
+        follows."""
+        samples = self._wrench.read()
         if not len(samples.stamps_ns):
             return samples
-        latest_ns = self._joints.now_ns + AHEAD_NS
-        due = len(samples.stamps_ns)
-        if clock.restarts == self._restarts and samples.stamps_ns[-1] > latest_ns:
-            due = int(np.searchsorted(samples.stamps_ns, latest_ns, side="right"))
-        self._restarts = clock.restarts
-        self._kept = WrenchSamples(samples.stamps_ns[due:], samples.wrenches[due:])
-        if not due:
-            return WrenchSamples(samples.stamps_ns[:0], samples.wrenches[:0])
-        handed = onward(np.minimum(samples.stamps_ns[:due], latest_ns), self._handed_ns)
-        self._handed_ns = int(handed[-1])
-        return WrenchSamples(handed, samples.wrenches[:due])
+        stamps = np.rint(self._joints.clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
+        stamps = onward(np.minimum(stamps, self._joints.now_ns + AHEAD_NS), self._last_ns)
+        self._last_ns = int(stamps[-1])
+        return WrenchSamples(stamps, samples.wrenches)

@@ -85,6 +85,26 @@ def test_wrenches_come_in_newtons_with_stamps_of_this_machine(peer: Peer) -> Non
         wrench.close()
 
 
+def test_stamps_are_when_each_sample_was_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The peer tells when, by the same machine's clock, through a clock of its own that is 150 ppm slow."""
+    monkeypatch.setattr(opening, "LOOK_S", 2.3)
+    ports = ("--rdt-port", "0", "--http-port", "0")
+    with serving("ati", *ports, "--tell-time", "--drift-ppm", "-150", "--rate", "1400") as peer:
+        wrench = opened(peer, Told())
+        off_s: list[float] = []
+
+        def look() -> bool:
+            got = wrench.read()
+            apart_s = (got.stamps_ns * 1e-9 - got.wrenches[:, 0] + 500.0) % 1000.0 - 500.0
+            off_s.extend(np.abs(apart_s) - wrench.clock.uncertainty_s)
+            return len(off_s) > 2000
+
+        wait_until(look, "2000 samples")
+        assert max(off_s) < 2e-5 and wrench.clock.uncertainty_s < 1e-3
+        assert abs(wrench.clock.drift_ppm - 150.0) <= wrench.clock.drift_uncertainty_ppm
+        wrench.close()
+
+
 def test_other_units_are_the_same_wrench(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opening, "LOOK_S", 0.3)
     units = ("--force-unit", "lbf", "--torque-unit", "kgf-cm", "--counts-per-torque", "2e5", "--rate", "3500")

@@ -85,48 +85,20 @@ class Sampled(Sensor):
         return WrenchSamples(stamps, np.zeros((len(stamps), 6)))
 
 
-@pytest.fixture
-def machine(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], tuple[int, list[int]]]:
-    """Goes on by so many ns, and the arm by a cycle: its stamp, and the sensor's samples that it hears."""
+def test_an_arm_that_falls_behind_hears_nothing_of_the_future(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its clock goes half as fast as ours for a while, and as fast again then."""
     host = [10**15]
     cell = [10**15]
     monkeypatch.setattr(time, "monotonic_ns", lambda: host[0])
     joints = TimedJoints(Joints(lambda: cell[0]))
     wrench = CellStampedWrench(Sampled(lambda: host[0]), joints)
-
-    def cycle(host_step_ns: int) -> tuple[int, list[int]]:
-        host[0] += host_step_ns
-        cell[0] += 2_000_000
-        now_ns = joints.read().stamp_ns
-        return now_ns, wrench.read().stamps_ns.tolist()
-
-    return cycle
-
-
-def test_an_arm_that_makes_up_for_lost_time_is_not_told_that_its_sensor_is_silent(
-    machine: Callable[[int], tuple[int, list[int]]],
-) -> None:
-    for _ in range(1000):
-        machine(2_000_000)
-    heard = [machine(202_000_000), *(machine(0) for _ in range(100))]
-    assert sum(len(stamps) for _, stamps in heard) >= 195
-    longest, since_ns = 0, heard[0][0]
-    for now_ns, stamps in heard:
-        longest = max(longest, now_ns - since_ns)
-        since_ns = now_ns if stamps else since_ns
-    assert longest < 20_000_000
-
-
-def test_an_arm_that_falls_behind_hears_nothing_of_the_future(
-    machine: Callable[[int], tuple[int, list[int]]],
-) -> None:
-    """Its clock goes half as fast as ours for a while, and as fast again then."""
     last, count = -1, 0
     for cycle in range(9000):
-        now_ns, stamps = machine(4_000_000 if 2000 < cycle < 4000 else 2_000_000)
-        if stamps:
-            assert last < stamps[0] and stamps[-1] <= now_ns + 11_000_000
-            last = stamps[-1]
-        count += len(stamps)
-    assert abs(last - now_ns) < 2_000_000
-    assert count == pytest.approx(2 * 9000 + 2 * 2000, abs=20)  # none is lost
+        host[0] += 4_000_000 if 2000 < cycle < 4000 else 2_000_000
+        cell[0] += 2_000_000
+        now_ns = joints.read().stamp_ns
+        stamps = wrench.read().stamps_ns
+        assert last < stamps[0] and stamps[-1] <= now_ns + 11_000_000
+        last, count = int(stamps[-1]), count + len(stamps)
+    assert abs(last - now_ns) < 1_000_000
+    assert count == 2 * 9000 + 2 * 1999 + 1  # none is lost

@@ -40,6 +40,7 @@ from services.operator.bench.protocols.feed import Feed, Wrench, udp
 _REQUEST, _RECORD = struct.Struct(">HHI"), struct.Struct(">IIIiiiiii")
 _MAGIC, _STOP, _START, _START_BUFFERED, _BIAS = 0x1234, 0x0000, 0x0002, 0x0003, 0x0042
 _LARGEST_COUNT = 2**31 - 1
+TIME_S = 1000.0  # modulo which time is told
 # how many of the unit are one N, or one Nm
 FORCE = {"N": 1.0, "kN": 1e-3, "lbf": 1 / 4.4482216152605, "klbf": 1e-3 / 4.4482216152605, "kgf": 1 / 9.80665}
 TORQUE = {
@@ -54,7 +55,7 @@ class NetBox:
     def __init__(
         self, fields: dict[str, str], internal_hz: float, rate_hz: float, drift_ppm: float = 0.0,
         feels: Callable[[], Wrench] | None = None, host: str = "127.0.0.1", rdt_port: int = 0, http_port: int = 0,
-        feed_port: int = 0,
+        feed_port: int = 0, tell_time: bool = False,
     ) -> None:  # fmt: skip
         self.fields = fields
         self._internal_hz = internal_hz
@@ -63,6 +64,7 @@ class NetBox:
         fields.setdefault("runrate", f"{internal_hz:g}")
         fields["comrdtrate"] = f"{internal_hz / self._step:.0f}"
         self.feed = Feed(host, feed_port)
+        self._tell_time = tell_time
         self._feels = feels or (lambda: self.feed.wrench)
         self._rdt = udp(host, rdt_port)
         self._http = ThreadingHTTPServer((host, http_port), self._handler())
@@ -169,8 +171,8 @@ class NetBox:
     def _counted(self) -> int:
         return int((time.monotonic() - self._powered_s) * self._true_hz)
 
-    def _counts(self) -> tuple[int, ...]:
-        felt = self._feels()
+    def _counts(self, time_s: float | None = None) -> tuple[int, ...]:
+        felt = self._feels() if time_s is None else (time_s, 0.0, 0.0, 0.0, 0.0, 0.0)
         per_n = float(self.fields["cfgcpf"]) * FORCE[self.fields["scfgfu"]]
         per_nm = float(self.fields["cfgcpt"]) * TORQUE[self.fields["scfgtu"]]
         counts = [round(one * per) for one, per in zip(felt, (per_n,) * 3 + (per_nm,) * 3, strict=True)]
@@ -191,6 +193,8 @@ class NetBox:
         unplugged = now_s < self._unplugged_until_s
         while self._next_ft <= counted and self._client is not None:
             self._rdt_sequence = (self._rdt_sequence + 1) & 0xFFFFFFFF
+            if self._tell_time:
+                counts = self._counts((self._powered_s + self._next_ft / self._true_hz) % TIME_S)
             record = _RECORD.pack(self._rdt_sequence, self._next_ft & 0xFFFFFFFF, self.status, *counts)
             self._next_ft += self._step
             if self._left is not None:
@@ -283,11 +287,16 @@ def main() -> None:
     parser.add_argument("--counts-per-torque", type=float, default=1e6)
     parser.add_argument("--ratings", type=float, nargs=6, default=(330.0, 330.0, 990.0, 30.0, 30.0, 30.0))
     parser.add_argument("--wrench", type=float, nargs=6, default=(0.0,) * 6, help="felt until it is fed, N and Nm")
+    parser.add_argument(
+        "--tell-time",
+        action="store_true",
+        help="Fx is the monotonic time of each sample, s modulo 1000: to test stamps",
+    )
     parser.add_argument("--stay", action="store_true", help="serve on when standard input ends, until it is ended")
     arguments = parser.parse_args()
     box = NetBox(
         fields_of(arguments), arguments.internal_rate, arguments.rate, arguments.drift_ppm, None, arguments.host,
-        arguments.rdt_port, arguments.http_port, arguments.feed_port,
+        arguments.rdt_port, arguments.http_port, arguments.feed_port, arguments.tell_time,
     )  # fmt: skip
     box.feed.wrench = tuple(arguments.wrench)
 
