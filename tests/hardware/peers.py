@@ -67,6 +67,10 @@ class Told:
     def codes(self) -> list[str]:
         return [code for _, code, _ in self.events]
 
+    def last(self, before: str, code: str) -> bool:
+        """Whether of two codes the latter was told last."""
+        return next((told for told in reversed(self.codes()) if told in (before, code)), None) == code
+
     def text(self, code: str) -> str:
         return next(text for _, told, text in self.events if told == code)
 
