@@ -176,9 +176,27 @@ def test_a_box_that_comes_back_with_another_calibration_is_not_believed(
     wrench = opened(peer, told)
     try:
         peer.say("set cfgcalsn FT99999")
-        peer.say("off 0.5")
+        peer.say("unplug 0.5")  # its stream goes on, in counts that mean something else
         wait_until(lambda: bool(wrench.read()) and "sensor_changed" in told.codes(), "the change told")
         assert "FT99999" in told.text("sensor_changed") and "calibrate" in told.text("sensor_changed")
+        before = wrench.counts.disbelieved
+        wait_until(
+            lambda: not len(wrench.read().wrenches) and wrench.counts.disbelieved > before, "records, not believed"
+        )
+    finally:
+        wrench.close()
+
+
+def test_a_bias_is_set_when_asked_for_and_a_box_that_lost_it_is_not_believed(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opening, "LOOK_S", 0.3)
+    told = Told()
+    wrench = opened(peer, told, bias=True)
+    try:
+        assert newest(wrench) == pytest.approx(np.zeros(6), abs=1e-6)
+        peer.say("off 0.5")
+        wait_until(lambda: bool(wrench.read()) and "sensor_changed" in told.codes(), "the change told")
         assert not len(wrench.read().wrenches)
     finally:
         wrench.close()

@@ -57,7 +57,7 @@ class AtiWrench:
         self._heard_s = time.monotonic()
         self._closing = threading.Event()
         self._seeker: threading.Thread | None = None
-        self._lost = False
+        self._lost, self._confirmed = False, True
 
     # -------------------------------------------------------------------------------------------------------- reading
 
@@ -68,19 +68,24 @@ class AtiWrench:
         now_s = time.monotonic()
         if len(got.records):
             self._heard_s = now_s
+            if self._lost and not self._confirmed:  # what its counts mean now is being asked
+                self.counts.disbelieved += len(got.records)
+                self._seek()
+                return _nothing()
             if self._lost:
                 self._lost = False
                 self._say(Severity.INFO, "sensor_back", "the ATI sensor's records come again", now_s, always=True)
             return self._samples(got, now_s)
         if now_s - self._heard_s > SILENT_S and not self._lost:
-            self._lost = True
-            self._say(
-                Severity.WARNING, "sensor_silent",
-                f"no record of the ATI sensor at {self._config.host} for {SILENT_S:g} s: looking for it; cable, "
-                "power, or another program that started its stream?", now_s, always=True,
-            )  # fmt: skip
+            self._lost, self._confirmed = True, False
+            text = (
+                f"no record of the ATI sensor at {self._config.host} for {SILENT_S:g} s: looking for it; cable, power, "
+                "or another program that started its stream?"
+            )
+            self._say(Severity.WARNING, "sensor_silent", text, now_s, always=True)
+        if self._lost:
             self._seek()
-        return WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
+        return _nothing()
 
     def _samples(self, got: Records, now_s: float) -> WrenchSamples:
         records, arrived_ns = self._in_order(got.records, got.arrived_ns)
@@ -96,7 +101,7 @@ class AtiWrench:
             if self._say(Severity.WARNING, "samples_missed", text, now_s):
                 self._missed_told = self.counts.missed
         if not len(records):
-            return WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
+            return _nothing()
         stamps_ns = onward(self.clock.many_to_host_ns(device_s), self._last_ns)
         self._last_ns = int(stamps_ns[-1])
         return WrenchSamples(stamps_ns, records["counts"] * self._per_count)
@@ -172,27 +177,31 @@ class AtiWrench:
             self._seeker.start()
 
     def _seek_beside(self) -> None:
-        """Until records come: ask the page, and if its counts mean the same as before start the stream again."""
-        refused = ""
-        while not self._closing.is_set() and time.monotonic() - self._heard_s > SILENT_S:
+        """Until the box says that its counts mean the same as before, and records come: what came last may have been of
+        another box, calibration or bias."""
+        refused = False
+        while not self._closing.is_set() and self._lost:
             asked_s = time.monotonic()
             try:
-                page = read_page(
-                    fetch_page(self._config.host, self._config.http_port, min(1.0, self._config.timeout_s))
-                )
+                timeout_s = min(1.0, self._config.timeout_s)
+                page = read_page(fetch_page(self._config.host, self._config.http_port, timeout_s))
             except PageUnreadable:
                 page = None
-            if page is not None and not page.same_numbers(self._page):
-                if not refused:
-                    refused = (
-                        f"the ATI box has calibration {page.calibration} and {page.units} now, it had "
-                        f"{self._page.calibration} and {self._page.units}: start the hardware service again, and "
-                        "calibrate"
-                    )
-                    self._say(Severity.ERROR, "sensor_changed", refused, asked_s, always=True)
-            elif page is not None:
-                self.counts.reconnections += 1
-                self._link.send(START_REALTIME)
+            if page is not None and page.same_numbers(self._page):
+                if asked_s - self._heard_s > SILENT_S:
+                    self.counts.reconnections += 1
+                    self._link.send(START_REALTIME)
+                self._confirmed = True
+            elif page is not None and not refused:
+                refused = True
+                text = (
+                    f"the ATI box is not as it was: calibration {page.calibration}, {page.units}, bias {page.bias}, "
+                    "tool "
+                    f"transformation {page.transformation}; it had {self._page.calibration}, {self._page.units}, "
+                    f"{self._page.bias}, {self._page.transformation}. It is not believed: start the hardware service "
+                    "again, and calibrate"
+                )
+                self._say(Severity.ERROR, "sensor_changed", text, asked_s, always=True)
             self._closing.wait(max(0.05, TRY_S - (time.monotonic() - asked_s)))
 
     def close(self) -> None:
@@ -202,6 +211,10 @@ class AtiWrench:
             if self._seeker is not None:
                 self._seeker.join()
             self._link.close()
+
+
+def _nothing() -> WrenchSamples:
+    return WrenchSamples(np.zeros(0, dtype=np.int64), np.zeros((0, 6)))
 
 
 def _signed(difference: int) -> int:

@@ -85,14 +85,14 @@ def _check_page(config: AtiConfig, page: BoxPage, table: str, request: OpenReque
                     f"hardware.limits.{name}: {cap:g} {unit}, and the sensor measures {rated:g} {unit} in this "
                     "calibration: it would never feel the cap; lower it, or choose a larger calibration on the box"
                 )
-    if page.transformed:
+    if any(page.transformation):
         request.tell(
             Severity.WARNING,
             "tool_transformation",
             "the ATI box moves its wrench by a tool transformation: cell.force_torque.pose_flange_sensor must be where "
             "that leads to; none is simpler (Configurations page, all zero)",
         )
-    if page.biased:
+    if any(page.bias):
         request.tell(
             Severity.INFO,
             "software_bias",
@@ -139,6 +139,8 @@ def _look(config: AtiConfig, page: BoxPage, table: str, link: RdtSocket, request
             "rate_differs",
             f"the ATI box's page says {page.rdt_rate_hz:g} records a second, {1.0 / period_s:.0f} come",
         )
+    if config.bias:  # the page tells it now
+        page = read_page(fetch_page(config.host, config.http_port, config.timeout_s))
     wrench = AtiWrench(config, page, link, internal_hz, period_s, table, request.tell)
     for count, arrived_ns in zip(ft, arrived, strict=True):
         wrench.clock.observe(count / internal_hz, arrived_ns)

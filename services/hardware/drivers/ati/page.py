@@ -44,8 +44,8 @@ class BoxPage:
     rdt_enabled: bool
     status: int
     ratings: tuple[float, ...]  # of Fx, Fy, Fz, N, and Tx, Ty, Tz, Nm; empty where not told
-    transformed: bool  # the box moves the wrench to another point by its tool transformation
-    biased: bool
+    transformation: tuple[float, ...]  # by which the box moves the wrench to another point: its tool transformation
+    bias: tuple[float, ...]  # the software bias that the box takes off, of its six gages
 
     @property
     def axia(self) -> bool:
@@ -54,9 +54,10 @@ class BoxPage:
 
     def same_numbers(self, other: BoxPage) -> bool:
         """Whether its counts still mean the same wrench."""
-        return (self.calibration, self.n_per_count, self.nm_per_count) == (
-            other.calibration, other.n_per_count, other.nm_per_count
-        )  # fmt: skip
+        return all(
+            getattr(self, name) == getattr(other, name)
+            for name in ("calibration", "n_per_count", "nm_per_count", "transformation", "bias")
+        )
 
 
 def fetch_page(host: str, port: int, timeout_s: float) -> str:
@@ -106,8 +107,8 @@ def read_page(text: str) -> BoxPage:
         rdt_enabled=fields.get("comrdte", "Enabled").lower() not in ("disabled", "0"),
         status=_status(fields.get("runstat", "0")),
         ratings=tuple(one * unit for one, unit in zip(ratings, in_units, strict=True)) if len(ratings) == 6 else (),
-        transformed=any(_numbers(fields.get("cfgtfx", ""))),
-        biased=any(_numbers(fields.get("setbias", ""))),
+        transformation=_numbers(fields.get("cfgtfx", "")),
+        bias=_numbers(fields.get("setbias", "")),
     )
 
 

@@ -131,8 +131,8 @@ class Link:
 class Ft300Wrench:
     """Implements WrenchDevice; stamps are `monotonic_ns` of this machine."""
 
-    def __init__(self, config: RobotiqConfig, link: Link, tell: Tell) -> None:
-        self._config, self._tell = config, tell
+    def __init__(self, config: RobotiqConfig, link: Link, said: str, tell: Tell) -> None:
+        self._config, self._said, self._tell = config, said, tell
         self._link: Link | None = link
         self.period_s = 1.0 / (STREAM_HZ if config.streams else config.poll_hz)
         self.clock: DeviceClock | None = None  # of the stream; an answer to a question lies between the two
@@ -164,6 +164,7 @@ class Ft300Wrench:
                 if self._link is None:
                     self._link = Link(self._config)
                     self._link.wrench()
+                    self._same_as_before(self._link.identity())
                     self.counts.reconnections += 1
                 (self._stream if self._config.streams else self._poll)(self._link, self._back if lost else None)
             except LinkLost as error:
@@ -177,6 +178,12 @@ class Ft300Wrench:
                     self._link.close()
                     self._link = None
                 self._closing.wait(TRY_S)
+
+    def _same_as_before(self, said: str) -> None:
+        if said != self._said:
+            text = f"another FT 300 answers, {said}; it was {self._said}: its bias is another one, calibrate"
+            self._say(Severity.WARNING, "sensor_changed", text)
+            self._said = said
 
     def _back(self) -> None:
         self._say(Severity.INFO, "sensor_back", "the FT 300 sensor answers again")

@@ -53,7 +53,7 @@ def open_devices(request: OpenRequest) -> Devices:
             "may "
             f"this user open it (group dialout), is {config.device_id} its address (device_id)?"
         ) from None
-    wrench = Ft300Wrench(config, link, request.tell)
+    wrench = Ft300Wrench(config, link, said, request.tell)
     _await_samples(wrench, config)
     print(
         f"force/torque: Robotiq {said}, {1.0 / wrench.period_s:.0f} a second "

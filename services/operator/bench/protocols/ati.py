@@ -84,6 +84,7 @@ class NetBox:
         self._rdt_sequence = 0
         self._next_ft = 0
         self._bias: tuple[int, ...] = (0, 0, 0, 0, 0, 0)
+        self.fields["setbias"] = "0;0;0;0;0;0"
         self._swapped: bytes | None = None
 
     # ----------------------------------------------------------------------------------------------------- the page
