@@ -11,6 +11,7 @@ from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.recorded.config import RecordedConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.ur.config import UrConfig
 
 DEVICES: tuple[Literal["arm", "force_torque", "camera"], ...] = ("arm", "force_torque", "camera")
 
@@ -41,6 +42,7 @@ class HardwareConfig(Section):
     simulated: SimulatedConfig = SimulatedConfig()
     recorded: RecordedConfig = RecordedConfig()
     pictures: PicturesConfig = PicturesConfig()
+    ur: UrConfig | None = None
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

@@ -224,6 +224,7 @@ class ArmController:
         payload = Payload.from_command(command, self._mounting)
         with self._turn.taken():
             runner = self._runner
+            runner.recover()
             if len(runner.last_samples) < (runner.last_samples.maxlen or 0):
                 self._execution.hold_still(LAST_S)
             mean, sd = (
@@ -250,6 +251,7 @@ class ArmController:
 
     def hold_still(self, duration_s: float) -> None:
         """Hold still for a time, for whoever has the turn: a simulated camera exposes meanwhile."""
+        self._runner.recover()
         self._execution.hold_still(duration_s)
 
     @contextmanager
@@ -287,13 +289,16 @@ class ArmController:
         while not self._closing.is_set():
             with self._turn.idle():
                 # a device that refuses where it is to go, backing off from what it felt, holds on where it is
+                # one that was lost is asked for again
                 with suppress(CommandRefused):
+                    self._runner.recover()
                     self._execution.hold_still(self._runner.period_s)
                 self.holder.drop_expired(self._runner.now_ns)
 
     @contextmanager
     def _command(self) -> Iterator[None]:
         with self.exclusively():
+            self._runner.recover()
             self._execution.accept()
             self._execution.restart()
             self._start_ns = self._runner.now_ns

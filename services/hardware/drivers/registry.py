@@ -17,6 +17,7 @@ DRIVERS = {
     "pictures": "services.hardware.drivers.pictures.opening:open_devices",
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
+    "ur": "services.hardware.drivers.ur.opening:open_devices",
 }
 
 

@@ -112,9 +112,7 @@ class Session:
         types = []
         for name in names:
             taken = self._claims.get(name)
-            types.append(
-                "NOT_FOUND" if name not in INPUTS else "IN_USE" if taken not in (None, self) else INPUTS[name]
-            )
+            types.append("NOT_FOUND" if name not in INPUTS else "IN_USE" if taken not in (None, self) else INPUTS[name])
         if {"NOT_FOUND", "IN_USE"} & set(types):
             return b"\x00" + ",".join(types).encode()
         for name in names:
