@@ -70,7 +70,8 @@ def wrong_payload(found_kg: float, known_kg: float | None, tolerance_kg: float) 
         return None
     return (
         f"the controller reckons with a payload of {found_kg:.2f} kg, and {known_kg:.2f} kg hang there "
-        "(hardware.ur.payload_kg, else cell.force_torque.weighed_n): set it on the pendant, Installation, General, Payload"
+        "(hardware.ur.payload_kg, else cell.force_torque.weighed_n): set it on the pendant, Installation, General, "
+        "Payload"
     )
 
 

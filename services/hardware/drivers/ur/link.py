@@ -127,7 +127,7 @@ class UrLink:
         return self._session != 0
 
     def start_program(self) -> None:
-        """Have the arm follow set-points, standing where it stands. Raises DeviceLost where the program does not run."""
+        """Have the arm follow set-points, standing where it stands. Raises DeviceLost where no program runs."""
         config = self._config
         hold = np.asarray(self.receive()[-1]["target_q"], float)
         session = 1 + secrets.randbelow(2**31 - 2)

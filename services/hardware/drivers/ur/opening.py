@@ -41,6 +41,6 @@ def _require_honest_delay(config: UrConfig, delay_s: float) -> None:
     if delay_s < config.lookahead_s:
         raise ConfigError(
             f"hardware.limits.sensor_delay_s: {delay_s:g} s, and the arm follows its set-points "
-            f"hardware.ur.lookahead_s = {config.lookahead_s:g} s late: say {config.lookahead_s + 0.005:g} at the least, "
-            "or what may touch would be let go too fast for the cap"
+            f"hardware.ur.lookahead_s = {config.lookahead_s:g} s late: say {config.lookahead_s + 0.005:g} at the "
+            "least, or what may touch would be let go too fast for the cap"
         )

@@ -1,4 +1,9 @@
-"""A thin RTDE client: one connection to port 30004 that loses no package (protocol version 2, the maker's RTDE guide)."""
+"""A thin RTDE client: one connection to port 30004 that loses no package.
+
+Protocol version 2 of Universal Robots' "Real-Time Data Exchange (RTDE) guide". ur-rtde, the client that most use, is
+not taken: after a broken connection its threads gave up, or ended the process, and of packages that came together it
+keeps the last one alone (docs/hardware/universal-robots.md has what was seen).
+"""
 
 from __future__ import annotations
 
@@ -108,8 +113,8 @@ class RtdeClient:
         taken = [name for name, kind in zip(names, types, strict=False) if kind == "IN_USE"]
         if taken:
             raise DeviceLost(
-                f"{', '.join(taken)} of {self._host} is in use; end the other RTDE program (another crosspih?), or free "
-                "the upper registers from EtherNet/IP, PROFINET and MODBUS in the robot's installation"
+                f"{', '.join(taken)} of {self._host} is in use; end the other RTDE program (another crosspih?), or "
+                "free the upper registers from EtherNet/IP, PROFINET and MODBUS in the robot's installation"
             )
         if "NOT_FOUND" in types or len(types) != len(names):
             raise DeviceLost(f"{self._host} has no registers 24 to 47; update PolyScope to 3.9 or 5.3 on")

@@ -37,6 +37,7 @@ def main() -> int:
     parser.add_argument("--model", default="UR5", help="what `get robot model` answers")
     parser.add_argument("--version", help="of PolyScope, as 5.8.0.0; left out, one of the series")
     parser.add_argument("--cell", type=Path, help="the simulated cell of this file is behind it")
+    parser.add_argument("--watch-contact", action="store_true", help="`truth` tells the largest contact force; slower")
     parser.add_argument("--payload", type=float, nargs=4, default=(0.974, 0.0, 0.0, 0.1), help="kg and its centre, m")
     parser.add_argument("--weight-kg", type=float, default=0.974, help="of what hangs on plain joints")
     options = parser.parse_args()
@@ -48,7 +49,7 @@ def main() -> int:
     period_s = 0.002 if version[0] >= 5 else 0.008
     source: JointSource
     if options.cell is not None:
-        source = CellJoints(load_cell(options.cell), period_s)
+        source = CellJoints(load_cell(options.cell), period_s, options.watch_contact)
     else:
         arm = NAMED_ARMS["ur5e"]
         source = OwnJoints(arm.make(), np.asarray(arm.home_rad), period_s, weight_kg=options.weight_kg)

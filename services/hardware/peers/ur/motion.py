@@ -21,6 +21,7 @@ class SetPoints:
 
     def __init__(self, joints_rad: Array, period_s: float) -> None:
         self.period_s = period_s
+        self._target: Array | None = None
         self.restart(joints_rad)
 
     def restart(self, joints_rad: Array) -> None:
@@ -39,7 +40,8 @@ class SetPoints:
 
     def halt(self, slower_rad_s2: float = HALT_RAD_S2) -> None:
         """Slow down to rest, every joint by so much."""
-        self._target, self._slower_rad_s2 = None, abs(slower_rad_s2)
+        self._target = None
+        self._slower_rad_s2 = abs(slower_rad_s2)
 
     @property
     def at_rest(self) -> bool:

@@ -100,9 +100,10 @@ class CellJoints:
     The cell's file draws the sensor as the driver says it: `cell.force_torque` with the flange as its frame.
     """
 
-    def __init__(self, cell: CellFile, period_s: float) -> None:
+    def __init__(self, cell: CellFile, period_s: float, watch_contact: bool = False) -> None:
         config = cell.section("hardware", HardwareConfig)
-        simulated = config.simulated.model_copy(update={"period_s": period_s})
+        watch = {"watch_contact": watch_contact or config.simulated.watch_contact}
+        simulated = config.simulated.model_copy(update={"period_s": period_s, **watch})
         config = config.model_copy(update={"simulated": simulated})
         request = OpenRequest(cell.workcell, config, frozenset({"arm", "force_torque"}), realtime=False)
         self._devices = open_devices(request)

@@ -180,14 +180,13 @@ def _translated(text: str, blocking: set[str]) -> tuple[ast.Module, str]:
     if not isinstance(program, ast.FunctionDef):
         raise ScriptError("not a program: want `def name():` ... `end`")
     inner = [node for node in program.body if isinstance(node, ast.FunctionDef)]
-    main = ast.FunctionDef(
-        "_main", program.args, [node for node in program.body if node not in inner] or [ast.Pass()], [], None
-    )
+    name, main = program.name, program
+    main.name, main.body = "_main", [node for node in program.body if node not in inner] or [ast.Pass()]
     shared |= _assigned(main)
     yields = blocking | {node.name for node in inner} | {"_join"}
     functions = [_generator(node, shared, yields) for node in [*inner, main]]
     tree = ast.Module([*functions], [])
-    return ast.fix_missing_locations(tree), program.name
+    return ast.fix_missing_locations(tree), name
 
 
 def _assigned(function: ast.FunctionDef) -> set[str]:
@@ -200,7 +199,6 @@ def _generator(function: ast.FunctionDef, shared: set[str], yields: set[str]) ->
     function = _Waits(yields).visit(function)
     nothing = ast.Expr(ast.YieldFrom(ast.Tuple([], ast.Load())))
     function.body = [*([ast.Global(names)] if names else []), nothing, *function.body]
-    function.type_params = []  # a field that Python 3.12 added
     return function
 
 
