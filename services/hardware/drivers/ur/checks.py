@@ -61,7 +61,7 @@ def wrong_flange(model: ArmModel, joints_rad: Sequence[float], flange: Pose, tol
 def flange_note(model: ArmModel, joints_rad: Sequence[float], flange: Pose) -> str:
     """By how much a robot differs from the drawing of its type: each is calibrated, by up to some millimetres."""
     off = model.pose_base_flange(np.asarray(joints_rad, float)).inverse() @ flange
-    return f"flange {np.linalg.norm(off.translation_m) * 1e3:.2f} mm from where cell.arm has it"
+    return f"flange {float(np.linalg.norm(off.translation_m)) * 1e3:.2f} mm from where cell.arm has it"
 
 
 def wrong_payload(found_kg: float, known_kg: float | None, tolerance_kg: float) -> str | None:
@@ -82,9 +82,8 @@ def known_payload_kg(payload_kg: float | None, weighed_n: float | None) -> float
     return None if weighed_n is None else weighed_n / _STANDARD_GRAVITY
 
 
-def too_slow(speed_scaling: float, target_speed_fraction: float) -> str | None:
+def too_slow(speed_fraction: float) -> str | None:
     """The speed slider scales every set-point's way: the arm would lag ever more."""
-    slowest = min(speed_scaling, target_speed_fraction)
-    if slowest >= 0.99:
+    if speed_fraction >= 0.99:
         return None
-    return f"the robot's speed slider stands at {slowest * 100:.0f} %: set it to 100 % on the pendant"
+    return f"the robot's speed slider stands at {speed_fraction * 100:.0f} %: set it to 100 % on the pendant"

@@ -23,7 +23,10 @@ class UrConfig(Section):
     )
     gain: float = Field(default=2000.0, ge=100.0, le=2000.0, description="servoj's gain: how stiffly it follows")
     silence_s: float = Field(
-        default=0.1, ge=0.02, le=1.0, description="without a set-point for so long the robot's own program stops it"
+        default=0.1,
+        ge=0.02,
+        le=1.0,
+        description="without a set-point for so long the robot's program stops it; without a package it counts as lost",
     )
     payload_kg: float | None = Field(
         default=None, ge=0.0, le=50.0,

@@ -30,16 +30,15 @@ from services.hardware.drivers.ur.program import (
     servo_program,
 )
 from services.hardware.drivers.ur.rtde import NotKnown, RtdeClient
-from services.hardware.drivers.ur.states import program_state, why_it_cannot_move
+from services.hardware.drivers.ur.states import PROGRAM_PLAYING, program_state, why_it_cannot_move
 
 SCRIPT_PORT = 30002
 CONNECT_S = 1.0
-SILENT_S = 0.1  # without a package for so long the robot counts as gone
 PROGRAM_S = 3.0  # for the program to run
 _MODE_S = 0.05  # a mode may be told so long after the program that it ended
 _ALWAYS = (
     "timestamp", "actual_q", "actual_qd", "target_q", "actual_TCP_pose", "robot_mode", "safety_mode", "runtime_state",
-    "speed_scaling", "target_speed_fraction", *OUTPUT_NAMES,
+    "target_speed_fraction", *OUTPUT_NAMES,
 )  # fmt: skip
 _NEWER = ("tcp_offset", "payload", "payload_cog")  # 3.12 and 5.6 on
 Package = dict[str, Any]
@@ -60,7 +59,8 @@ class UrLink:
     def __init__(self, config: UrConfig, expected: Expected) -> None:
         self._config = config
         self._sending = threading.Lock()
-        self._session = self._count = 0
+        self._session = self._count = self._followed = 0
+        self._followed_s = 0.0
         self._halted = False
         self.client = RtdeClient(config.host, CONNECT_S)
         try:
@@ -113,11 +113,13 @@ class UrLink:
         for why in (
             why_it_cannot_move(package["robot_mode"], package["safety_mode"]),
             checks.wrong_payload(package["payload"], expected.payload_kg, self._config.payload_tolerance_kg),
-            checks.too_slow(package["speed_scaling"], package["target_speed_fraction"]),
+            checks.too_slow(package["target_speed_fraction"]),
         ):
             if why:
                 raise DeviceLost(f"{self._config.host}: {why}")
-        self.note = checks.flange_note(expected.model, package["actual_q"], flange)
+        self.note = checks.flange_note(expected.model, package["actual_q"], flange) + (
+            f", payload {package['payload']:.2f} kg"
+        )
 
     # ------------------------------------------------------------------------------------------------------- program
 
@@ -142,8 +144,9 @@ class UrLink:
                     package = self.receive()[-1]
                     self._refuse_modes(package)
                     self._send(hold, FOLLOW, session)
-                    if package[SESSION_OUT] == session:
+                    if package[SESSION_OUT] == session and package["runtime_state"] == PROGRAM_PLAYING:
                         self._session = session
+                        self._followed, self._followed_s = package[COUNT_OUT], package["timestamp"]
                         return
         except OSError as error:
             raise DeviceLost(
@@ -175,12 +178,21 @@ class UrLink:
 
     def receive(self) -> list[Package]:
         """What has come, at least one. Raises DeviceLost: silence, a mode in which the arm cannot move, no program."""
-        packages = self.client.receive(SILENT_S)
+        packages = self.client.receive(self._config.silence_s)
         last = packages[-1]
         self._refuse_modes(last)
-        if self._session and last[SESSION_OUT] != self._session and not self._halted:
-            self._refuse_ended(last)
+        if self._session and not self._halted:
+            self._refuse_not_followed(last)
         return packages
+
+    def _refuse_not_followed(self, package: Package) -> None:
+        """The program says so as it ends; killed or replaced it says nothing more, and its registers stay."""
+        if package[SESSION_OUT] != self._session or package["runtime_state"] != PROGRAM_PLAYING:
+            self._refuse_ended(package)
+        if package[COUNT_OUT] != self._followed or package[COUNT_OUT] == self._count:
+            self._followed, self._followed_s = package[COUNT_OUT], package["timestamp"]
+        elif package["timestamp"] - self._followed_s > self._config.silence_s:
+            self._refuse_ended(package)
 
     def _refuse_modes(self, package: Package) -> None:
         why = why_it_cannot_move(package["robot_mode"], package["safety_mode"])
@@ -191,10 +203,11 @@ class UrLink:
         """The program ended; a stop that ended it may be told a little later."""
         until_s = time.monotonic() + _MODE_S
         while time.monotonic() < until_s:
-            self._refuse_modes(self.client.receive(SILENT_S)[-1])
+            self._refuse_modes(self.client.receive(self._config.silence_s)[-1])
         why = ENDINGS.get(package[ENDING_OUT])
         if why is None:
-            why = f"somebody ended it, on the pendant or by a program of his own ({COUNT_OUT} {package[COUNT_OUT]})"
+            state = program_state(package["runtime_state"])
+            why = f"it was ended or paused on the pendant, or another was sent (program {state})"
         raise DeviceLost(f"{self._config.host}: the servo program ended: {why}")
 
     def close(self) -> None:

@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.arm import NAMED_ARMS
-from crosspih_common.config import load_cell
 from services.hardware.peers.ur.ports import Ports
 from services.hardware.peers.ur.robot import Robot
-from services.hardware.peers.ur.sources import CellJoints, JointSource, OwnJoints
+from services.hardware.peers.ur.sources import JointSource, OwnJoints
 
 VERSIONS = {"e": (5, 12, 0, 1101319), "cb3": (3, 15, 0, 106331)}
 
@@ -49,6 +48,9 @@ def main() -> int:
     period_s = 0.002 if version[0] >= 5 else 0.008
     source: JointSource
     if options.cell is not None:
+        from crosspih_common.config import load_cell  # an engine, and all that it needs
+        from services.hardware.peers.ur.simulated_cell import CellJoints
+
         source = CellJoints(load_cell(options.cell), period_s, options.watch_contact)
     else:
         arm = NAMED_ARMS["ur5e"]

@@ -31,9 +31,9 @@ class Ports:
         self._open()
 
     def _open(self) -> None:
-        serve: dict[int, Callable[[socket.socket], None]] = {RTDE_PORT: self._rtde, DASHBOARD_PORT: self._dashboard}
-        serve |= dict.fromkeys(SCRIPT_PORTS, self._script)
-        for port, handle in serve.items():
+        handlers: dict[int, Callable[[socket.socket], None]] = {RTDE_PORT: self._rtde, DASHBOARD_PORT: self._dashboard}
+        handlers |= dict.fromkeys(SCRIPT_PORTS, self._script)
+        for port, handle in handlers.items():
             listener = socket.create_server((self._address, port), reuse_port=False)
             self._listening.append(listener)
             threading.Thread(target=self._accept, args=(listener, handle), daemon=True).start()
@@ -98,7 +98,7 @@ class Ports:
         session = Session(connection, self._robot, self._claims)
         with self._lock:
             self._sessions.append(session)
-        session.serve()
+        session.run()
         with self._lock, contextlib.suppress(ValueError):
             self._sessions.remove(session)
 

@@ -27,7 +27,7 @@ class Session:
         self.started = False
         self.dropped = 0
 
-    def serve(self) -> None:
+    def run(self) -> None:
         """Answer until the client is gone."""
         try:
             while header := self._exactly(3):

@@ -63,7 +63,7 @@ class Program:
 
     def step(self) -> None:
         """A turn of every thread, in the order in which they were started. Raises ScriptError: the program is over."""
-        for thread in list(self.threads):
+        for thread in self.threads:  # one that is started now has its turn now
             if not thread.alive:
                 continue
             try:
