@@ -7,6 +7,7 @@ on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's f
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 
@@ -36,7 +37,11 @@ def build(context: ServiceContext, wanted: frozenset[str] | None) -> HardwareShe
     speed = os.environ.get("CROSSPIH_SPEED") or config.simulated.speed
     if speed not in ("realtime", "max"):
         raise ConfigError(f"CROSSPIH_SPEED={speed}: want realtime or max")
-    return HardwareShell(open_cell(context.cell.workcell, config, speed == "realtime", wanted), context)
+    shell = HardwareShell(open_cell(context.cell.workcell, config, speed == "realtime", wanted), context)
+    # what is there now stays: looked through for garbage, it would hold the arm's loop up for 50 ms
+    gc.collect()
+    gc.freeze()
+    return shell
 
 
 def main() -> int:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 from services.hardware.drivers.ur import program as servo
 from services.hardware.peers.ur.motion import SetPoints
 from services.hardware.peers.ur.robot import Robot
-from services.hardware.peers.ur.urscript import Program, ScriptError, whole_programs
+from services.hardware.peers.ur.urscript import Program, ScriptError, Steps, whole_programs
 from tests.hardware.ur_peer import CB3, E_SERIES, robot
 
 SESSION = 4711
@@ -19,7 +17,7 @@ SESSION = 4711
 def ran(text: str, turns: int = 20) -> list[object]:
     said: list[object] = []
 
-    def sync() -> Iterator[None]:
+    def sync() -> Steps:
         yield
 
     program = Program(text, {"say": said.append}, {"sync": sync})
@@ -161,6 +159,12 @@ class Told:
     def ending(self) -> int:
         return self.robot.out_ints[26]
 
+    def runs(self) -> bool:
+        return self.robot.program_running
+
+    def stands(self) -> bool:
+        return self.robot.set_points.at_rest
+
 
 @pytest.mark.parametrize("version", [E_SERIES, CB3])
 def test_the_servo_program_follows_and_says_so(version: tuple[int, int, int, int]) -> None:
@@ -179,9 +183,9 @@ def test_without_set_points_it_stops_and_ends() -> None:
         told.tell(told.home + 0.0005 * step)
         told.cycle()
     told.cycle(49)
-    assert told.robot.program_running
+    assert told.runs()
     told.cycle(60)
-    assert not told.robot.program_running and told.ending == servo.SILENT
+    assert not told.runs() and told.ending == servo.SILENT
     stood = told.robot.set_points.joints_rad.copy()
     told.cycle(500)
     assert np.array_equal(told.robot.set_points.joints_rad, stood)
@@ -192,7 +196,7 @@ def test_a_first_set_point_that_is_elsewhere_is_not_followed() -> None:
     told.cycle(3)
     told.tell(told.home + 0.1)
     told.cycle(40)
-    assert not told.robot.program_running and told.ending == servo.TOO_FAR
+    assert not told.runs() and told.ending == servo.TOO_FAR
     assert told.robot.set_points.joints_rad == pytest.approx(told.home, abs=1e-9)
 
 
@@ -201,10 +205,10 @@ def test_told_to_stop_it_stops() -> None:
     for step in range(100):
         told.tell(told.home + 0.001 * step)
         told.cycle()
-    assert not told.robot.set_points.at_rest
+    assert not told.stands()
     told.tell(told.home, servo.HALT)
     told.cycle(60)
-    assert told.robot.set_points.at_rest and told.ending == servo.TOLD
+    assert told.stands() and told.ending == servo.TOLD
 
 
 def test_set_points_of_another_session_are_nobodys() -> None:
@@ -224,6 +228,6 @@ def test_a_protective_stop_ends_the_program_and_the_motion() -> None:
         told.cycle()
     told.robot.protective_stop()
     told.cycle(20)
-    assert told.robot.set_points.at_rest and not told.robot.program_running
+    assert told.stands() and not told.runs()
     told.robot.load("def again():\n  sync()\nend\n")
-    assert not told.robot.program_running and "may not move" in told.robot.log[-1]
+    assert not told.runs() and "may not move" in told.robot.log[-1]

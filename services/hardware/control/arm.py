@@ -317,13 +317,14 @@ class ArmController:
         self, motion: Motion, limits: TouchingLimits, notes: list[str], travel_m: Callable[[], float] | None = None
     ) -> MotionOutcome:
         """Run what was judged. Raises CommandRefused wrong_start where the arm does not stand as it did, DeviceLost."""
+        steps, reference = self._execution.begun(motion)
         with self._turn.taken():
             self._runner.recover()
             if not np.array_equal(self._runner.joints_rad, self._start_joints):
                 raise CommandRefused("wrong_start", "the arm backed off or was away meanwhile; plan anew")
             self._execution.restart()
             self._start_ns = self._runner.now_ns
-            ending = self._execution.run(motion, limits)
+            ending = self._execution.run(steps, reference, limits)
             return self._done(ending, None if travel_m is None else travel_m(), notes)
 
     def _refuse_collision(self, joints_rad: Array) -> None:

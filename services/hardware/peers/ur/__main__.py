@@ -12,6 +12,7 @@ standard input are what happens to a robot; each is answered by one line:
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import sys
 import threading
@@ -58,6 +59,8 @@ def main() -> int:
     robot = Robot(source, options.model, version, period_s)
     robot.payload_kg, robot.payload_cog_m = options.payload[0], list(options.payload[1:])
     ports = Ports(robot, options.address)
+    gc.collect()
+    gc.freeze()  # looking through all that is there would hold the cycle up
     closing = threading.Event()
     loop = threading.Thread(target=robot.run, args=(closing,), name="cycle")
     loop.start()

@@ -2,7 +2,8 @@
 
 The controller runs in a process of its own, the arm's loop in this one. One JSON object a line on standard output:
 
-    servo    straight ways to and fro for --seconds: cycles, missed cycles, and what the controller missed
+    servo    straight ways to and fro for --seconds: cycles, missed cycles (in all, and while the arm moved; the rest
+             fell while the next command was judged, the arm at rest), and what the controller was late with
     stop     a protective stop in a guarded move: how long until the motion ended, and with which words
     cut      every connection broken for --away seconds in a move, then the cable out for as long: how long until it is
              named, until the arm answers again, and how far it moved by itself meanwhile
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import json
 import sys
 import threading
@@ -57,6 +59,8 @@ class Exercised:
         self.lease = self.arm.holder.take("exercise", "ur", self.arm.now_ns())
         self._beats = threading.Thread(target=self._beat, daemon=True)
         self._beats.start()
+        gc.collect()
+        gc.freeze()  # as the hardware service does
         wait_until(lambda: bool(self.peer.tell("state")["program"]))
 
     def _beat(self) -> None:
@@ -121,15 +125,17 @@ def servo(it: Exercised, options: argparse.Namespace) -> None:
     start, ends = it.pose_base_peg(), []
     before, missed, peer = runner.now_ns, runner.missed_cycles, it.peer.tell("state")
     until_s = time.monotonic() + options.seconds
-    moves = 0
+    moves = in_motion = 0
     while time.monotonic() < until_s:
         off = np.array([0.0, 0.0, -0.03 if moves % 2 == 0 else 0.0])
         ends.append(it.line_to(start @ Pose.from_translation(off)).stop_reason.value)
+        in_motion += runner.missed_cycles - it.arm._execution._missed_before
         moves += 1
     after = it.peer.tell("state")
     tell(
         "servo", seconds=round((runner.now_ns - before) * 1e-9, 3), moves=moves, ends=sorted(set(ends)),
         cycles=after["cycles"] - peer["cycles"], missed=runner.missed_cycles - missed,
+        missed_in_motion=in_motion,
         controller_late=after["late_cycles"] - peer["late_cycles"],
     )  # fmt: skip
 
