@@ -35,7 +35,7 @@ def hardware(host: str, limits: dict[str, float] | None = None, **ur: Any) -> Ha
     section = load_cell(CELL).sections["hardware"]
     # a test machine has other things to do: late cycles are counted by the exercise, not judged here
     held_to = {**section["limits"], "missed_cycles": 10000, "holder_timeout_s": 5.0, **(limits or {})}
-    wanted = {**section, "limits": held_to, "ur": {"host": host, "silence_s": 0.5, **ur}}
+    wanted = {**section, "limits": held_to, "ur": {"host": host, "silence_s": 1.0, **ur}}
     return HardwareConfig.model_validate(wanted)
 
 
@@ -166,7 +166,7 @@ def test_a_stop_of_the_robot_is_named_and_afterwards_the_next_motion_works(
     assert cell.retreat(0.002).stop_reason.value == "completed"
 
 
-@pytest.mark.parametrize(("what", "words"), [("cut 1.5", "127."), ("silence 1.5", "nothing came from")])
+@pytest.mark.parametrize(("what", "words"), [("cut 2.2", "127."), ("silence 2.2", "nothing came from")])
 def test_an_arm_that_was_moved_while_it_was_away_stays_where_it_is(cell: Running, what: str, words: str) -> None:
     assert words in cell.lost_in_a_move(what)
     until(lambda: not cell.follows() and not any(cell.state("speeds")))
