@@ -19,12 +19,15 @@ def test_a_guarded_move_through_the_controller_stays_below_the_cap(tmp_path: Pat
     # a test machine has other things to do
     content["hardware"]["limits"] |= {"missed_cycles": 10000, "holder_timeout_s": 5.0}
     content["hardware"]["ur"]["silence_s"] = 1.0
+    content["hardware"]["simulated"] = {"seed": 7}
     file = tmp_path / "cell.yaml"
     file.write_text(yaml.safe_dump(content), encoding="utf-8")
     it = Exercised(argparse.Namespace(cell=file, address=address()), behind=True)
     try:
         it.know_payload()
-        hole = PoseData.model_validate(it.peer.tell("truth")["pose_base_hole"]).pose()
+        truth = it.peer.tell("truth")
+        assert truth["seed"] == 7
+        hole = PoseData.model_validate(truth["pose_base_hole"]).pose()
         before = hole @ Pose.from_translation([*BESIDE_M, -it.workcell.peg.shape().tip_m - BEFORE_M])
         it.line_to(before @ Pose.from_translation([0.0, 0.0, -CLEAR_M]), 0.25)
         it.line_to(before, 0.25)

@@ -61,7 +61,7 @@ class Robot:
         self._program: Program | None = None
         self._watchdog: tuple[str, float, str] | None = None
         self._heard_s: dict[str, float] = {}
-        felt = source.restart(0)
+        felt = source.restart(None)
         self.set_points = SetPoints(felt.joints_rad, period_s)
         self._felt = felt
         self._bias = np.zeros(6)

@@ -30,10 +30,11 @@ class CellJoints:
         self._joints, self._wrench = self._devices.joints, self._devices.wrench
         self.model = self._joints.model
         self._raw = np.zeros(6)
-        self.restart(simulated.seed)
+        self._seed = simulated.seed
 
-    def restart(self, seed: int) -> Felt:
-        """A new trial of the seed."""
+    def restart(self, seed: int | None) -> Felt:
+        """A new trial of the seed; None: of the cell's file."""
+        seed = self._seed if seed is None else seed
         assert self._devices.simulation is not None
         self._devices.simulation.reset(ResetCell(seed=seed))
         reading = self._joints.read()

@@ -32,8 +32,8 @@ class JointSource(Protocol):
     def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
         """A cycle in which the controller wants the joints there, so fast."""
 
-    def restart(self, seed: int) -> Felt:
-        """A new trial, or back to where it began."""
+    def restart(self, seed: int | None) -> Felt:
+        """A new trial of the seed; None: of its own."""
 
     def truth(self) -> SimulationTruth | None:
         """What only a simulated cell knows."""
@@ -57,11 +57,11 @@ class OwnJoints:
         self._noise = np.repeat([noise_n, 0.05 * noise_n], 3)
         self._omega, self._damping = 2.0 * np.pi * hertz, damping
         self._weight_n, self._centroid_m = weight_kg * GRAVITY_BASE_M_S2, np.array([0.0006, 0.0011, 0.099])
-        self.restart(0)
+        self.restart(None)
 
-    def restart(self, seed: int) -> Felt:
+    def restart(self, seed: int | None) -> Felt:
         """Home, at rest."""
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(seed or 0)
         self._joints, self._speeds = self._home_rad.copy(), np.zeros(len(self._home_rad))
         return self._felt()
 
