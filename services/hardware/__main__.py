@@ -7,6 +7,7 @@ on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's f
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 
@@ -37,7 +38,11 @@ def build(context: ServiceContext, wanted: frozenset[str] | None) -> HardwareShe
     if speed not in ("realtime", "max"):
         raise ConfigError(f"CROSSPIH_SPEED={speed}: want realtime or max")
     cell = open_cell(context.cell.workcell, config, speed == "realtime", wanted, context.event)
-    return HardwareShell(cell, context)
+    shell = HardwareShell(cell, context)
+    # what is there now stays: looked through for garbage, it would hold the arm's loop up for 50 ms
+    gc.collect()
+    gc.freeze()
+    return shell
 
 
 def main() -> int:

@@ -13,6 +13,7 @@ from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.recorded.config import RecordedConfig
 from services.hardware.drivers.robotiq.config import RobotiqConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.ur.config import UrConfig
 
 DEVICES: tuple[Literal["arm", "force_torque", "camera"], ...] = ("arm", "force_torque", "camera")
 
@@ -45,6 +46,7 @@ class HardwareConfig(Section):
     pictures: PicturesConfig = PicturesConfig()
     ati: AtiConfig | None = None
     robotiq: RobotiqConfig | None = None
+    ur: UrConfig | None = None
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

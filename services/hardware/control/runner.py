@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from crosspih_common.errors import DeviceLost
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import JointState, RawWrenchBatch
@@ -51,6 +52,7 @@ class Runner:
         self._tare = Payload.tare(np.zeros(6), mounting)
         self.last_samples: deque[Array] = deque(maxlen=max(2, round(LAST_S / wrench.period_s)))
         self.trail = Trail()
+        self._lost = False
         self._batch: list[Array] = []
         self._batch_ns = 0
         self.restart()
@@ -72,7 +74,10 @@ class Runner:
     # ------------------------------------------------------------------------------------------------------- state
 
     def restart(self) -> None:
-        """The arm stands somewhere, from where nothing is known: no memory of forces or of a way."""
+        """The arm stands somewhere, from where nothing is known: no memory of forces or of a way.
+
+        Raises DeviceLost.
+        """
         state = self._joints.read()
         self.now_ns = state.stamp_ns
         self.joints_rad = np.array(state.positions_rad, dtype=float)
@@ -128,12 +133,26 @@ class Runner:
         """Stay where the reference is."""
         return Reference(self.joints_rad, np.zeros(len(self.joints_rad)))
 
+    def recover(self) -> None:
+        """After a device was lost: from where the arm stands now, which need not be where it was told to go.
+
+        Raises DeviceLost while it is away.
+        """
+        if self._lost:
+            self.restart()
+            self._lost = False
+            self.advance(self.still())
+
     # ------------------------------------------------------------------------------------------------------- cycle
 
     def advance(self, reference: Reference) -> Reading:
-        """One cycle."""
-        self._joints.write(reference.joints_rad, reference.speeds_rad_s)
-        state = self._joints.read()
+        """One cycle. Raises DeviceLost; `recover` before the next one."""
+        try:
+            self._joints.write(reference.joints_rad, reference.speeds_rad_s)
+            state = self._joints.read()
+        except DeviceLost:
+            self._lost = True
+            raise
         samples = self._wrench.read()
         before_ns, self.now_ns = self.now_ns, state.stamp_ns
         gap = round((self.now_ns - before_ns) / self._period_ns)

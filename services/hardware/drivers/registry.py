@@ -22,6 +22,7 @@ DRIVERS = {
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
     "robotiq": "services.hardware.drivers.robotiq.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
+    "ur": "services.hardware.drivers.ur.opening:open_devices",
 }
 
 
