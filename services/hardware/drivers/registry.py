@@ -14,9 +14,11 @@ from services.hardware.protocols import Devices
 
 # name: "module:function"; the function takes an OpenRequest and returns Devices
 DRIVERS = {
+    "genicam": "services.hardware.drivers.genicam.opening:open_devices",
     "pictures": "services.hardware.drivers.pictures.opening:open_devices",
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
+    "video": "services.hardware.drivers.video.opening:open_devices",
 }
 
 
