@@ -33,6 +33,11 @@ class _GError(ctypes.Structure):
     _fields_ = (("domain", ctypes.c_uint32), ("code", ctypes.c_int), ("message", ctypes.c_char_p))
 
 
+class _GValue(ctypes.Structure):
+    _fields_ = (("type", ctypes.c_size_t), ("data", ctypes.c_uint64 * 2))
+
+
+G_TYPE_UINT = 7 << 2  # gtype.h: G_TYPE_MAKE_FUNDAMENTAL (7)
 _GErrorPointer = ctypes.POINTER(_GError)
 
 
@@ -69,6 +74,17 @@ class Library:
             return result
 
         return call
+
+    def set_uint(self, instance: int, name: str, value: int) -> None:
+        """Set a property of a GObject that is a 32 bit number without sign."""
+        held = _GValue()
+        self.function("g_value_init", POINTER, ctypes.POINTER(_GValue), ctypes.c_size_t)(
+            ctypes.byref(held), G_TYPE_UINT
+        )
+        self.function("g_value_set_uint", None, ctypes.POINTER(_GValue), ctypes.c_uint)(ctypes.byref(held), value)
+        self.function("g_object_set_property", None, POINTER, ctypes.c_char_p, ctypes.POINTER(_GValue))(
+            instance, name.encode(), ctypes.byref(held)
+        )
 
     def unref(self, instance: int) -> None:
         """Let go of a GObject."""

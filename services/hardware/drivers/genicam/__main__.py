@@ -35,23 +35,23 @@ def tried(pair: GenicamPair, captures: int) -> str:
             uncertain_s.append(pair.skew.uncertainty_s)
     took_ms, skews_ms = np.array(took_s) * 1e3, np.array(skews_s) * 1e3
     lines = [
-        f"{captures} pairs: {np.median(took_ms):.1f} ms from asking to both pictures (median), {took_ms.max():.1f} at most; "
-        f"exposure {pair.exposure_s * 1e3:g} ms",
+        f"{captures} pairs: {np.median(took_ms):.1f} ms from asking to both pictures (median), {took_ms.max():.1f} at "
+        f"most; exposure {pair.exposure_s * 1e3:g} ms",
         f"apart by {np.median(skews_ms):.3f} ms (median), {skews_ms.max():.3f} at most, known to "
         f"+-{max(uncertain_s) * 1e3:.3f} ms; {pair.exposed_apart} pairs thrown away for it",
     ]
     for camera in (pair.left, pair.right):
         losses = camera.losses
         lines.append(
-            f"{camera.side}: {losses.pictures} pictures, {losses.incomplete} incomplete, {losses.packets_missing} packets "
-            f"missing, {losses.packets_resent} sent again, {losses.reconnects} times found again"
+            f"{camera.side}: {losses.pictures} pictures, {losses.incomplete} incomplete, {losses.packets_missing} "
+            f"packets missing, {losses.packets_resent} sent again, {losses.reconnects} times found again"
         )
     return "\n".join(lines)
 
 
 def main() -> int:
     """List, or try."""
-    parser = argparse.ArgumentParser(prog="genicam", description="GenICam cameras: which answer, and how the pair does.")
+    parser = argparse.ArgumentParser(prog="genicam", description="GenICam cameras: which answer, how a pair does.")
     parser.add_argument("--cell", type=Path, help="a cell's file with hardware.genicam")
     parser.add_argument("--captures", type=int, default=20)
     given = parser.parse_args()

@@ -6,7 +6,7 @@ import contextlib
 import ctypes
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from ctypes import byref, c_char_p, c_int, c_size_t, c_uint, c_uint64
 from dataclasses import dataclass
 from typing import Any
@@ -93,6 +93,15 @@ class GenicamCamera:
             raise CameraAway(f"{self.who} is not open")
         return self._features
 
+    @contextlib.contextmanager
+    def answering(self) -> Iterator[Features]:
+        """The features, for as long as the camera answers. Raises CameraAway, and has given it up, when it does not."""
+        try:
+            yield self.features
+        except AravisError as error:
+            self.give_up()
+            raise CameraAway(f"{self.who} does not answer: {error.text}") from None
+
     def open(self) -> None:
         """Find it, take control of it, set it and let it wait for triggers. Raises CameraAway, ConfigError."""
         try:
@@ -109,9 +118,12 @@ class GenicamCamera:
             self._start()
         except AravisError as error:
             self.give_up()
-            raise CameraAway(f"{self.who}: {error}") from None
-        except BaseException:
+            raise CameraAway(f"{self.who} does not answer: {error}") from None
+        except CameraAway:
             self.give_up()
+            raise
+        except BaseException:
+            self._let_go(beside=False)
             raise
         if self._opened_before:
             self.losses.reconnects += 1
@@ -284,6 +296,9 @@ class GenicamCamera:
         if not stream:
             raise CameraAway(f"{self.who} opens no stream")
         self._stream, self._counted = stream, (0, 0)
+        if library.function("arv_camera_is_gv_device", c_int, POINTER)(self._camera):
+            # a busy machine may be late with packets: a picture is given up only when half of its time is over
+            library.set_uint(stream, "frame-retention", round(0.5e6 * config.frame_wait_s))
         for _ in range(BUFFERS):
             self._push(library.function("arv_buffer_new_allocate", POINTER, c_size_t)(payload))
         library.checked("arv_camera_start_acquisition", None, POINTER)(self._camera)
@@ -296,11 +311,8 @@ class GenicamCamera:
         """Expose now. Raises CameraAway."""
         while buffer := self._call("arv_stream_try_pop_buffer", POINTER, POINTER)(self._stream):
             self._push(buffer)  # what came after it had been given up
-        try:
+        with self.answering():
             self._library.checked("arv_camera_software_trigger", None, POINTER)(self._camera)
-        except AravisError as error:
-            self.give_up()
-            raise CameraAway(f"{self.who} does not answer: {error.text}") from None
 
     def picture(self, wait_s: float) -> Picture:
         """The picture of the last trigger. Raises CameraAway when none comes, IncompletePicture."""
@@ -351,20 +363,19 @@ class GenicamCamera:
     def latch_clock(self) -> None:
         """Learn the camera's clock by its latch, where it has one: the time between asking and reading bounds it.
 
-        Raises AravisError.
+        Raises CameraAway.
         """
-        for command, value in LATCHES:
-            if not self.features.has(command):
-                continue
-            before = self.features.integer(value)
-            asked_ns = time.monotonic_ns()
-            self.features.run(command)
-            while time.monotonic_ns() < asked_ns + LATCH_WAIT_NS:
-                stamp = self.features.integer(value)
-                if stamp != before:  # one that has not changed was latched before
-                    self.clock.observe(self._in_ns(command, stamp), asked_ns, time.monotonic_ns())
+        with self.answering() as features:
+            for command, value in LATCHES:
+                if features.has(command):
+                    before, asked_ns = features.integer(value), time.monotonic_ns()
+                    features.run(command)
+                    while time.monotonic_ns() < asked_ns + LATCH_WAIT_NS:
+                        stamp = features.integer(value)
+                        if stamp != before:  # one that has not changed was latched before
+                            self.clock.observe(self._in_ns(command, stamp), asked_ns, time.monotonic_ns())
+                            return
                     return
-            return
 
     def _in_ns(self, command: str, ticks: int) -> int:
         if command.startswith("Gev") and self.features.has("GevTimestampTickFrequency"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from services.hardware.drivers.genicam.camera import GenicamCamera
 from services.hardware.drivers.genicam.config import GenicamConfig, LampConfig
 from services.hardware.drivers.genicam.features import Features
 
@@ -27,24 +28,28 @@ class Lamps:
                     features.switch("LineInverter", lamp.active_low, f"lamps[{index}].active_low")
             self._switch(index, lamp, features, on=False)
 
-    def light(self, wanted: int, left: Features, right: Features) -> bool:
-        """Light the wanted lamp, and only it; True when there is one. One that is not there leaves lamp 0."""
+    def light(self, wanted: int, left: GenicamCamera, right: GenicamCamera) -> bool:
+        """Light the wanted lamp, and only it; True when there is one. One that is not there leaves lamp 0.
+
+        Raises CameraAway.
+        """
         if not self._lamps:
             return False
         lit = wanted if wanted < len(self._lamps) else 0
-        self._all_but(lit, left, right)
-        lamp = self._lamps[lit]
-        self._switch(lit, lamp, left if lamp.camera == "left" else right, on=True)
-        return True
-
-    def dark(self, left: Features, right: Features) -> None:
-        """No lamp burns."""
-        self._all_but(None, left, right)
-
-    def _all_but(self, lit: int | None, left: Features, right: Features) -> None:
         for index, lamp in enumerate(self._lamps):
             if index != lit:
-                self._switch(index, lamp, left if lamp.camera == "left" else right, on=False)
+                self._switch_on(index, lamp, left, right, on=False)
+        self._switch_on(lit, self._lamps[lit], left, right, on=True)
+        return True
+
+    def dark(self, left: GenicamCamera, right: GenicamCamera) -> None:
+        """No lamp burns. Raises CameraAway."""
+        for index, lamp in enumerate(self._lamps):
+            self._switch_on(index, lamp, left, right, on=False)
+
+    def _switch_on(self, index: int, lamp: LampConfig, left: GenicamCamera, right: GenicamCamera, on: bool) -> None:
+        with (left if lamp.camera == "left" else right).answering() as features:
+            self._switch(index, lamp, features, on)
 
     def _switch(self, index: int, lamp: LampConfig, features: Features, on: bool) -> None:
         setting = f"lamps[{index}]"

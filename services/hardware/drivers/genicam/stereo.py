@@ -7,7 +7,7 @@ import threading
 import time
 from dataclasses import dataclass
 
-from crosspih_common.aravis import AravisError, Library
+from crosspih_common.aravis import Library
 from crosspih_common.errors import CommandRefused
 from crosspih_common.messages import CameraCalibration
 from services.hardware.drivers.genicam.camera import CameraAway, GenicamCamera, IncompletePicture, Picture
@@ -44,7 +44,7 @@ class GenicamPair:
         self.skew: Skew | None = None  # of the last pair
         self.exposed_apart = 0  # pairs that were thrown away for it
         self._lamps = Lamps(config)
-        self._exposure_set_s = 0.0
+        self._exposure_set_s = self._exposure_got_s = 0.0
         self._stop = threading.Event()
         self._lock = threading.Lock()
 
@@ -62,7 +62,7 @@ class GenicamPair:
                 except BaseException:
                     camera.give_up()
                     raise
-                self._exposure_set_s = self.exposure_s if self._exposure_set_s == self.exposure_s else 0.0
+                self._exposure_set_s = 0.0  # it is to be set anew
                 print(f"{camera.who}: {camera.description}{self._warmth(camera)}", file=sys.stderr, flush=True)
 
     @staticmethod
@@ -77,7 +77,7 @@ class GenicamPair:
         """
         with self._lock:
             until_s = time.monotonic() + self._config.patience_s
-            taken_again = 0
+            taken_again = {"incomplete_picture": 0, "exposed_apart": 0}
             while True:
                 try:
                     self.connect()
@@ -87,24 +87,16 @@ class GenicamPair:
                     if time.monotonic() >= until_s or self._stop.wait(AGAIN_S):
                         raise CommandRefused(code, f"{text}; waited {self._config.patience_s:g} s") from None
                 except (IncompletePicture, ExposedApart) as fault:
-                    taken_again += 1
                     code = "exposed_apart" if isinstance(fault, ExposedApart) else "incomplete_picture"
-                    if taken_again > self._config.retries:
-                        raise CommandRefused(code, f"{fault}; so {taken_again} times on end{_mend(code)}") from None
-                except AravisError as error:
-                    # a feature that answered before: the camera is going away
-                    self._give_up_both()
-                    if time.monotonic() >= until_s or self._stop.wait(AGAIN_S):
-                        raise CommandRefused("camera_away", str(error)) from None
-
-    def _give_up_both(self) -> None:
-        self.left.give_up()
-        self.right.give_up()
+                    taken_again[code] += 1
+                    if taken_again[code] > self._config.retries:
+                        mend = _mend(code, self._config.clock)
+                        raise CommandRefused(code, f"{fault}; so {taken_again[code]} times{mend}") from None
 
     def _take(self, exposure_scale: float, lamp: int) -> StereoCapture:
         config, left, right = self._config, self.left, self.right
         exposure_s = self._expose(self.exposure_s * exposure_scale)
-        lit = self._lamps.light(lamp, left.features, right.features)
+        lit = self._lamps.light(lamp, left, right)
         try:
             if lit and config.lamp_settle_s:
                 time.sleep(config.lamp_settle_s)
@@ -116,7 +108,7 @@ class GenicamPair:
             first = self._of_both(wait_s)
         finally:
             if lit and left.is_open and right.is_open:
-                self._lamps.dark(left.features, right.features)
+                self._lamps.dark(left, right)
         for camera, picture in zip((left, right), first, strict=True):
             # it was exposed after it was asked for and before its first packet came
             camera.clock.observe(picture.camera_ns, asked_ns, max(asked_ns, picture.arrived_ns))
@@ -153,12 +145,16 @@ class GenicamPair:
         A factor that a camera cannot follow is followed as far as it goes: the exposure that is told is the real one.
         """
         if wanted_s != self._exposure_set_s:
-            low_s = max(camera.features.exposure_bounds_s()[0] for camera in (self.left, self.right))
-            high_s = min(camera.features.exposure_bounds_s()[1] for camera in (self.left, self.right))
-            asked_s = min(max(wanted_s, low_s), high_s)
-            self._got_s = max(camera.features.set_exposure_s(asked_s) for camera in (self.left, self.right))
-            self._exposure_set_s = wanted_s
-        return self._got_s
+            low_s, high_s, got_s = 0.0, float("inf"), 0.0
+            for camera in (self.left, self.right):
+                with camera.answering() as features:
+                    bounds_s = features.exposure_bounds_s()
+                low_s, high_s = max(low_s, bounds_s[0]), min(high_s, bounds_s[1])
+            for camera in (self.left, self.right):
+                with camera.answering() as features:
+                    got_s = max(got_s, features.set_exposure_s(min(max(wanted_s, low_s), high_s)))
+            self._exposure_got_s, self._exposure_set_s = got_s, wanted_s
+        return self._exposure_got_s
 
     def _check_together(self, left: Picture, right: Picture) -> None:
         if self._config.clock == "own":
@@ -186,7 +182,9 @@ class GenicamPair:
                 thread.join(CLOSE_S)
 
 
-def _mend(code: str) -> str:
+def _mend(code: str, clock: str) -> str:
+    if code == "exposed_apart" and clock != "own":
+        return f"; the two clocks may not be one (then {FIELD}.clock: own), or wire the cameras ({FIELD}.trigger: wire)"
     if code == "exposed_apart":
         return f"; wire the cameras ({FIELD}.trigger: wire), or raise skew_most_s where nothing moves in the picture"
     return (

@@ -5,8 +5,7 @@
 
 GVCP and GVSP are spoken by libaravis' own camera (ArvGvFakeCamera), which an independent client finds, configures and
 triggers; this process fills its pictures and answers for what a camera has beside: lines, lamps, temperature, a clock
-of its own. The machine needs both addresses: `ip addr add 127.0.0.2/8 dev lo` and so on, or a network namespace that has
-them.
+of its own. The machine needs both addresses, by `ip addr add 127.0.0.2/8 dev lo` and so on, or in a network namespace.
 """
 
 from __future__ import annotations
@@ -55,9 +54,11 @@ class RenderedCamera:
         self._library, self.side, self._shots, self._usual_s = library, side, shots, usual_exposure_s
         self._offset_ns, self._drift, self._began_ns = offset_s * 1e9, drift, time.monotonic_ns()
         self.fills = 0
+        self.exposed_ns = 0  # when the last picture was exposed, by this machine's monotonic clock
         self.fault = ""
         self.wired_to: RenderedCamera | None = None
         self.lamps_of: RenderedCamera = self
+        self.active_low: frozenset[str] = frozenset()  # lines whose lamp burns while they are low
         make = library.function("arv_gv_fake_camera_new_full", POINTER, c_char_p, c_char_p, c_char_p)
         self._camera: int | None = make(address.encode(), serial.encode(), str(xml).encode())
         if not library.function("arv_gv_fake_camera_is_running", c_int, POINTER)(self._camera):
@@ -117,7 +118,8 @@ class RenderedCamera:
 
     def lamp(self) -> int:
         """Which lamp burns, 0 where none does: the room's light."""
-        return next((index for index, line in enumerate(LAMP_LINES) if self.line_is_high(line)), 0)
+        lit = (index for index, line in enumerate(LAMP_LINES) if self.line_is_high(line) != (line in self.active_low))
+        return next(lit, 0)
 
     def _filled(self, buffer: int, _: int, exposure_us: int, gain: int, pixel_format: int) -> None:
         """The library wants a picture: called on its thread, at the trigger."""
@@ -125,6 +127,7 @@ class RenderedCamera:
         # the library stamped it by the wall's clock when it saw the trigger, before it came to Python
         seen_ns = int(library.function("arv_buffer_get_timestamp", c_uint64, POINTER)(buffer))
         triggered_ns = time.monotonic_ns() - max(0, time.time_ns() - seen_ns)
+        self.exposed_ns = triggered_ns
         library.function("arv_buffer_set_timestamp", None, POINTER, c_uint64)(buffer, self.time_ns(triggered_ns))
         try:
             self._pull_wire()
