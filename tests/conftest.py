@@ -39,6 +39,7 @@ END_S = 10.0
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_stack.py",
+    "tests/hardware/test_genicam.py",
     "tests/holding/test_lease.py",
     "tests/operator/test_bench_pool.py",
     "tests/recorder/test_recording_over_processes.py",

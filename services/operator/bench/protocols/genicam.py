@@ -27,6 +27,7 @@ import numpy as np
 from crosspih_common.aravis import POINTER, Library, load
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import ConfigError, CrosspihError
+from crosspih_common.messages.images import Pixels
 from services.operator.bench.protocols import genicam_features as registers
 from services.operator.bench.protocols.genicam_frames import (
     CellFrames,
@@ -38,7 +39,7 @@ from services.operator.bench.protocols.genicam_frames import (
 
 FILL = ctypes.CFUNCTYPE(None, POINTER, POINTER, c_uint32, c_uint32, c_uint32)
 TRIGGERS_HZ = 1000.0  # how often the library's camera looks for a trigger
-WATCH_S = 0.001
+WATCH_S = 0.0005
 LAMP_LINES = ("Line2", "Line3", "Line5", "Line6")  # lamp 0, 1, ... of the left camera's outputs
 WIRE_FROM, WIRE_TO = "Line1", "Line4"  # the left camera's output, the right one's input
 NAME_OF = {code: name for name, code in registers.FORMATS.items()}
@@ -56,6 +57,8 @@ class RenderedCamera:
         self.fills = 0
         self.exposed_ns = 0  # when the last picture was exposed, by this machine's monotonic clock
         self.fault = ""
+        self._picture: Pixels | None = None
+        self._rendering: threading.Thread | None = None
         self.wired_to: RenderedCamera | None = None
         self.lamps_of: RenderedCamera = self
         self.active_low: frozenset[str] = frozenset()  # lines whose lamp burns while they are low
@@ -121,34 +124,53 @@ class RenderedCamera:
         lit = (index for index, line in enumerate(LAMP_LINES) if self.line_is_high(line) != (line in self.active_low))
         return next(lit, 0)
 
-    def _filled(self, buffer: int, _: int, exposure_us: int, gain: int, pixel_format: int) -> None:
-        """The library wants a picture: called on its thread, at the trigger."""
-        library = self._library
-        # the library stamped it by the wall's clock when it saw the trigger, before it came to Python
-        seen_ns = int(library.function("arv_buffer_get_timestamp", c_uint64, POINTER)(buffer))
-        triggered_ns = time.monotonic_ns() - max(0, time.time_ns() - seen_ns)
-        self.exposed_ns = triggered_ns
-        library.function("arv_buffer_set_timestamp", None, POINTER, c_uint64)(buffer, self.time_ns(triggered_ns))
+    def look_for_trigger(self) -> None:
+        """TriggerSoftware: expose, and trigger whoever is wired to this camera."""
+        if self.read(registers.TRIGGERED) == 1:
+            self.write(registers.TRIGGERED, 0)
+            if self.read(registers.TRIGGER_SOURCE) == registers.SOFTWARE:
+                self._expose(time.monotonic_ns())
+
+    def _expose(self, now_ns: int) -> None:
+        """Have a picture rendered as the registers are now; one that comes while another is made is ignored."""
+        if self._rendering is not None and self._rendering.is_alive():
+            return
+        scale = self.read(registers.EXPOSURE_US) * 1e-6 / self._usual_s
+        scale *= math.pow(10.0, self.read(registers.GAIN) * registers.GAIN_STEP_DB / 20.0)
+        lamp, self.exposed_ns = self.lamps_of.lamp(), now_ns
+        self._rendering = threading.Thread(target=self._render, args=(scale, lamp, now_ns), daemon=True)
+        self._rendering.start()
+        if self.wired_to is not None and self._pulls_wire(self.wired_to):
+            self.wired_to._expose(now_ns)
+
+    def _pulls_wire(self, other: RenderedCamera) -> bool:
+        """Whether this camera's output and the other one's input are set to the wire between them."""
+        source = registers.SOURCES[self.read(registers.LINE_SOURCE + 4 * registers.LINES.index(WIRE_FROM))]
+        listening = registers.TRIGGER_SOURCES[WIRE_TO]
+        return source == "ExposureActive" and other.read(registers.TRIGGER_SOURCE) == listening
+
+    def _render(self, scale: float, lamp: int, triggered_ns: int) -> None:
+        """Beside the library's thread, which goes on answering the control channel; then have the picture sent."""
         try:
-            self._pull_wire()
-            scale = exposure_us * 1e-6 / self._usual_s * math.pow(10.0, gain * registers.GAIN_STEP_DB / 20.0)
-            picture = self._shots.half(self.side, scale, self.lamps_of.lamp(), triggered_ns * 1e-9)
-            data = np.ascontiguousarray(as_format(picture, NAME_OF.get(pixel_format, "Mono8"))).tobytes()
-            room = int(library.function("arv_fake_camera_get_payload", c_size_t, POINTER)(self._fake))
-            into = library.function("arv_buffer_get_data", POINTER, POINTER, POINTER)(buffer, None)
-            ctypes.memmove(into, data, min(room, len(data)))
-        except CrosspihError as error:  # a black picture is sent then, as by a camera that sees nothing
+            self._picture = self._shots.half(self.side, scale, lamp, triggered_ns * 1e-9)
+        except CrosspihError as error:  # nothing is sent then
             self.fault = str(error)
             print(f"{self.side} camera: {error}", file=sys.stderr, flush=True)
-        self.fills += 1
+        else:
+            self.write(registers.SEND, 1)
 
-    def _pull_wire(self) -> None:
-        other = self.wired_to
-        source = registers.SOURCES[self.read(registers.LINE_SOURCE + 4 * registers.LINES.index(WIRE_FROM))]
-        if other is None or source != "ExposureActive":
+    def _filled(self, buffer: int, _: int, exposure_us: int, gain: int, pixel_format: int) -> None:
+        """The library sends a picture: called on its thread. Without a trigger, running freely, it is black."""
+        library, picture = self._library, self._picture
+        if picture is None:
             return
-        if other.read(registers.TRIGGER_SOURCE) == registers.TRIGGER_SOURCES[WIRE_TO]:
-            other.write(registers.TRIGGER_SOFTWARE, 1)
+        library.function("arv_buffer_set_timestamp", None, POINTER, c_uint64)(buffer, self.time_ns(self.exposed_ns))
+        data = np.ascontiguousarray(as_format(picture, NAME_OF.get(pixel_format, "Mono8"))).tobytes()
+        room = int(library.function("arv_fake_camera_get_payload", c_size_t, POINTER)(self._fake))
+        into = library.function("arv_buffer_get_data", POINTER, POINTER, POINTER)(buffer, None)
+        ctypes.memmove(into, data, min(room, len(data)))
+        self._picture = None
+        self.fills += 1
 
     def close(self) -> None:
         """Leave the network."""
@@ -158,7 +180,7 @@ class RenderedCamera:
 
 
 class RenderedPair:
-    """Both cameras, and the thread that answers their latches. Use as a context."""
+    """Both cameras, and the thread that sees to their triggers and latches. Use as a context."""
 
     def __init__(
         self, source: FrameSource, addresses: tuple[str, str], serials: tuple[str, str] = ("RENDERED-L", "RENDERED-R"),
@@ -185,12 +207,13 @@ class RenderedPair:
             raise
         left, right = self.cameras
         left.wired_to, right.lamps_of = right, left
-        self._watch = threading.Thread(target=self._answer_latches, name="latches", daemon=True)
+        self._watch = threading.Thread(target=self._mind_registers, name="registers", daemon=True)
         self._watch.start()
 
-    def _answer_latches(self) -> None:
+    def _mind_registers(self) -> None:
         while not self._stop.wait(WATCH_S):
             for camera in self.cameras:
+                camera.look_for_trigger()
                 camera.answer_latch()
 
     def close(self) -> None:

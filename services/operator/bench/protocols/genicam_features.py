@@ -10,9 +10,11 @@ from collections.abc import Sequence
 
 WIDTH, HEIGHT, GAIN, SENSOR_HEIGHT, SENSOR_WIDTH = 0x100, 0x104, 0x110, 0x118, 0x11C
 EXPOSURE_US, ACQUISITION, PIXEL_FORMAT, ACQUISITION_MODE, OFFSET_X, OFFSET_Y = 0x120, 0x124, 0x128, 0x12C, 0x130, 0x134
-TRIGGER_MODE, MINDED_SOURCE, TRIGGER_ACTIVATION, TRIGGER_SOFTWARE = 0x300, 0x304, 0x308, 0x30C
+# the library draws a picture when SEND is written: `genicam.py` writes it when a triggered picture is rendered
+TRIGGER_MODE, MINDED_SOURCE, TRIGGER_ACTIVATION, SEND = 0x300, 0x304, 0x308, 0x30C
 LINE_SELECTOR, LINE_MODE, LINE_INVERTER, LINE_SOURCE = 0x8000, 0x8010, 0x8030, 0x8050
 OUTPUT_SELECTOR, OUTPUT_VALUE = 0x8070, 0x8080
+TRIGGERED, TRIGGER_SELECTOR = 0x80D0, 0x80C0
 PTP_ENABLE, PTP_STATUS, TEMPERATURE, TRIGGER_SOURCE, LATCH, LATCHED = 0x80A0, 0x80A4, 0x80A8, 0x80AC, 0x80B0, 0x80B8
 
 FORMATS = {
@@ -42,12 +44,12 @@ def description() -> str:
         _command("AcquisitionStart", "AcquisitionRegister", 1), _command("AcquisitionStop", "AcquisitionRegister", 0),
         _register("AcquisitionRegister", ACQUISITION, "WO"),
         _enumeration("AcquisitionMode", ACQUISITION_MODE, {"Continuous": 1, "SingleFrame": 2, "MultiFrame": 3}),
-        _enumeration("TriggerSelector", 0x80C0, {"FrameStart": 0}),
+        _enumeration("TriggerSelector", TRIGGER_SELECTOR, {"FrameStart": 0}),
         _enumeration("TriggerMode", TRIGGER_MODE, {"Off": 0, "On": 1}),
         _enumeration("TriggerSource", TRIGGER_SOURCE, TRIGGER_SOURCES),
         _enumeration("TriggerActivation", TRIGGER_ACTIVATION, {"RisingEdge": 0}),
         _command("TriggerSoftware", "TriggerSoftwareRegister", 1),
-        _register("TriggerSoftwareRegister", TRIGGER_SOFTWARE, "WO"),
+        _register("TriggerSoftwareRegister", TRIGGERED, "WO"),
         _scaled("ExposureTime", EXPOSURE_US, 1.0, 20.0, LONGEST_US), _scaled("Gain", GAIN, GAIN_STEP_DB, 0.0, 24.0),
         _scaled("DeviceTemperature", TEMPERATURE, 0.1, -50.0, 150.0, access="RO"),
         _enumeration("LineSelector", LINE_SELECTOR, {name: index for index, name in enumerate(LINES)}),
