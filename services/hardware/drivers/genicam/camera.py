@@ -19,7 +19,8 @@ from services.hardware.drivers.genicam.clock import WindowClock
 from services.hardware.drivers.genicam.config import GenicamConfig
 from services.hardware.drivers.genicam.discovery import discovered, found_now
 from services.hardware.drivers.genicam.features import FIELD, Features
-from services.hardware.drivers.genicam.formats import NAMES, OLD_NAMES, code_of, pixels_of
+from services.hardware.drivers.genicam.formats import pixels_of
+from services.hardware.drivers.genicam.settings import set_up
 
 BUFFERS = 4
 SUCCESS = 0
@@ -114,7 +115,9 @@ class GenicamCamera:
         try:
             self._features = Features(self._library, camera, self.who)
             self._take_control()
-            self._set_up()
+            self._library.checked("arv_camera_stop_acquisition", None, POINTER)(camera)
+            self.description = self._features.description()
+            set_up(self._features, self.side, self._config, self._lens)
             self._start()
         except AravisError as error:
             self.give_up()
@@ -174,101 +177,7 @@ class GenicamCamera:
                 self._let_go(beside=False)
         self._let_go(beside=True)
 
-    # ---------------------------------------------------------------------------------------------- set and checked
-
-    def _set_up(self) -> None:
-        config, features = self._config, self.features
-        self._library.checked("arv_camera_stop_acquisition", None, POINTER)(self._camera)
-        self._describe()
-        if code_of(config.pixel_format) is None:
-            raise ConfigError(
-                f"{FIELD}.pixel_format: {config.pixel_format!r} has no encoding on the bus; want one of "
-                f"{', '.join(NAMES)} (packed formats: take the one without 'Packed' or 'p')"
-            )
-        spelled = {OLD_NAMES.get(entry, entry): entry for entry in features.entries("PixelFormat")}
-        wanted = OLD_NAMES.get(config.pixel_format, config.pixel_format)
-        features.choose("PixelFormat", spelled.get(wanted, config.pixel_format), "pixel_format")
-        self._set_region()
-        features.automatics_off()
-        low_s, high_s = features.exposure_bounds_s()
-        if not low_s <= config.exposure_s <= high_s:
-            raise ConfigError(
-                f"{FIELD}.exposure_s: ExposureTime of {self.who} takes {low_s:g} to {high_s:g} s, "
-                f"not {config.exposure_s:g}"
-            )
-        got_s = features.set_exposure_s(config.exposure_s)
-        if abs(got_s - config.exposure_s) > max(2e-5, 0.05 * config.exposure_s):
-            raise ConfigError(
-                f"{FIELD}.exposure_s: {self.who} exposes {got_s:g} s, asked for {config.exposure_s:g}; it may be bound "
-                "by the frame rate: switch AcquisitionFrameRateEnable off in the camera"
-            )
-        if config.gain is not None:
-            features.set_gain(config.gain)
-        self._set_clock()
-        self._set_trigger()
-
-    def _describe(self) -> None:
-        said = [
-            (self._library.checked(f"arv_camera_get_{what}", c_char_p, POINTER)(self._camera) or b"").decode()
-            for what in ("vendor_name", "model_name", "device_serial_number")
-        ]
-        self.description = " ".join(said)
-
-    def _set_region(self) -> None:
-        features, offset = self.features, self._config.offset_px
-        wanted = self._lens.width_px, self._lens.height_px
-        if offset is not None:
-            for name in ("OffsetX", "OffsetY"):
-                if features.has(name):
-                    features.set_integer(name, 0, "offset_px")
-            for name, value in zip(("Width", "Height"), wanted, strict=True):
-                features.set_integer(name, value, f"calibration: {self.side}")
-            for name, value in zip(("OffsetX", "OffsetY"), offset, strict=True):
-                if value or features.has(name):
-                    features.set_integer(name, value, "offset_px")
-        delivered = features.integer("Width"), features.integer("Height")
-        if delivered != wanted:
-            raise ConfigError(
-                f"{FIELD}.calibration: {self.side} says {wanted[0]} x {wanted[1]}, {self.who} delivers {delivered[0]} "
-                f"x {delivered[1]}; calibrate at that size, or set {FIELD}.offset_px: [x, y], the corner of a region "
-                "as large as the calibration says"
-            )
-
-    def _set_clock(self) -> None:
-        if self._config.clock != "ptp":
-            return
-        features = self.features
-        enable = features.first_of("PtpEnable", "GevIEEE1588")
-        if enable is None:
-            raise ConfigError(f"{FIELD}.clock: {self.who} has no PtpEnable; use clock: own")
-        features.switch(enable, True, "clock")
-        status = "PtpStatus" if enable == "PtpEnable" else "GevIEEE1588Status"
-        until = time.monotonic() + self._config.ptp_wait_s
-        while (said := features.text(status)) not in ("Master", "Slave"):
-            if time.monotonic() > until:
-                raise ConfigError(
-                    f"{FIELD}.clock: {self.who} says {status} {said} after {self._config.ptp_wait_s:g} s, want Master "
-                    "or Slave; both cameras must be in one network whose switch passes PTP; or use clock: own"
-                )
-            if features.has("PtpDataSetLatch"):
-                features.run("PtpDataSetLatch")
-            time.sleep(0.1)
-
-    def _set_trigger(self) -> None:
-        config, features = self._config, self.features
-        source = "Software"
-        if config.trigger == "wire" and config.wire is not None:
-            if self.side == "left":
-                features.choose("LineSelector", config.wire.left_output, "wire.left_output")
-                if features.has("LineMode"):
-                    features.choose("LineMode", "Output", "wire.left_output")
-                features.choose("LineSource", "ExposureActive", "wire.left_output")
-            else:
-                source = config.wire.right_input
-        if features.has("TriggerSelector") and "FrameStart" in features.entries("TriggerSelector"):
-            features.choose("TriggerSelector", "FrameStart", "trigger")
-        features.choose("TriggerSource", source, "trigger" if source == "Software" else "wire.right_input")
-        self._library.checked("arv_camera_set_trigger", None, POINTER, c_char_p)(self._camera, source.encode())
+    # ------------------------------------------------------------------------------------- set, triggered, fetched
 
     def _start(self) -> None:
         config, library = self._config, self._library
@@ -304,8 +213,6 @@ class GenicamCamera:
         library.checked("arv_camera_start_acquisition", None, POINTER)(self._camera)
         for _ in range(3):
             self.latch_clock()
-
-    # -------------------------------------------------------------------------------------------- triggered, fetched
 
     def trigger(self) -> None:
         """Expose now. Raises CameraAway."""

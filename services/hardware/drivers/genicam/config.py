@@ -59,7 +59,7 @@ class GenicamConfig(Section):
         default=0.002, gt=0.0, description="how far apart the exposures may begin, by the cameras' own stamps"
     )
     frame_wait_s: float = Field(default=1.0, gt=0.0, le=30.0, description="after the exposure, for the picture to come")
-    retries: int = Field(default=4, ge=0, le=100, description="of a pair that came with losses or apart")
+    retries: int = Field(default=9, ge=0, le=100, description="of a pair that came with losses or apart")
     patience_s: float = Field(default=15.0, ge=0.0, le=120.0, description="for a camera that is away to come back")
     lamps: tuple[LampConfig, ...] = Field(default=(), max_length=8, description="lamp 0, 1, ...")
     lamp_settle_s: float = Field(default=0.005, ge=0.0, le=2.0, description="from the switch to the exposure")

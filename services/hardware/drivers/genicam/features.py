@@ -138,6 +138,16 @@ class Features:
         if abs(got - gain) > max(0.5, 0.05 * abs(gain)):
             raise ConfigError(f"{FIELD}.gain: {self.who} keeps Gain at {got:g}, asked for {gain:g}; see its manual")
 
+    def description(self) -> str:
+        """Vendor, model, serial number."""
+        parts = ("vendor_name", "model_name", "device_serial_number")
+        calls = [self._library.checked(f"arv_camera_get_{part}", c_char_p, POINTER) for part in parts]
+        return " ".join((call(self._camera) or b"").decode(errors="replace") for call in calls)
+
+    def trigger_by(self, source: str) -> None:
+        """Let each picture wait for a trigger of this source."""
+        self._library.checked("arv_camera_set_trigger", None, POINTER, c_char_p)(self._camera, source.encode())
+
     def automatics_off(self) -> None:
         """Exposure, gain and white balance as they are set, not as the camera likes."""
         for name in ("ExposureAuto", "GainAuto", "BalanceWhiteAuto"):
