@@ -47,6 +47,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_cell_check.py",
     "tests/system/test_commands.py",
     "tests/system/test_examples.py",
+    "tests/system/test_genicam_from_cell.py",
     "tests/system/test_lost_services.py",
     "tests/system/test_one_assembly.py",
     "tests/system/test_plain_zenoh_client.py",

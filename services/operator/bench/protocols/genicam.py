@@ -39,7 +39,7 @@ from services.operator.bench.protocols.genicam_frames import (
 
 FILL = ctypes.CFUNCTYPE(None, POINTER, POINTER, c_uint32, c_uint32, c_uint32)
 TRIGGERS_HZ = 1000.0  # how often the library's camera looks for a trigger
-WATCH_S = 0.0005
+WATCH_S = 0.002
 LAMP_LINES = ("Line2", "Line3", "Line5", "Line6")  # lamp 0, 1, ... of the left camera's outputs
 WIRE_FROM, WIRE_TO = "Line1", "Line4"  # the left camera's output, the right one's input
 NAME_OF = {code: name for name, code in registers.FORMATS.items()}
