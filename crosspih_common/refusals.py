@@ -42,6 +42,11 @@ REFUSALS: dict[str, str] = {
     # a recording played back as a cell
     "not_recorded": "a recording cannot be steered: the motion, the picture or the light that was asked for is not in "
     "it at that time; the text says what is",
+    # cameras
+    "camera_away": "a camera does not answer, or sends no pictures; the text says which one and what to look at",
+    "incomplete_picture": "parts of a picture were lost on the way, also when it was taken again",
+    "exposed_apart": "the two cameras did not expose together, also when asked again",
+    "stale_picture": "the cameras give no picture that was taken after it was asked for",
     # simulation
     "peg_in_contact": "place_peg puts the peg into the fixture; place it free",
     # vision

@@ -9,11 +9,13 @@ from pydantic import Field
 from crosspih_common.config.section import Section
 from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.ati.config import AtiConfig
+from services.hardware.drivers.genicam.config import GenicamConfig
 from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.recorded.config import RecordedConfig
 from services.hardware.drivers.robotiq.config import RobotiqConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.ur.config import UrConfig
+from services.hardware.drivers.video.config import VideoConfig
 
 DEVICES: tuple[Literal["arm", "force_torque", "camera"], ...] = ("arm", "force_torque", "camera")
 
@@ -47,6 +49,8 @@ class HardwareConfig(Section):
     ati: AtiConfig | None = None
     robotiq: RobotiqConfig | None = None
     ur: UrConfig | None = None
+    genicam: GenicamConfig | None = None
+    video: VideoConfig | None = None
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

@@ -52,7 +52,8 @@ class Landing:
 class StereoCapture:
     """A pair of pictures, each (height, width) or (height, width, 3), uint8 or uint16, and when they were exposed.
 
-    The encodings are those of docs/wire.md; left out they are mono8, mono16 or rgb8 by the picture's shape.
+    The encodings are those of docs/wire.md; left out they are mono8, mono16 or rgb8 by the picture's shape. Cameras
+    that do not know the cell's clock say `host_ns`, time.monotonic_ns() when the exposure began, and -1 as `stamp_ns`.
     """
 
     stamp_ns: int
@@ -61,6 +62,7 @@ class StereoCapture:
     right: Pixels
     left_encoding: str = ""
     right_encoding: str = ""
+    host_ns: int | None = None
 
 
 class JointDevice(Protocol):

@@ -18,11 +18,13 @@ from services.hardware.protocols import Devices
 # name: "module:function"; the function takes an OpenRequest and returns Devices
 DRIVERS = {
     "ati": "services.hardware.drivers.ati.opening:open_devices",
+    "genicam": "services.hardware.drivers.genicam.opening:open_devices",
     "pictures": "services.hardware.drivers.pictures.opening:open_devices",
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
     "robotiq": "services.hardware.drivers.robotiq.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
     "ur": "services.hardware.drivers.ur.opening:open_devices",
+    "video": "services.hardware.drivers.video.opening:open_devices",
 }
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from crosspih_common.keys import CLOCK
 from crosspih_common.messages import Severity
 from crosspih_common.service import ServiceContext
 from services.hardware.control.config import STRICT_LANDING
 from services.hardware.hosting import HostedCell
 from services.hardware.shells.arm import ARM_LANE, ArmShell
 from services.hardware.shells.camera import CameraShell
+from services.hardware.shells.cell_time import CellTime
 from services.hardware.shells.simulation import SimulationShell
 
 
@@ -31,7 +33,17 @@ class HardwareShell:
                 )
         if cell.has_camera:
             # a simulated cell in the same process exposes on the arm's clock, between motions
-            CameraShell(cell.camera, bus, ARM_LANE if cell.has_arm else "camera")
+            CameraShell(cell.camera, bus, ARM_LANE if cell.has_arm else "camera", self._cell_time(context))
+
+    def _cell_time(self, context: ServiceContext) -> CellTime:
+        """The cell's time for cameras that have the host's alone: from the arm beside, or as it comes over the bus."""
+        bus, cell_time = context.bus, CellTime()
+        if self._arm is not None:
+            realtime = self._cell.realtime
+            self._arm.also_on_tick(lambda: cell_time.tick(bus.clock.now_ns(), "", realtime))
+        else:
+            bus.hear(CLOCK, lambda tick: cell_time.tick(tick.stamp_ns, tick.boot_id, tick.realtime))
+        return cell_time
 
     def close(self) -> None:
         """Stop all motion and let go of the devices."""

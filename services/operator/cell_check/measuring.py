@@ -77,6 +77,7 @@ class Manner:
     provoking: bool = True  # ask, too, what must be refused
     tilting: bool = True
     camera_needed: bool = True
+    arm: bool = True  # False: the cameras alone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,6 +118,13 @@ class Measurer:
         return self.checks
 
     def _run(self) -> None:
+        if self._manner.arm:
+            self._look_at_arm()
+        self._say("taking a pair of pictures")
+        self._camera()
+        self.checks.append(presence.check_contract([why for why in self._rejected if "image" not in why]))
+
+    def _look_at_arm(self) -> None:
         self._say("listening")
         ticks, sound = self._listen()
         if sound:
@@ -126,9 +134,6 @@ class Measurer:
                     self._held(lease, ticks)
             except CrosspihError as error:
                 self.checks.append(failed("arm", str(error), "see docs/wire.md for what the arm serves"))
-        self._say("taking a pair of pictures")
-        self._camera()
-        self.checks.append(presence.check_contract([why for why in self._rejected if "image" not in why]))
 
     # ----------------------------------------------------------------------------------------------------- listening
 

@@ -9,14 +9,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
-from pydantic import ValidationError
 
-from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
-from crosspih_common.messages import CameraCalibration, PoseData
+from crosspih_common.messages import CameraCalibration
 from crosspih_common.messages.images import Pixels
-from services.hardware.drivers.pictures.config import PicturesConfig
+from services.hardware.drivers.calibration_file import read_calibration
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.protocols import Devices, StereoCapture
 
@@ -34,14 +31,14 @@ class PictureCamera:
 
     def calibration(self) -> CameraCalibration:
         """As the file says it."""
-        return self._calibration.model_copy(update={"stamp_ns": time.time_ns()})
+        return self._calibration
 
     def capture(self, exposure_scale: float, lamp: int) -> StereoCapture:
         """The next pair: a file has one exposure and one light, so both are ignored."""
         with self._lock:
             left, right = self._pairs[min(self._next, len(self._pairs) - 1)]
             self._next += 1
-        return StereoCapture(time.time_ns(), self.exposure_s, left, right)
+        return StereoCapture(-1, self.exposure_s, left, right, host_ns=time.monotonic_ns())
 
 
 def open_devices(request: OpenRequest) -> Devices:
@@ -56,33 +53,13 @@ def open_devices(request: OpenRequest) -> Devices:
         raise ConfigError(
             f"{FIELD}.left, right: {len(config.left)} and {len(config.right)} files, want as many of both, one or more"
         )
-    calibration = _calibration(config, request.workcell)
+    calibration = read_calibration(config.calibration, f"{FIELD}.calibration", request.workcell)
     pairs = []
     for left, right in zip(config.left, config.right, strict=True):
         pair = _picture(left, "left", calibration), _picture(right, "right", calibration)
         pairs.append(pair)
     print(f"cameras: {len(pairs)} pairs of picture files, {config.left[0]} first", file=sys.stderr, flush=True)
     return Devices(camera=PictureCamera(pairs, calibration, config.exposure_s), realtime=request.realtime)
-
-
-def _calibration(config: PicturesConfig, workcell: Workcell) -> CameraCalibration:
-    path = config.calibration
-    if path is None:
-        raise ConfigError(f"{FIELD}.calibration: names no file; give the cameras' calibration (docs/locate.md)")
-    try:
-        said = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{FIELD}.calibration: {path} cannot be read: {error}") from None
-    if not isinstance(said, dict):
-        raise ConfigError(f"{FIELD}.calibration: {path} holds no fields, want left, right, pose_left_right, ...")
-    # where the cameras stand is mostly the cell's to say
-    standing = {"pose_base_camera": PoseData.of(workcell.camera.pose_base_camera())}
-    try:
-        return CameraCalibration.model_validate({"stamp_ns": 0, **standing, **said})
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{FIELD}.calibration: {path}: {where}: {first['msg']}") from None
 
 
 def _picture(path: Path, side: str, calibration: CameraCalibration) -> Pixels:

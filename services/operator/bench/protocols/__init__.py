@@ -1,1 +1,1 @@
-"""Peers that speak devices' published protocols over loopback: to try drivers without the devices, and to test them."""
+"""Other ends of devices, which speak their published protocols: for benches, tests, and whoever tries without them."""

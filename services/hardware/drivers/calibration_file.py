@@ -1,0 +1,35 @@
+"""The cameras' calibration from a file in the form of the camera message, for cameras that know nothing of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from pydantic import ValidationError
+
+from crosspih_common.config import Workcell
+from crosspih_common.errors import ConfigError
+from crosspih_common.messages import CameraCalibration, PoseData
+
+
+def read_calibration(path: Path | None, field: str, workcell: Workcell) -> CameraCalibration:
+    """The calibration of a file, YAML or JSON (docs/locate.md). `field` is the setting that names it.
+
+    Without `pose_base_camera` the cameras stand where the cell has them. Raises ConfigError naming field and file.
+    """
+    if path is None:
+        raise ConfigError(f"{field}: names no file; give the cameras' calibration (docs/locate.md)")
+    try:
+        said = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{field}: {path} cannot be read: {error}") from None
+    if not isinstance(said, dict):
+        raise ConfigError(f"{field}: {path} holds no fields, want left, right, pose_left_right, ...")
+    # where the cameras stand is mostly the cell's to say
+    standing = {"pose_base_camera": PoseData.of(workcell.camera.pose_base_camera())}
+    try:
+        return CameraCalibration.model_validate({**standing, **said})
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"{field}: {path}: {where}: {first['msg']}") from None
