@@ -12,6 +12,7 @@ from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
 from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
+from services.operator.drivers import drivers
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
 from services.operator.locate.command import locate
@@ -34,6 +35,7 @@ app = typer.Typer(
 app.command()(assemble)
 app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
+cell_app.command()(drivers)
 app.add_typer(cell_app, name="cell")
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(locate)
