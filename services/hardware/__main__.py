@@ -1,8 +1,8 @@
 """`python -m services.hardware [--devices arm,force_torque]`: the cell's devices on the bus, all or some of them.
 
 The arm and the sensor in its wrist run in one loop, in one process. A process with the camera alone is called `camera`
-on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's file says, which is all. With `--check` it
-hosts nothing: it says whether the devices are there.
+on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's file says, which is all. With `--check`
+it hosts nothing: it says whether the devices are there.
 """
 
 from __future__ import annotations

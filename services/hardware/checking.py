@@ -1,4 +1,4 @@
-"""`python -m services.hardware --check`: are the devices there? Opens them by the cell's drivers, reads each, closes them.
+"""`python -m services.hardware --check`: are the devices there? Opens them by the cell's drivers, and reads each.
 
 Nothing is written to an arm. For `crosspih doctor`; a line a device, as one JSON array on standard output.
 """

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
-from services.operator.doctor.process import module_says
+from services.operator.beside import module_says
 
 
 def installed_drivers() -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""`python -m services.hardware.drivers`: every driver that is there, as one JSON array; `crosspih cell drivers` shows it."""
+"""`python -m services.hardware.drivers`: every driver that is there, as one JSON array, for `crosspih cell drivers`."""
 
 from __future__ import annotations
 

@@ -87,8 +87,10 @@ def shadowed(name: str) -> str:
 
 
 def opener(name: str) -> Opener:
-    """A driver's function: one of `DRIVERS`, a plugin's, or any "module:function". Raises ConfigError naming what is not
-    found and the mend."""
+    """A driver's function: one of `DRIVERS`, a plugin's, or any "module:function".
+
+    Raises ConfigError naming what is not found and the mend.
+    """
     if name in DRIVERS:
         if note := shadowed(name):
             print(f"hardware.driver: {note}", file=sys.stderr, flush=True)
@@ -189,7 +191,7 @@ def open_devices(workcell: Workcell, config: HardwareConfig, wanted: frozenset[s
 
 
 def _opened(name: str, request: OpenRequest) -> Devices:
-    """Raises ConfigError also for a package that the driver imports only when it is opened, and for what is no driver."""
+    """Raises ConfigError, also for a package that is imported only now, and for what is no driver."""
     function = opener(name)
     try:
         opened = function(request)

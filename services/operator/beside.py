@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import services
+import deploy
 
-ROOT = Path(services.__file__).resolve().parent.parent
+ROOT = Path(deploy.__file__).resolve().parent.parent
 LONG_S = 120.0
 WORDS = 400
 
