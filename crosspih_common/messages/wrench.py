@@ -86,6 +86,7 @@ class IdentifyPayload(Message):
 
     readings: tuple[RawReading, ...]
     save: bool = True
+    temperature_c: float | None = Field(default=None, description="now; kept with the calibration")
 
 
 class FtCalibration(Message):

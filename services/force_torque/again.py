@@ -40,6 +40,7 @@ TOPICS = (
 WRENCHES, STATES, ANSWERS = "wrenches", "contact states", "answers"
 OF_BEFORE = "recorded before it was told what each contact wrench went by: the stream cannot be gone through again"
 OF_A_FILE = frozenset({"date", "file"})
+MEMORY = frozenset({"memory"})  # what differs in it differs in the wrenches
 
 
 def rerun(recording: Recording, cell: CellFile, from_ns: int, outcome: Rerun) -> None:
@@ -114,7 +115,7 @@ class _Stream:
 
     def _one(self, wrench: ContactWrench, batch: RawWrenchBatch, states: list[JointState]) -> None:
         told = self._stream.take(batch, states)
-        self._outcome.compare(WRENCHES, CONTACT_WRENCH.path, wrench.stamp_ns, wrench, told.wrench)
+        self._outcome.compare(WRENCHES, CONTACT_WRENCH.path, wrench.stamp_ns, wrench, told.wrench, MEMORY)
         then, now = self._said.get(wrench.stamp_ns), told.state
         if then is not None and now is not None:
             self._outcome.compare(STATES, CONTACT_STATE.path, wrench.stamp_ns, then, now)

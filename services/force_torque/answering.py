@@ -90,6 +90,7 @@ def identified(
         cell=workcell.name,
         mounting=mounting,
         down_base=workcell.gravity_base_m_s2,
+        temperature_c=command.temperature_c,
     )
     return content, payload
 

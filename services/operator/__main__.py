@@ -12,6 +12,7 @@ from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
 from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
+from services.operator.doctor.command import doctor
 from services.operator.drivers import drivers
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
@@ -37,6 +38,7 @@ app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
 cell_app.command()(drivers)
 app.add_typer(cell_app, name="cell")
+app.command()(doctor)
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(locate)
 app.command()(report)

@@ -117,7 +117,7 @@ class PlanningShell:
             try:
                 run.ports.look(lambda: run.dwell(0.05))
                 home(run)
-                return calibrate(run, request.samples_s)
+                return calibrate(run, request.samples_s, request.temperature_c)
             except AssemblyFailed as error:
                 raise CommandRefused(error.failure.value, error.detail) from None
 

@@ -37,12 +37,13 @@ class BuiltIn:
     address: str = ""
 
 
-# a line a driver: name, target, what it opens, extra, its packages, the setting of its address. Such as
-# "ur": BuiltIn("...ur.opening:open_devices", "arm force_torque", "ur", (("ur-rtde", "rtde_control"),), "ur.host"),
+ARM, SENSOR, CAMERA = "arm force_torque", "force_torque", "camera"
+HERE = "services.hardware.drivers"
+# a line a driver: name, target, what it opens, extra, its packages, the setting of its address
 DRIVERS: dict[str, BuiltIn] = {
-    "pictures": BuiltIn("services.hardware.drivers.pictures.opening:open_devices", "camera"),
-    "recorded": BuiltIn("services.hardware.drivers.recorded.opening:open_devices", address="recorded.file"),
-    "simulated": BuiltIn("services.hardware.drivers.simulated.cell:open_devices"),
+    "pictures": BuiltIn(f"{HERE}.pictures.opening:open_devices", CAMERA, address="pictures.calibration"),
+    "recorded": BuiltIn(f"{HERE}.recorded.opening:open_devices", address="recorded.file"),
+    "simulated": BuiltIn(f"{HERE}.simulated.cell:open_devices"),
 }
 
 
