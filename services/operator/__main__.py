@@ -11,6 +11,7 @@ from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
 from services.operator.cell_check.command import cell_app
+from services.operator.cell_init.command import init
 from services.operator.dataset import app as dataset_app
 from services.operator.doctor.command import doctor
 from services.operator.drivers import drivers
@@ -36,6 +37,7 @@ app = typer.Typer(
 app.command()(assemble)
 app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
+cell_app.command()(init)
 cell_app.command()(drivers)
 app.add_typer(cell_app, name="cell")
 app.command()(doctor)
