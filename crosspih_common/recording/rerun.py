@@ -63,11 +63,10 @@ class Rerun:
         return {"parts": self.parts, "differences": self.rows, "notes": self.notes}
 
 
-def run_again(
-    topics: Iterable[Topic[Any]],
-    rerun: Callable[[Recording, CellFile, int, Rerun], None],
-    argv: list[str] | None = None,
-) -> int:
+Again = Callable[[Recording, CellFile, int, Rerun], None]
+
+
+def run_again(topics: Iterable[Topic[Any]], rerun: Again, argv: list[str] | None = None) -> int:
     """The body of a `python -m services.X.again FILE --cell CELL [--from S]`: prints the outcome as JSON.
 
     `rerun(recording, cell, from_ns, outcome)`. Status 2 where the file or the cell cannot be read.
