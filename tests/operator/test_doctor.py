@@ -323,11 +323,15 @@ def test_a_calibration_that_is_not_there_or_is_none_is_told_and_others_beside_it
     assert verdicts(calibrations.ft_rows(cell, NOW, None)) == {"calibration of the sensor": "warning"}
     file.write_text("not: a calibration")
     assert verdicts(calibrations.ft_rows(cell, NOW, None)) == {"calibration of the sensor": "wrong"}
-    (tmp_path / "hand-eye.yaml").write_text(yaml.safe_dump({"calibrated_at": "2026-02-27T00:00:00Z"}))
-    (tmp_path / "stereo.yaml").write_text(yaml.safe_dump({"calibrated_at": "2024-02-27T00:00:00+00:00"}))
-    (tmp_path / "notes.yaml").write_text(yaml.safe_dump({"hello": 1}))
-    assert verdicts(calibrations.other_rows(cell, NOW, None)) == {
-        "calibration hand-eye": "ok", "calibration stereo": "warning",
+    for folder, kind, made in (
+        ("a", "hand-eye", "2026-02-27T00:00:00Z"), ("b", "stereo", "2024-02-27T00:00:00+00:00"),
+        ("c", "hand-eye", "2024-01-01T00:00:00Z"), ("d", "", "2026-02-27T00:00:00Z"),
+    ):  # fmt: skip
+        found = tmp_path / "cell1" / "calibration" / folder / "found.yaml"
+        found.parent.mkdir(parents=True)
+        found.write_text(yaml.safe_dump({"kind": kind and f"calibration of {kind}", "calibrated_at": made}))
+    assert verdicts(calibrations.other_rows(cell, NOW, None, tmp_path)) == {
+        "calibration of hand-eye": "ok", "calibration of stereo": "warning",
     }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from crosspih_common.errors import BusUnreachable
 from services.operator.bench.options import AsJson, told
-from services.operator.cell_check.measuring import check_cell
+from services.operator.cell_check.measuring import Manner, check_cell
 from services.operator.cell_check.verdict import Check, Verdict, fails
 from services.operator.session import Session, using_cell
 from services.operator.stack import cell_session
@@ -56,13 +56,15 @@ def _some_session(speed: str | None) -> Iterator[Session]:
 def check(
     cell: Annotated[Path | None, typer.Option(help="The cell's file; that of CROSSPIH_CELL when left out.")] = None,
     speed: Annotated[str | None, typer.Option(help="realtime or max, of a cell that is started for it.")] = None,
+    camera: Annotated[bool, typer.Option(help="Whether the cell has cameras; --no-camera: it goes by force.")] = True,
     as_json: AsJson = False,
 ) -> None:
     """What is wrong with a cell, and how to mend it: moves little and gently. Status 1 when something fails."""
     console = Console(stderr=as_json)
     with told(console), using_cell(cell):
         with _some_session(speed) as session, console.status("looking at the cell") as status:
-            checks = check_cell(session.bus, session.cell.workcell, say=lambda text: status.update(text))
+            manner = Manner(camera_needed=camera)
+            checks = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))
             name = session.bus.cell
         wrong = fails(checks)
         if as_json:

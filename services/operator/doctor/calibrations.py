@@ -52,14 +52,21 @@ def ft_rows(cell: CellFile, now: datetime, temperature_c: float | None) -> Itera
     yield _aged(name, f"{file}: {weight:.2f} N hang on it", content, now, temperature_c, CALIBRATE_FT)
 
 
-def other_rows(cell: CellFile, now: datetime, temperature_c: float | None) -> Iterator[Row]:
-    """Every other dated file beside it: what `crosspih calibrate` wrote for this cell."""
-    known = ft_file(cell)
-    for file in sorted(known.parent.glob("*.yaml")):
-        content = None if file == known else _content(file)
-        if content is None or not any(field in content for field in DATED):
-            continue
-        yield _aged(f"calibration {file.stem}", str(file), content, now, temperature_c, "crosspih calibrate anew")
+def other_rows(cell: CellFile, now: datetime, temperature_c: float | None, root: Path) -> Iterator[Row]:
+    """The newest of each kind that `crosspih calibrate` has left for this cell, below `root` (run/).
+
+    They are files found.yaml, each in a folder of its own, that tell `kind`, `calibrated_at` and `cell`.
+    """
+    newest: dict[str, tuple[str, Path, dict[str, Any]]] = {}
+    for file in sorted((root / cell.workcell.name / "calibration").glob("*/found.yaml")):
+        content = _content(file) or {}
+        made = next((str(content[field]) for field in DATED if field in content), "")
+        kind = str(content.get("kind", "")).removeprefix("calibration of ")
+        if kind and made and made >= newest.get(kind, ("", file, {}))[0]:
+            newest[kind] = (made, file, content)
+    for kind, (_, file, content) in sorted(newest.items()):
+        name = f"calibration of {kind}"
+        yield _aged(name, str(file), content, now, temperature_c, f"crosspih calibrate {kind}")
 
 
 def camera_rows(cell: CellFile, drivers: set[str]) -> Iterator[Row]:

@@ -13,6 +13,7 @@ from crosspih_common.bus import Bus
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration, Strategy
+from deploy.launcher.state import default_run_root
 from services.operator.doctor import addresses, calibrations, clocks, devices, drawing, machine, network, software
 from services.operator.doctor.row import Row, looked, ok, wrong
 from services.operator.doctor.weights import weight_rows
@@ -67,7 +68,8 @@ def _of_the_cell(wish: Wish, cell: CellFile, bus: Bus | None, say: Callable[[str
     if bus is not None:
         alive = _alive(bus)
         here = bus
-        needed = NEEDED if len(devices.hosted(cell)) == len(devices.DEVICES) else (*NEEDED, "camera")
+        apart = "camera" not in devices.hosted(cell) and wish.strategy is not Strategy.FORCE_ALONE
+        needed = (*NEEDED, "camera") if apart else NEEDED
         rows += looked("services", lambda: network.service_rows(here, alive, needed))
     say("devices")
     hardware: dict[str, Any] = cell.sections.get("hardware", {})
@@ -86,7 +88,7 @@ def _of_the_cell(wish: Wish, cell: CellFile, bus: Bus | None, say: Callable[[str
     now = datetime.now(timezone.utc)
     rows += looked("calibrations", lambda: calibrations.ft_rows(cell, now, wish.temperature_c))
     rows += looked("calibrations", lambda: calibrations.camera_rows(cell, used))
-    rows += looked("calibrations", lambda: calibrations.other_rows(cell, now, wish.temperature_c))
+    rows += looked("calibrations", lambda: calibrations.other_rows(cell, now, wish.temperature_c, default_run_root()))
     rows += looked("drawings", lambda: drawing.fit_rows(cell.workcell))
     rows += looked("reach", lambda: drawing.reach_rows(cell.workcell))
     if wish.strategy is not Strategy.FORCE_ALONE:
