@@ -25,6 +25,7 @@ from crosspih_common.messages import (
     CaptureStereo,
     CellClock,
     ClassifyContacts,
+    CommandRefusal,
     CompensateWrench,
     ContactReading,
     ContactState,
@@ -309,6 +310,14 @@ RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder
 STATUS = Topic("service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", RECORDED, "how it is", 1.0)
 EVENTS = Topic(
     "service/{service}/event", Event, Kind.EVENT, "{service}", ("operator", *RECORDED), "what people should know"
+)
+REFUSAL = Topic(
+    "service/{service}/refusal",
+    CommandRefusal,
+    Kind.EVENT,
+    "{service}",
+    RECORDED,
+    "a command that was refused, and why",
 )
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples
 CAMERA_ALIVE = "camera"  # stands for the service in the token of whatever process serves the camera's keys

@@ -23,8 +23,8 @@ from crosspih_common.bus.traffic import Traffic
 from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender, Transport
 from crosspih_common.bus.workers import Lane, Pump
 from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError
-from crosspih_common.keys import CLOCK, Command, Kind, Payload, Qos, Topic, alive_key
-from crosspih_common.messages import CellClock, Image, Message
+from crosspih_common.keys import CLOCK, REFUSAL, Command, Kind, Payload, Qos, Topic, alive_key
+from crosspih_common.messages import CellClock, CommandRefusal, Image, Message
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=Message)
@@ -253,8 +253,10 @@ class Bus:
         """
         key = command.key(self.cell)
         requests, replies = self.publisher(command.request_echo), self.publisher(command.reply_echo)
+        refusals = self.publisher(REFUSAL)
 
         def handle(query: Query) -> Answer:
+            number = -1
             try:
                 if len(query.payload) > MAX_REQUEST_BYTES:
                     raise CommandRefused(
@@ -267,7 +269,7 @@ class Bus:
                     raise CommandRefused("contract", str(error)) from None
                 self.traffic.count(key, "received")
                 self.clock.observe(request.stamp_ns)
-                requests.publish(request)
+                number = requests.publish(request).seq
                 reply = replies.publish(handler(request))
                 return Answer(encode(reply), label_of(command.reply), is_error=False)
             except CommandRefused as error:
@@ -280,6 +282,9 @@ class Bus:
                 # a defect in a handler must reach the asker and the log, and must not end the service
                 refusal = CommandRefused("internal", f"{type(error).__name__}: {error}")
                 self._handler_failed(error)
+            said = CommandRefusal(command=command.path, request_seq=number, refused=refusal.code, text=refusal.text)
+            with contextlib.suppress(CrosspihError):  # the bus is closing
+                refusals.publish(said)
             return Answer(encode_refusal(refusal), "", is_error=True)
 
         def job(query: Query) -> Callable[[], None]:

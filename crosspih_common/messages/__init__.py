@@ -71,7 +71,7 @@ from crosspih_common.messages.motion import (
 )
 from crosspih_common.messages.recording import RecordingStatus, StartRecording, StopRecording
 from crosspih_common.messages.simulation import ResetCell, SceneFaults, SimulationTruth, TrueContact
-from crosspih_common.messages.status import Event, KeyTraffic, ServiceState, ServiceStatus, Severity
+from crosspih_common.messages.status import CommandRefusal, Event, KeyTraffic, ServiceState, ServiceStatus, Severity
 from crosspih_common.messages.touch import Touch
 from crosspih_common.messages.wrench import (
     CompensateWrench,
@@ -81,6 +81,7 @@ from crosspih_common.messages.wrench import (
     IdentifyPayload,
     RawReading,
     RawWrenchBatch,
+    WrenchMemory,
 )
 
 __all__ = [
@@ -99,6 +100,7 @@ __all__ = [
     "CaptureStereo",
     "CellClock",
     "ClassifyContacts",
+    "CommandRefusal",
     "CompensateWrench",
     "ContactClassifier",
     "ContactReading",
@@ -175,5 +177,6 @@ __all__ = [
     "Vector6",
     "Withdraw",
     "WithdrawResult",
+    "WrenchMemory",
     "floats",
 ]

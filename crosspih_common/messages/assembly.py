@@ -130,6 +130,7 @@ class CalibrateFt(Message):
     """Drive the calibration poses, dwell in each and identify bias, weight and centroid."""
 
     samples_s: float = Field(default=0.25, gt=0.0, le=5.0)
+    temperature_c: float | None = Field(default=None, description="of sensor or room now; kept with the calibration")
 
 
 class Withdraw(Message):

@@ -60,3 +60,14 @@ class Event(Message):
     severity: Severity
     code: str
     text: str = Field(max_length=2000)
+
+
+class CommandRefusal(Message):
+    """A command that a service refused, with the words that its caller was given: what a recording cannot tell else."""
+
+    command: str = Field(description="the command's path below the cell's prefix")
+    request_seq: int = Field(
+        default=-1, description="the `seq` of the request as it was repeated; -1 where it was not even read"
+    )
+    refused: str = Field(description="the code, for programs (docs/wire.md)")
+    text: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Frame, Message, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
 from crosspih_common.messages.contact import ContactState
 
 
@@ -20,14 +20,33 @@ class RawWrenchBatch(Message):
     samples: tuple[Vector6, ...] = Field(min_length=1)
 
 
+class WrenchMemory(Part):
+    """What the service remembers after a batch: with it a recording can be gone through again from there."""
+
+    filtered: Vector6 = Field(description="the low-pass's last output, peg frame")
+    run_samples: int = Field(description="samples in a row that speak against the present state of contact")
+    run_stamp_ns: int = Field(description="of the first of them")
+    run_wrench: Vector6
+    free_mean: Vector6 = Field(description="running mean of the contact wrench in free air")
+    free_samples: int
+    settle_left: int = Field(description="samples to be left out of that mean after a contact")
+    judged_ns: int = Field(description="stamp of the last contact state that was told; 0: none was")
+
+
 class ContactWrench(Message):
-    """Force on the peg by contact: bias and gravity removed, in the peg frame about its origin."""
+    """Force on the peg by contact: bias and gravity removed, in the peg frame about its origin.
+
+    The batch of `ft/raw` that ends at `stamp_ns` was compensated at the newest joint state that had been heard then.
+    """
 
     frame: Frame = Frame.PEG
     wrench: Vector6
     in_contact: bool
     free_residual_n: float = Field(description="running mean of |F| while in free air: what calibration leaves")
     drift_suspected: bool
+    joint_stamp_ns: int = Field(default=-1, description="of that joint state; -1: not told (recordings of before)")
+    calibration_seq: int = Field(default=-1, description="the `seq` of the calibration in use")
+    memory: WrenchMemory | None = Field(default=None, description="now and then")
 
 
 class CompensateWrench(Message):
@@ -67,6 +86,7 @@ class IdentifyPayload(Message):
 
     readings: tuple[RawReading, ...]
     save: bool = True
+    temperature_c: float | None = Field(default=None, description="now; kept with the calibration")
 
 
 class FtCalibration(Message):
@@ -83,6 +103,9 @@ class FtCalibration(Message):
     weight_n: float
     centroid_m: Vector3
     gravity_base: Vector3
+    weight_base_n: Vector3 | None = Field(
+        default=None, description="weight_n times gravity_base, to the last bit; None in recordings of before"
+    )
     residual_force_n: float
     residual_moment_nm: float
     poses: int

@@ -20,7 +20,8 @@ from zstandard import ZstdError
 
 from crosspih_common.bus.codec import decode
 from crosspih_common.errors import ContractError, CrosspihError
-from crosspih_common.keys import ROOT, Command, Payload, Topic
+from crosspih_common.keys import REFUSAL, ROOT, Command, Payload, Topic
+from crosspih_common.messages import CommandRefusal
 from crosspih_common.messages import Message as BusMessage
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
@@ -113,13 +114,27 @@ class Recording:
     def answered(self, command: Command[RequestT, ReplyT]) -> list[tuple[Sent[RequestT], Sent[ReplyT] | None]]:
         """Each request of a command, in order, with its reply; None where none is recorded, as of one that was refused.
 
+        What is recorded as refused (`refusals`) has none.
+
         A server answers one request after the other and repeats both on keys of their own, whose samples may overtake
         each other by a little: with as many replies as requests they belong together in order; else a reply belongs to
         the last request before it that has none, or to one that comes within `OVERTAKEN_NS`.
         """
-        requests, replies = self.sent(command.request_echo), self.sent(command.reply_echo)
+        every, replies = self.sent(command.request_echo), self.sent(command.reply_echo)
+        refused = self.refusals(command)
+        requests = [request for request in every if request.value.seq not in refused]
+        answers = dict(zip(map(id, requests), self._paired(requests, replies), strict=True))
+        return [(request, answers.get(id(request))) for request in every]
+
+    def refusals(self, command: Command[Any, Any]) -> dict[int, CommandRefusal]:
+        """Why requests of a command were refused, by the `seq` of the request; empty in recordings of before."""
+        said = [refusal for refusal in self.messages(REFUSAL) if refusal.command == command.path]
+        return {refusal.request_seq: refusal for refusal in said if refusal.request_seq >= 0}
+
+    @staticmethod
+    def _paired(requests: list[Sent[RequestT]], replies: list[Sent[ReplyT]]) -> list[Sent[ReplyT] | None]:
         if len(requests) == len(replies):
-            return list(zip(requests, replies, strict=True))
+            return list(replies)
         found: list[Sent[ReplyT] | None] = [None] * len(requests)
         after = 0  # whatever was asked before the last reply's request has had its turn
         for reply in replies:
@@ -128,7 +143,7 @@ class Recording:
                 free = [after]
             if free:
                 found[free[-1]], after = reply, free[-1] + 1
-        return list(zip(requests, found, strict=True))
+        return found
 
     def span_ns(self) -> tuple[int, int]:
         """(first, last) cell time in the file; (0, 0) when it is empty."""

@@ -56,6 +56,7 @@ class CalibrationFile(BaseModel):
     condition_force: float
     condition_moment: float
     poses: tuple[CalibrationPose, ...]
+    temperature_c: float | None = Field(default=None, description="of the sensor or the room then, where it was told")
     peg_of_raw: Vector36 | None = Field(
         default=None, description="(6, 6) by rows: from raw readings to the peg, as mounted then; none: the identity"
     )
@@ -81,6 +82,7 @@ def calibration_file(
     joints_rad: list[list[float]] | None = None,
     mounting: SensorMounting | None = None,
     down_base: ArrayLike = (0.0, 0.0, -1.0),
+    temperature_c: float | None = None,
 ) -> CalibrationFile:
     """The file's content; `calibrated_at` is ISO 8601 with a time zone, passed in because the core reads no clock.
 
@@ -106,6 +108,7 @@ def calibration_file(
         "moment_rms_nm": calibration.moment_rms_nm,
         "condition_force": calibration.condition_force,
         "condition_moment": calibration.condition_moment,
+        "temperature_c": temperature_c,
         "poses": [
             {
                 "rotation_base_sensor": reading.rotation_base_sensor.ravel().tolist(),

@@ -1,7 +1,8 @@
 """`python -m services.hardware [--devices arm,force_torque]`: the cell's devices on the bus, all or some of them.
 
 The arm and the sensor in its wrist run in one loop, in one process. A process with the camera alone is called `camera`
-on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's file says, which is all.
+on the bus. Without `--devices` it hosts what `hardware.devices` of the cell's file says, which is all. With `--check`
+it hosts nothing: it says whether the devices are there.
 """
 
 from __future__ import annotations
@@ -11,8 +12,11 @@ import gc
 import os
 import sys
 
+from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.lifecycle import DEFAULT_CELL
+from services.hardware.checking import print_check
 from services.hardware.config import DEVICES, HardwareConfig
 from services.hardware.hosting import open_cell
 from services.hardware.shells.hardware import HardwareShell
@@ -45,12 +49,26 @@ def build(context: ServiceContext, wanted: frozenset[str] | None) -> HardwareShe
     return shell
 
 
+def check(wanted: frozenset[str] | None, arguments: list[str]) -> int:
+    """Whether the devices are there; see checking.py."""
+    parser = argparse.ArgumentParser(prog="python -m services.hardware --check")
+    parser.add_argument("--cell", default=os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL, help="the cell's YAML file")
+    try:
+        return print_check(load_cell(parser.parse_args(arguments).cell), wanted, realtime=True)
+    except ConfigError as error:
+        print(error, file=sys.stderr)
+        return 2
+
+
 def main() -> int:
     """Run the service."""
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("--devices", type=wanted_devices, default=None)
+    parser.add_argument("--check", action="store_true")
     chosen, others = parser.parse_known_args()
     wanted: frozenset[str] | None = chosen.devices
+    if chosen.check:
+        return check(wanted, others)
     # the loop must not wait 5 ms for a thread that only formats messages
     sys.setswitchinterval(0.001)
     name = "hardware" if wanted is None or "arm" in wanted else "camera"

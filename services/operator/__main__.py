@@ -11,7 +11,10 @@ from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench.commands import app as bench_app
 from services.operator.cell_check.command import cell_app
+from services.operator.cell_init.command import init
 from services.operator.dataset import app as dataset_app
+from services.operator.doctor.command import doctor
+from services.operator.drivers import drivers
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
 from services.operator.locate.command import locate
@@ -34,7 +37,10 @@ app = typer.Typer(
 app.command()(assemble)
 app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
+cell_app.command()(init)
+cell_app.command()(drivers)
 app.add_typer(cell_app, name="cell")
+app.command()(doctor)
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(locate)
 app.command()(report)

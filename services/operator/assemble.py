@@ -136,6 +136,9 @@ def calibrate_ft(
     samples_s: Annotated[float, typer.Option(min=0.05, max=5.0, help="Dwell in each pose.")] = 0.25,
     speed: Annotated[str | None, typer.Option(help="realtime or max.")] = None,
     cell: Annotated[Path | None, typer.Option(help=CELL_HELP)] = None,
+    temperature: Annotated[
+        float | None, typer.Option(help="Of the sensor now, °C: crosspih doctor compares with it later.")
+    ] = None,
 ) -> None:
     """Drive the calibration poses and find the sensor's bias, the weight and the centroid behind it (Eqs. 14-16)."""
     console = Console()
@@ -144,7 +147,7 @@ def calibrate_ft(
             story = Story(console)
             session.follow_events(story.phase, story.touch, story.event)
             story.begin(session.bus.clock.now_ns())
-            found = session.calibrate_ft(samples_s)
+            found = session.calibrate_ft(samples_s, temperature)
     except (CrosspihError, LauncherError) as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None

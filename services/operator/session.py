@@ -189,9 +189,9 @@ class Session:
         """A new trial in the simulated cell."""
         return self.bus.call(RESET, command, RESET_DEADLINE_S)
 
-    def calibrate_ft(self, samples_s: float) -> FtCalibration:
+    def calibrate_ft(self, samples_s: float, temperature_c: float | None = None) -> FtCalibration:
         """Drive the calibration poses and identify."""
-        return self.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=samples_s), 300.0)
+        return self.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=samples_s, temperature_c=temperature_c), 300.0)
 
     def withdraw(self, request: Withdraw) -> WithdrawResult:
         """Take the seated peg straight out."""

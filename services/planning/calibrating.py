@@ -12,7 +12,7 @@ from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 
 
-def calibrate(run: Run, dwell_s: float) -> FtCalibration:
+def calibrate(run: Run, dwell_s: float, temperature_c: float | None = None) -> FtCalibration:
     """Drive the calibration poses, dwell in each, identify bias and payload.
 
     AssemblyFailed UNREACHABLE where there are none, or none that can be driven to, clear of the surroundings.
@@ -32,7 +32,7 @@ def calibrate(run: Run, dwell_s: float) -> FtCalibration:
         )
     run.joints_to(np.asarray(run.workcell.home_joints_rad, dtype=float))
     try:
-        found = run.ports.ask(IDENTIFY_PAYLOAD, IdentifyPayload(readings=tuple(readings)))
+        found = run.ports.ask(IDENTIFY_PAYLOAD, IdentifyPayload(readings=tuple(readings), temperature_c=temperature_c))
     except CommandRefused as refusal:
         raise AssemblyFailed(Failure.NOT_CALIBRATED, str(refusal)) from None
     run.tell(

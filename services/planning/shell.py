@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import threading
 import time
 from collections.abc import Iterator
@@ -46,6 +45,7 @@ from services.planning.config import PlanningConfig
 from services.planning.leaving import home
 from services.planning.missed import MissedServices
 from services.planning.ports import AssemblyFailed
+from services.planning.result import result_of
 from services.planning.run import Run
 from services.planning.withdrawing import withdraw_peg
 
@@ -107,35 +107,8 @@ class PlanningShell:
         self._last_hole = done.run.believed
         if done.final is not None:
             self._last_hole = done.final.pose_base_hole.pose()
-        run = done.run
-        believed = done.final.pose_base_hole if done.final is not None else None
-        if believed is None and run.believed is not None:
-            believed = PoseData.of(run.believed)
-        return AssemblyResult(
-            assembly_id=request.assembly_id,
-            strategy=request.strategy,
-            inserted=done.final is not None,
-            failure=done.failure,
-            failure_detail=done.detail,
-            backed_off=done.backed_off,
-            pose_base_hole=believed,
-            covariance=None if done.final is None else done.final.covariance,
-            rank=None if done.final is None else done.final.rank,
-            pose_base_peg=PoseData.of(run.pose_base_peg),
-            warnings=done.warnings,
-            vision_refused=run.vision_refused,
-            vision_pose_base_hole=None if run.vision_pose is None else PoseData.of(run.vision_pose),
-            motion_s=run.motion_s,
-            thinking_s=max(time.monotonic() - started - ports.hardware_wall_s, 0.0),
-            touches=len(run.touches),
-            presses=len(run.presses),
-            corrections=run.corrections,
-            pushes=run.pushes,
-            peak_force_n=run.peak_force_n,
-            peak_moment_nm=run.peak_moment_nm,
-            insertion_depth_m=done.insertion_depth_m,
-            **dataclasses.asdict(run.effort),
-        )
+        thinking_s = max(time.monotonic() - started - ports.hardware_wall_s, 0.0)
+        return result_of(request, done, thinking_s)
 
     def _calibrate(self, request: CalibrateFt) -> FtCalibration:
         self.abort.clear()
@@ -144,7 +117,7 @@ class PlanningShell:
             try:
                 run.ports.look(lambda: run.dwell(0.05))
                 home(run)
-                return calibrate(run, request.samples_s)
+                return calibrate(run, request.samples_s, request.temperature_c)
             except AssemblyFailed as error:
                 raise CommandRefused(error.failure.value, error.detail) from None
 

@@ -23,7 +23,7 @@ from services.hardware.shells.hardware import HardwareShell
 WALL = frozenset({"arm", "force_torque"})
 
 
-@pytest.mark.parametrize("driver", ["simulated", DRIVERS["simulated"]])
+@pytest.mark.parametrize("driver", ["simulated", DRIVERS["simulated"].target])
 def test_a_driver_opens_by_name_and_by_path(driver: str) -> None:
     cell = open_cell(Workcell(), HardwareConfig(driver=driver), realtime=False)
     try:

@@ -22,10 +22,10 @@ from crosspih_common.messages import (
     StereoPair,
 )
 from crosspih_common.recording import Recorded, Recording
+from crosspih_common.recording.comparing import differences
 from services.operator.__main__ import app
 from services.operator.replay.answers import stored_cell
 from services.operator.replay.asked import asked_of
-from services.operator.replay.comparing import differences
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile, create_file
 from services.recorder.sample import Sample
@@ -136,6 +136,7 @@ def said_of(tmp_path: Path, *arguments: str, cell: bool = True) -> str:
 
 
 def test_what_cannot_be_asked_again_is_told(tmp_path: Path) -> None:
-    assert "--service planning: want vision or inference" in said_of(tmp_path, "--service", "planning")
+    said = said_of(tmp_path, "--service", "hardware")
+    assert "--service hardware: want one of vision, inference, force_torque, planning" in said
     assert "does not hold its cell's file; name one with --cell" in said_of(tmp_path, cell=False)
     assert "nothing in it can be asked again" in said_of(tmp_path)

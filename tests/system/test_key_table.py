@@ -152,6 +152,7 @@ def codes_of(error: type[CrosspihError]) -> set[str]:
 
 # codes that are worked out: what they can be. The bus answers a ContractError, a BusClosed and a refusal as itself.
 WORKED_OUT = {
+    "step.refusal.refused": set(),  # a service's own, told again from a recording
     "f'{name}_limit'": {"speed_limit", "acceleration_limit"},
     "refusals[0].code": set(),  # services/vision/refusals.py spells them
     "code or 'unknown'": set(),  # a reader's, for an error reply that is none of ours

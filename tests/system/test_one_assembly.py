@@ -11,15 +11,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from mcap.reader import make_reader
 
+from crosspih_common.config import cell_of_text
 from crosspih_common.keys import commands, topics
 from crosspih_common.messages import AssemblyPhase, AssemblyResult, Phase, Strategy, Touch
+from crosspih_common.recording import read_recording
+from crosspih_common.recording.rerun import Again, Rerun, begun_ns
+from services.force_torque.again import rerun as force_torque_again
 from services.operator.bench.trials import WALL_FIGURES
 from services.operator.report import make_report
 from services.operator.scoring import TrialFigures
 from services.operator.session import Session
+from services.planning.again import ASKED as PLANNED
+from services.planning.again import rerun as planning_again
 from tests.system.running_cell import RunningCell
 
 SEED = 1000
@@ -41,6 +48,7 @@ ASKED = (
     "planning/assemble",
     "vision/locate",
 )
+Settings = dict[str, dict[str, float]]
 
 
 @dataclass
@@ -258,3 +266,52 @@ def test_vision_and_inference_answer_the_same_again(cell: RunningCell, trial: Tr
     assert "vision: 1 of 1 recorded answers are equal bit for bit" in done.stdout
     asked = trial.file.counts["inference/estimate/reply"] + trial.file.counts["inference/seated/reply"]
     assert f"inference: {asked} of {asked} recorded answers are equal bit for bit" in done.stdout
+
+
+# ----------------------------------------------------------------------------------------------- gone through again
+
+
+def again(core: Again, trial: Trial, settings: Settings | None = None, without: str = "") -> Rerun:
+    """The outcome of a service's core on the trial's recording, in its own cell with other settings of the service;
+    `without` is a key of which one sample is lost."""
+    assert trial.figures.recording is not None
+    recording = read_recording(trial.figures.recording)
+    for key, samples in recording.samples.items():
+        if without and key.endswith(without):
+            del samples[len(samples) * 7 // 8]  # well after a calibration, before which nothing is told
+    outcome = Rerun(begun_ns(recording))
+    content = yaml.safe_load(recording.metadata["cell"]["yaml"])
+    for section, values in (settings or {}).items():
+        content[section] = {**content.get(section, {}), **values}
+    core(recording, cell_of_text(Path("cell.yaml"), yaml.safe_dump(content)), outcome.start_ns, outcome)
+    return outcome
+
+
+def test_force_torque_and_planning_say_and_decide_the_same_on_the_recording(trial: Trial) -> None:
+    felt = again(force_torque_again, trial)
+    assert felt.rows == [] and felt.notes == []
+    equal, every = felt.parts["wrenches"]
+    assert equal == every > 0.9 * trial.file.counts["force_torque/wrench"]
+    answers = [trial.file.counts.get(f"force_torque/{path}/reply", 0) for path in ("compensate", "identify")]
+    assert felt.parts["answers"] == [sum(answers)] * 2
+    decided = again(planning_again, trial)
+    assert decided.rows == [] and decided.notes == []
+    asked = sum(trial.file.counts.get(f"{command.path}/request", 0) for command in PLANNED)
+    assert decided.parts["requests"] == [asked, asked] and decided.parts["results"] == [1, 1]
+    assert decided.parts["phases"] == [len(trial.phases)] * 2 and decided.parts["touches"] == [len(trial.touches)] * 2
+
+
+def test_other_code_is_told_by_what_differs_first(trial: Trial) -> None:
+    decided = again(planning_again, trial, {"planning": {"push_speed_m_s": 0.0123}})
+    first = decided.rows[0]
+    assert (first["asked"], first["field"], first["now"]) == ("arm/admittance_move", "speed_m_s", "0.0123")
+    assert "the first decision that differs: arm/admittance_move" in decided.notes[0]
+    felt = again(force_torque_again, trial, {"force_torque": {"filter_hz": 40.0}})
+    assert felt.parts["wrenches"][0] == 0 and felt.parts["answers"][0] == felt.parts["answers"][1]
+
+
+def test_a_sample_that_was_not_recorded_is_a_gap_and_no_difference(trial: Trial) -> None:
+    for lost in ("ft/raw", "arm/joint_state", "force_torque/wrench"):
+        felt = again(force_torque_again, trial, without=lost)
+        assert felt.rows == [] and felt.parts["wrenches"][0] == felt.parts["wrenches"][1] > 0
+    assert "samples are missing in 1 places" in again(force_torque_again, trial, without="ft/raw").notes[0]

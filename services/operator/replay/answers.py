@@ -13,9 +13,9 @@ from crosspih_common.config import with_files_beside
 from crosspih_common.errors import CommandRefused, ConfigError
 from crosspih_common.messages import Message
 from crosspih_common.recording import Recording
+from crosspih_common.recording.comparing import Difference, differences
 from services.operator.bench.own_cell import CellTask, OwnCell
 from services.operator.replay.asked import Asked
-from services.operator.replay.comparing import Difference, differences
 from services.operator.session import Session
 
 DEADLINE_S = 300.0

@@ -13,6 +13,7 @@ from crosspih_common.keys import (
     LOCATE,
     NETWORK,
     NEXT_TOUCH,
+    REFUSAL,
     SEATED,
     SEQUENCE_NETWORK,
     Command,
@@ -20,6 +21,7 @@ from crosspih_common.keys import (
 )
 from crosspih_common.messages import Message
 from crosspih_common.recording import OVERTAKEN_NS, Recording
+from crosspih_common.recording.rerun import begun_ns
 
 # the services whose answers depend on nothing but the request and, for vision, the pictures that it then asks for
 COMMANDS: dict[str, tuple[Command[Any, Any], ...]] = {
@@ -28,6 +30,7 @@ COMMANDS: dict[str, tuple[Command[Any, Any], ...]] = {
 }
 TOPICS: tuple[Topic[Any], ...] = (
     CLOCK,
+    REFUSAL,
     *(echo for command in (CAPTURE, *COMMANDS["vision"], *COMMANDS["inference"])
       for echo in (command.request_echo, command.reply_echo)),
 )  # fmt: skip
@@ -47,12 +50,6 @@ class Asked:
     answer: Message | None
     first_pair_s: float | None = None
     pairs: int = 0
-
-
-def begun_ns(recording: Recording) -> int:
-    """The cell's time at which the recording began."""
-    ticks = [sample.stamp_ns for key in recording.keys_of(CLOCK) for sample in recording.samples[key]]
-    return ticks[0] if ticks else recording.span_ns()[0]
 
 
 def asked_of(recording: Recording, service: str, from_s: float) -> list[Asked]:

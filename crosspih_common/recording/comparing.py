@@ -1,4 +1,4 @@
-"""Two answers to one request, field by field."""
+"""Two messages that should be the same, field by field: then and now."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from crosspih_common.messages import Message
 
 # of the moment, not of the answer: when it was given, how long it took, how many pictures there were before
 OF_THE_MOMENT = frozenset({"stamp_ns", "seq", "compute_s", "capture_wall_s", "capture_id"})
+NONE: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +27,15 @@ class Difference:
         return asdict(self)
 
 
-def differences(then: Message, now: Message) -> list[Difference]:
-    """What differs between two answers, bit for bit; what is of the moment is left out."""
-    return list(_walk(then.model_dump(mode="json"), now.model_dump(mode="json"), ""))
+def differences(then: Message, now: Message, but: frozenset[str] = NONE) -> list[Difference]:
+    """What differs between two messages, bit for bit; what is of the moment is left out, and the fields named `but`."""
+    return list(_walk(then.model_dump(mode="json"), now.model_dump(mode="json"), "", OF_THE_MOMENT | but))
 
 
-def _walk(then: Any, now: Any, where: str) -> Iterator[Difference]:
+def _walk(then: Any, now: Any, where: str, but: frozenset[str] = NONE) -> Iterator[Difference]:
     if isinstance(then, dict) and isinstance(now, dict):
         for name in dict.fromkeys([*then, *now]):
-            if where or name not in OF_THE_MOMENT:
+            if where or name not in but:
                 yield from _walk(then.get(name), now.get(name), f"{where}.{name}" if where else name)
     elif _numbers(then) and _numbers(now) and len(then) == len(now):
         off = [abs(a - b) for a, b in zip(then, now, strict=True)]

@@ -1,0 +1,159 @@
+"""The contact wrench as it goes on: batch after batch, each with the joint states that were known when it came.
+
+What it says follows from the batches, the states and the calibrations alone, and every wrench names which of them it
+went by (`joint_stamp_ns`, `calibration_seq`) and now and then what is remembered (`memory`): so a recording can be gone
+through again from there, to the last bit (again.py).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from crosspih_common.config import Workcell
+from crosspih_common.messages import (
+    ContactClassifier,
+    ContactState,
+    ContactWrench,
+    JointState,
+    RawWrenchBatch,
+    WrenchMemory,
+    floats,
+)
+from crosspih_common.wrench import LowPass, Payload
+from services.force_torque.at_rest import joint_acceleration_rad_s2
+from services.force_torque.compensation import (
+    ContactEvent,
+    FreeAirSettings,
+    FreeAirState,
+    OnsetSettings,
+    OnsetState,
+)
+from services.force_torque.config import ForceTorqueConfig
+from services.force_torque.judging import Judge
+from services.force_torque.online import Pipeline, step
+
+JOINT_STATES = 32  # the last ones, that an acceleration is taken from
+_FIRST_PERIOD_S = 1e-3  # until the first batch says its own
+_REMEMBER_NS = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What one batch led to. `drift` is why the sensor should be calibrated again, when that became so now."""
+
+    wrench: ContactWrench
+    state: ContactState | None
+    events: list[ContactEvent]
+    drift: str
+
+
+class WrenchStream:
+    """Batches in, wrenches out. A calibration may come from another thread."""
+
+    def __init__(self, workcell: Workcell, config: ForceTorqueConfig, judge: Judge) -> None:
+        self._workcell, self._config, self._judge = workcell, config, judge
+        self._lock = threading.Lock()
+        self._pipeline = Pipeline(
+            payload=Payload(np.zeros(6), np.zeros(3), np.zeros(3), workcell.sensor_mounting()),
+            low_pass=LowPass(config.filter_hz, _FIRST_PERIOD_S),
+            onset_settings=OnsetSettings(config.onset_force_n, config.onset_moment_nm, hold_s=config.onset_hold_s),
+            free_settings=FreeAirSettings(
+                mean_s=config.free_air_mean_s,
+                force_limit_n=config.drift_force_n,
+                moment_limit_nm=config.drift_moment_nm,
+                settle_s=config.free_air_settle_s,
+            ),
+        )
+        self.calibration_seq = -1
+        self._drifted = False
+        self._judged_ns = 0
+        self._remembered_ns = 0
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether any calibration was ever told."""
+        return self.calibration_seq >= 0
+
+    @property
+    def payload(self) -> Payload:
+        """What the present calibration says."""
+        return self._pipeline.payload
+
+    def use(self, payload: Payload, calibration_seq: int) -> None:
+        """From the next batch on, this calibration; what was known of free air is forgotten."""
+        with self._lock:
+            self._pipeline = self._pipeline.with_payload(payload)
+            self.calibration_seq, self._drifted = calibration_seq, False
+            self._remembered_ns = 0
+
+    def remember(self, wrench: ContactWrench) -> None:
+        """Be as the service was when it had told that wrench. ValueError where it does not carry its memory."""
+        kept = wrench.memory
+        if kept is None:
+            raise ValueError("the wrench carries no memory; begin at one that does")
+        with self._lock:
+            self._pipeline = replace(
+                self._pipeline,
+                low_pass=replace(self._pipeline.low_pass, last=kept.filtered),
+                onset=OnsetState(wrench.in_contact, kept.run_samples, kept.run_stamp_ns, kept.run_wrench),
+                free=FreeAirState(kept.free_mean, kept.free_samples, kept.settle_left),
+            )
+            self._drifted, self._judged_ns = wrench.drift_suspected, kept.judged_ns
+            self._remembered_ns = wrench.stamp_ns
+
+    def take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> Told:
+        """The next batch; states are the last `JOINT_STATES` that were heard, oldest first, at least one."""
+        with self._lock:
+            return self._take(batch, states)
+
+    def _take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> Told:
+        newest = states[-1]
+        result = step(
+            self._pipeline,
+            np.asarray(batch.samples),
+            batch.stamp_ns,
+            batch.period_ns,
+            self._workcell.pose_base_peg(newest.joints_rad).rotation,
+            accelerating=joint_acceleration_rad_s2(states) > self._config.still_rad_s2,
+        )
+        self._pipeline = result.pipeline
+        stamp_ns = batch.stamp_ns + batch.period_ns * (len(batch.samples) - 1)
+        drift = result.free_air.reason if result.free_air.drifted and not self._drifted else ""
+        self._drifted = result.free_air.drifted
+        state = None
+        due = stamp_ns - self._judged_ns >= self._config.state_every_s * 1e9 or stamp_ns < self._judged_ns
+        if result.in_contact and due:
+            self._judged_ns = stamp_ns
+            judged = self._judge(result.wrench, None, ContactClassifier.RULE)
+            state = judged.model_copy(update={"stamp_ns": stamp_ns})
+        wrench = ContactWrench(
+            stamp_ns=stamp_ns,
+            wrench=floats(result.wrench),
+            in_contact=result.in_contact,
+            free_residual_n=result.free_air.force_n,
+            drift_suspected=result.free_air.drifted,
+            joint_stamp_ns=newest.stamp_ns,
+            calibration_seq=self.calibration_seq,
+            memory=self._memory(stamp_ns),
+        )
+        return Told(wrench, state, result.events, drift)
+
+    def _memory(self, stamp_ns: int) -> WrenchMemory | None:
+        if 0 <= stamp_ns - self._remembered_ns < _REMEMBER_NS:
+            return None
+        self._remembered_ns = stamp_ns
+        low_pass, onset, free = self._pipeline.low_pass, self._pipeline.onset, self._pipeline.free
+        return WrenchMemory(
+            filtered=low_pass.last or (0.0,) * 6,
+            run_samples=onset.run_samples,
+            run_stamp_ns=onset.run_stamp_ns,
+            run_wrench=onset.run_wrench,
+            free_mean=free.mean,
+            free_samples=free.samples,
+            settle_left=free.settle_left,
+            judged_ns=self._judged_ns,
+        )

@@ -1,0 +1,44 @@
+"""A module of another service, run beside this process: services do not import each other."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import deploy
+
+ROOT = Path(deploy.__file__).resolve().parent.parent
+LONG_S = 120.0
+WORDS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What it printed: `value`, the JSON of its standard output, None where there is none; else `words` say why."""
+
+    value: Any
+    words: str
+    status: int | None
+
+
+def module_says(module: str, *arguments: str, env: dict[str, str] | None = None, deadline_s: float = LONG_S) -> Said:
+    """The JSON that `python -m MODULE` prints."""
+    path = os.pathsep.join(part for part in (str(ROOT), os.environ.get("PYTHONPATH", "")) if part)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", module, *arguments],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=deadline_s, check=False,
+            env={**os.environ, "PYTHONPATH": path, **(env or {})},
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return Said(None, f"no answer within {deadline_s:g} s", None)
+    try:
+        return Said(json.loads(done.stdout), "", done.returncode)
+    except ValueError:
+        said = " ".join(done.stderr.split()) or f"ended with status {done.returncode} and said nothing"
+        return Said(None, said[-WORDS:], done.returncode)

@@ -1,0 +1,1 @@
+"""`crosspih doctor`: could an assembly start, and if not, what mends it?"""

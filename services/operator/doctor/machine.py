@@ -1,0 +1,77 @@
+"""Disk, and permissions: what may be read and written here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from services.operator.doctor.row import Row, ok, warning, wrong
+
+LEAST_BYTES, FEW_BYTES = 200_000_000, 2_000_000_000  # an assembly's recording and page take some 5 MB
+RECEIVE_BUFFER = Path("/proc/sys/net/core/rmem_max")
+# UDP datagrams that may wait: pictures by GigE Vision, and wrenches at 7 kHz
+BUFFER_BYTES = {"genicam": 8_000_000, "ati": 200_000}
+GROUPS = {"tty": "dialout", "video": "video"}
+
+
+def disk_rows(folder: Path, least: int = LEAST_BYTES, few: int = FEW_BYTES) -> Iterator[Row]:
+    """The folder of recordings: can it be made and written, and is there room?"""
+    name = "disk"
+    there = folder.resolve()
+    while not there.exists():
+        there = there.parent
+    if not there.is_dir():
+        yield wrong(name, f"{folder} cannot be made: {there} is a file", "set recorder.directory in the cell's file")
+        return
+    if not os.access(there, os.W_OK | os.X_OK):
+        yield wrong(name, f"{there} may not be written", f"chown it, or set recorder.directory: {folder} goes there")
+        return
+    free = shutil.disk_usage(there).free
+    found = f"{free / 1e9:.1f} GB free for {folder}; an assembly takes some 5 MB"
+    if free < least:
+        yield wrong(name, found, "make room, or set recorder.directory to another disk")
+    elif free < few:
+        yield warning(name, found, "make room, or set recorder.directory to another disk")
+    else:
+        yield ok(name, found)
+
+
+def device_file_rows(files: Sequence[tuple[str, str]]) -> Iterator[Row]:
+    """Device files that the cell's file names: (setting, path)."""
+    for setting, path in files:
+        name = f"{setting} {path}"
+        try:
+            mode = os.stat(path).st_mode
+        except FileNotFoundError:
+            yield wrong(name, "is not there", "plug it in; name it by /dev/serial/by-id or /dev/v4l/by-id")
+            continue
+        except OSError as error:
+            yield wrong(name, f"cannot be looked at: {error.strerror}", "see who may read its folder")
+            continue
+        if not stat.S_ISCHR(mode):
+            yield wrong(name, "is no device", "name the device's own file in /dev")
+        elif not os.access(path, os.R_OK | os.W_OK):
+            group = next((group for part, group in GROUPS.items() if part in path), "its group")
+            yield wrong(name, "may not be read and written", f"sudo usermod -aG {group} $USER, then log in anew")
+        else:
+            yield ok(name, "is there and may be read and written")
+
+
+def buffer_rows(drivers: set[str], file: Path = RECEIVE_BUFFER) -> Iterator[Row]:
+    """How many bytes of datagrams the kernel keeps at most, where a driver takes many."""
+    needed = max((BUFFER_BYTES[name] for name in drivers if name in BUFFER_BYTES), default=0)
+    if not needed:
+        return
+    try:
+        have = int(file.read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        yield warning("receive buffer", f"{file} cannot be read", f"see that sockets may hold {needed} bytes")
+        return
+    if have < needed:
+        mend = f"sudo sysctl -w net.core.rmem_max={needed}; for good: a file in /etc/sysctl.d"
+        yield warning("receive buffer", f"{have} bytes at most, {needed} are wanted: datagrams will be lost", mend)
+    else:
+        yield ok("receive buffer", f"{have} bytes at most, {needed} are wanted")

@@ -1,0 +1,39 @@
+"""torch and trained weights, where the strategy needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from crosspih_common.messages import Strategy
+from services.operator.beside import ROOT
+from services.operator.doctor.row import Row, ok, wrong
+
+SHIPPED = ROOT / "services" / "inference" / "network"
+# the setting of the section `inference`, and the shipped file, of each strategy that asks a network
+NETWORKS = {
+    Strategy.PAPER: ("weights", "weights.safetensors"),
+    Strategy.NETWORK_SPIRAL: ("weights", "weights.safetensors"),
+    Strategy.SEQUENCE: ("sequence_weights", "sequence.safetensors"),
+}
+
+
+def weight_rows(strategy: Strategy, inference: dict[str, Any], torch: str = "torch") -> Iterator[Row]:
+    """For one strategy; `torch` is the name of the package that runs networks."""
+    if strategy not in NETWORKS:
+        yield ok("networks", f"the strategy {strategy.value} needs none")
+        return
+    for module in (torch, "safetensors"):
+        if find_spec(module) is None:
+            mend = "pip install 'crosspih[networks]' (make env TORCH_INDEX_URL=... for torch's CPU build)"
+            yield wrong("networks", f"the strategy {strategy.value} needs {module}, which is not installed", mend)
+            return
+    setting, shipped = NETWORKS[strategy]
+    named = str(inference.get(setting) or "")
+    file = Path(named) if named else SHIPPED / shipped
+    if not file.is_file():
+        yield wrong("networks", f"{file} is not there", f"crosspih train, then inference.{setting} in the cell's file")
+        return
+    yield ok("networks", f"{file.name}, {file.stat().st_size / 1e3:.0f} kB")
