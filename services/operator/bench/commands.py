@@ -11,6 +11,7 @@ from services.operator.bench.domain import domain
 from services.operator.bench.engines import engines
 from services.operator.bench.kills.command import kills
 from services.operator.bench.pictures.command import make_pictures
+from services.operator.bench.protocols.assembling import protocols
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
 from services.operator.bench.sizes import sizes
@@ -29,6 +30,7 @@ app.command()(for_cell(sizes))
 app.command("pictures")(make_pictures)
 app.command()(for_cell(refine))
 app.command()(engines)
+app.command()(protocols)
 app.command()(cell)
 app.command()(for_cell(caps))
 app.command()(for_cell(kills))

@@ -24,7 +24,7 @@ import numpy as np
 from crosspih_common.arm import NAMED_ARMS
 from services.hardware.peers.ur.ports import Ports
 from services.hardware.peers.ur.robot import Robot
-from services.hardware.peers.ur.sources import JointSource, OwnJoints
+from services.hardware.peers.ur.sources import FeedingJoints, JointSource, OwnJoints
 
 VERSIONS = {"e": (5, 12, 0, 1101319), "cb3": (3, 15, 0, 106331)}
 
@@ -38,6 +38,7 @@ def main() -> int:
     parser.add_argument("--version", help="of PolyScope, as 5.8.0.0; left out, one of the series")
     parser.add_argument("--cell", type=Path, help="the simulated cell of this file is behind it")
     parser.add_argument("--watch-contact", action="store_true", help="`truth` tells the largest contact force; slower")
+    parser.add_argument("--feed", help="HOST:PORT of another sensor's other end, which feels what the wrist's does")
     parser.add_argument("--payload", type=float, nargs=4, default=(0.974, 0.0, 0.0, 0.1), help="kg and its centre, m")
     parser.add_argument("--weight-kg", type=float, default=0.974, help="of what hangs on plain joints")
     options = parser.parse_args()
@@ -56,6 +57,9 @@ def main() -> int:
     else:
         arm = NAMED_ARMS["ur5e"]
         source = OwnJoints(arm.make(), np.asarray(arm.home_rad), period_s, weight_kg=options.weight_kg)
+    if options.feed:
+        host, _, port = options.feed.rpartition(":")
+        source = FeedingJoints(source, host, int(port))
     robot = Robot(source, options.model, version, period_s)
     robot.payload_kg, robot.payload_cog_m = options.payload[0], list(options.payload[1:])
     ports = Ports(robot, options.address)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
+import struct
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -88,3 +91,37 @@ class OwnJoints:
 
     def close(self) -> None:
         """Nothing to let go of."""
+
+
+class FeedingJoints:
+    """Another source, whose wrist sensor's reading is sent on after each cycle to the other end of a sensor of its own.
+
+    A datagram is six little-endian doubles, Fx Fy Fz in N, Tx Ty Tz in Nm (services/operator/bench/protocols/feed.py).
+    """
+
+    def __init__(self, source: JointSource, host: str, port: int) -> None:
+        self._source, self._address = source, (host, port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.model = source.model
+
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+        """A cycle of the other source."""
+        return self._sent(self._source.advance(joints_rad, speeds_rad_s))
+
+    def restart(self, seed: int) -> Felt:
+        """A new trial of the other source."""
+        return self._sent(self._source.restart(seed))
+
+    def _sent(self, felt: Felt) -> Felt:
+        with contextlib.suppress(OSError):  # nobody listens
+            self._socket.sendto(struct.pack("<6d", *felt.raw), self._address)
+        return felt
+
+    def truth(self) -> SimulationTruth | None:
+        """The other source's."""
+        return self._source.truth()
+
+    def close(self) -> None:
+        """Let go of the other source."""
+        self._source.close()
+        self._socket.close()

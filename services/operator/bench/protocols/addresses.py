@@ -1,0 +1,44 @@
+"""Addresses for devices on loopback: two cameras on one machine need two of them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import socket
+import subprocess
+from pathlib import Path
+
+from crosspih_common.errors import ConfigError
+
+_NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000
+
+
+def private_network(addresses: tuple[str, ...]) -> None:
+    """Put this process, and all that it starts from now on, into a network namespace of its own, whose loopback has
+    these addresses beside 127.0.0.1. There is no way back. Call it before any thread is started.
+
+    Raises ConfigError where the machine allows none (Linux, root or unprivileged user namespaces, iproute2).
+    """
+    if shutil.which("ip") is None:
+        raise ConfigError("two cameras on one machine need two addresses: install iproute2 (the command `ip`)")
+    libc = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(libc, "unshare"):
+        raise ConfigError("two cameras on one machine need network namespaces, which Linux alone has")
+    user, group = os.geteuid(), os.getegid()
+    if libc.unshare(_NEW_NETWORK if user == 0 else _NEW_USER | _NEW_NETWORK) != 0:
+        raise ConfigError(f"no network namespace ({os.strerror(ctypes.get_errno())}): run it as root")
+    if user != 0:  # root of the namespace is who started it
+        Path("/proc/self/setgroups").write_text("deny", encoding="ascii")
+        Path("/proc/self/uid_map").write_text(f"0 {user} 1", encoding="ascii")
+        Path("/proc/self/gid_map").write_text(f"0 {group} 1", encoding="ascii")
+    subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+    for address in addresses:
+        subprocess.run(["ip", "addr", "add", f"{address}/8", "dev", "lo"], check=True)
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port of 127.0.0.1 that nobody has now."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,188 @@
+"""`crosspih bench protocols`: assemblies in a cell that is reached by its devices' own protocols alone."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from statistics import median
+from typing import Annotated
+
+import numpy as np
+import typer
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from crosspih_common.errors import CrosspihError
+from crosspih_common.keys import JOINT_STATE
+from crosspih_common.messages import JointState, Strategy
+from deploy.launcher import LauncherError
+from services.operator.bench.options import AsJson, told
+from services.operator.bench.own_cell import CellTask, OwnCell
+from services.operator.bench.protocols.addresses import private_network
+from services.operator.bench.protocols.plants import LEFT, RIGHT, Plant, Way, needs_private_network, open_plant
+from services.operator.scoring import score
+from services.operator.session import NEEDED, Session
+from services.operator.statistics import wilson95
+
+CALIBRATION_DWELL_S = 0.25
+
+
+class ProtocolTrial(BaseModel):
+    """One assembly through the protocols. Cycles are those of the arm's other end; late_states of our own loop's."""
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    inserted: bool
+    failure: str | None
+    detail: str
+    motion_s: float | None = None
+    duration_s: float | None = None
+    peak_force_n: float | None = None
+    vision_error_mm: float | None = None
+    final_error_mm: float | None = None
+    final_error_deg: float | None = None
+    wall_s: float = 0.0
+    cycles: int = 0
+    late_cycles: int = 0
+    states: int = 0
+    late_states: int = 0
+    cycle_ms: tuple[float, float] | None = None  # between joint states: median, 99.9 %
+
+
+class ProtocolResult(BaseModel):
+    """What `crosspih bench protocols --json` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    way: str
+    inserted: int
+    trials: list[ProtocolTrial]
+
+
+class CycleCount:
+    """Counts the joint states of the hardware service, and those that came a cycle late or more by their own stamps."""
+
+    def __init__(self) -> None:
+        self._stamps_ns: list[int] = []
+
+    def hear(self, state: JointState) -> None:
+        """One state."""
+        self._stamps_ns.append(state.stamp_ns)
+
+    def counted(self) -> tuple[int, int, tuple[float, float] | None]:
+        """States, late ones, and the time between two of them, ms: median and 99.9 %."""
+        gaps_ms = np.diff(np.asarray(self._stamps_ns)) * 1e-6
+        if not len(gaps_ms):
+            return 0, 0, None
+        usual = float(np.median(gaps_ms))
+        late = int(np.sum(gaps_ms > 1.5 * usual))
+        return len(gaps_ms) + 1, late, (usual, float(np.quantile(gaps_ms, 0.999)))
+
+
+def assembled(way: Way, seed: int, strategy: Strategy) -> ProtocolTrial:
+    """One assembly in a cell of its own: everything is started for it and ended after it."""
+    began_s = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="crosspih-protocols-") as folder:
+        try:
+            with open_plant(way, seed, Path(folder)) as plant:
+                cell = OwnCell(0, CellTask("", plant.content, _unused, None, NEEDED, calibrate=False, speed="realtime"))
+                try:
+                    session = cell.start()
+                    return _trial(session, plant, seed, strategy, began_s)
+                except (CrosspihError, LauncherError) as error:
+                    raise CrosspihError(f"{error}; {cell.last_words()}") from None
+                finally:
+                    cell.close()
+        except (CrosspihError, LauncherError) as error:
+            return ProtocolTrial(
+                seed=seed, inserted=False, failure="no_result", detail=f"{type(error).__name__}: {error}",
+                wall_s=time.monotonic() - began_s,
+            )  # fmt: skip
+
+
+def _unused(session: Session, payload: object) -> None:
+    raise NotImplementedError("the bench does the work itself")
+
+
+def _trial(session: Session, plant: Plant, seed: int, strategy: Strategy, began_s: float) -> ProtocolTrial:
+    session.calibrate_ft(CALIBRATION_DWELL_S)
+    count = CycleCount()
+    session.bus.subscribe(JOINT_STATE, count.hear)
+    _, result = session.trial(None, strategy, False)
+    states, late_states, cycle_ms = count.counted()
+    cycles, late_cycles = plant.cycles()
+    figures = score(session.cell.workcell, result, plant.truth(), wall_s=time.monotonic() - began_s, recording=None)
+    return ProtocolTrial(
+        seed=seed, inserted=figures.inserted, failure=figures.failure, detail=figures.failure_detail,
+        motion_s=figures.motion_s, duration_s=figures.duration_s, peak_force_n=figures.peak_force_n,
+        vision_error_mm=figures.vision_error_mm, final_error_mm=figures.final_error_mm,
+        final_error_deg=figures.final_error_deg, wall_s=figures.wall_s, cycles=cycles, late_cycles=late_cycles,
+        states=states, late_states=late_states, cycle_ms=cycle_ms,
+    )  # fmt: skip
+
+
+def table_of(result: ProtocolResult) -> Table:
+    """Counts, times and errors."""
+    count = len(result.trials)
+    low, high = wilson95(result.inserted, count)
+    table = Table(title=f"{count} assemblies, every device by its protocol ({result.way}), in real time")
+    table.add_column("")
+    table.add_column("p50 / p95", justify="right")
+    table.add_row("inserted", f"{result.inserted} of {count} ({low:.1%} to {high:.1%})")
+    for label, name, digits in (
+        ("motion, s", "motion_s", 1), ("motion and thinking, s", "duration_s", 1), ("peak force, N", "peak_force_n", 1),
+        ("vision, across the axis, mm", "vision_error_mm", 3), ("T2, across the axis, mm", "final_error_mm", 3),
+        ("T2, rotation, °", "final_error_deg", 3),
+    ):  # fmt: skip
+        values = [value for one in result.trials if one.inserted and (value := getattr(one, name)) is not None]
+        if values:
+            table.add_row(label, f"{median(values):.{digits}f} / {np.quantile(values, 0.95):.{digits}f}")
+    cycles, late = sum(one.cycles for one in result.trials), sum(one.late_cycles for one in result.trials)
+    table.add_row("cycles of the arm's other end, late ones", f"{cycles}, {late}")
+    states, late = sum(one.states for one in result.trials), sum(one.late_states for one in result.trials)
+    table.add_row("joint states during the assemblies, late ones", f"{states}, {late}")
+    between = [one.cycle_ms for one in result.trials if one.cycle_ms is not None]
+    if between:
+        table.add_row(
+            "between two joint states, ms, median and 99.9 %",
+            f"{median(one[0] for one in between):.2f}, {max(one[1] for one in between):.2f}",
+        )
+    for failure, times in Counter(one.failure for one in result.trials if not one.inserted).items():
+        table.add_row(f"ended as {failure}", str(times))
+    return table
+
+
+def protocols(
+    way: Annotated[
+        Way,
+        typer.Option(help="ur: RTDE, Net F/T and GigE Vision; ros2: ros2_control, WrenchStamped and Image topics."),
+    ] = Way.UR,
+    trials: Annotated[int, typer.Option(min=1, help="One after the other, each with the next seed.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
+    strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
+    as_json: AsJson = False,
+) -> None:
+    """Assemble in real time in a cell whose every device is reached by its published protocol over loopback, and score
+    by what only the other end knows. Status 1 where one was not inserted."""
+    console = Console(stderr=True)
+    with told(console):
+        if needs_private_network(way):
+            private_network((LEFT, RIGHT))
+        rows = []
+        for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):
+            rows.append(assembled(way, one, strategy))
+            if not rows[-1].inserted:
+                console.print(f"seed {one}: {rows[-1].failure} {rows[-1].detail}", style="red", markup=False)
+        result = ProtocolResult(way=way.value, inserted=sum(row.inserted for row in rows), trials=rows)
+        if as_json:
+            sys.stdout.write(result.model_dump_json(indent=1) + "\n")
+        else:
+            Console(width=100).print(table_of(result))
+        if result.inserted < trials:
+            raise typer.Exit(1)
