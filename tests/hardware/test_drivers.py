@@ -36,7 +36,10 @@ def test_a_driver_opens_by_name_and_by_path(driver: str) -> None:
 @pytest.mark.parametrize(
     ("driver", "words"),
     [
-        ("ur10", "no driver 'ur10'; want ati, genicam, pictures, recorded, robotiq, ros2, simulated, ur, video, or your own"),
+        (
+            "ur10",
+            "no driver 'ur10'; want ati, genicam, pictures, recorded, robotiq, ros2, simulated, ur, video, or your own",
+        ),
         ("nowhere.to.be:found", "cannot be loaded"),
         ("services.hardware.drivers:no_such", "cannot be loaded"),
     ],

@@ -48,7 +48,10 @@ DRIVERS: dict[str, BuiltIn] = {
     "pictures": BuiltIn(f"{HERE}.pictures.opening:open_devices", CAMERA, address="pictures.calibration"),
     "recorded": BuiltIn(f"{HERE}.recorded.opening:open_devices", address="recorded.file"),
     "robotiq": BuiltIn(
-        f"{HERE}.robotiq.opening:open_devices", SENSOR, "robotiq", (("pymodbus", "pymodbus"), ("pyserial", "serial")),
+        f"{HERE}.robotiq.opening:open_devices",
+        SENSOR,
+        "robotiq",
+        (("pymodbus", "pymodbus"), ("pyserial", "serial")),
         address="robotiq.serial",
     ),
     "simulated": BuiltIn(f"{HERE}.simulated.cell:open_devices"),
@@ -225,6 +228,8 @@ def _on_one_clock(found: Devices) -> None:
     if found.host_stamped and found.joints is not None and found.wrench is not None:
         joints = TimedJoints(found.joints)
         found.joints, found.wrench = joints, CellStampedWrench(found.wrench, joints)
+
+
 def _opened(name: str, request: OpenRequest) -> Devices:
     """Raises ConfigError, also for a package that is imported only now, and for what is no driver."""
     function = opener(name)

@@ -131,7 +131,9 @@ def _open_ur(stack: ExitStack, seed: int, folder: Path, endpoint: str, environme
             "ati": {"host": "127.0.0.1", "http_port": ports[0], "rdt_port": ports[1]},
             "genicam": {"left": LEFT, "right": RIGHT, "calibration": calibration, "exposure_s": EXPOSURE_S},
             "limits": {
-                "moved_mass_kg": 7.3, "contact_stiffness_n_m": 7.3e6, "sensor_delay_s": 0.036,
+                "moved_mass_kg": 7.3,
+                "contact_stiffness_n_m": 7.3e6,
+                "sensor_delay_s": 0.036,
                 # both ends share one machine here, and neither is a real-time program
                 "missed_cycles": 1000,
             },
