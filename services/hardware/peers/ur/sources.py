@@ -108,7 +108,7 @@ class FeedingJoints:
         """A cycle of the other source."""
         return self._sent(self._source.advance(joints_rad, speeds_rad_s))
 
-    def restart(self, seed: int) -> Felt:
+    def restart(self, seed: int | None) -> Felt:
         """A new trial of the other source."""
         return self._sent(self._source.restart(seed))
 
