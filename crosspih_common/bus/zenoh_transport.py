@@ -146,6 +146,11 @@ class ZenohTransport:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
+    @property
+    def session(self) -> zenoh.Session:
+        """For what speaks another protocol over Zenoh than the bus's."""
+        return self._session
+
     def sender(self, key: str, *, recover: bool, history: int) -> Sender:
         """Declare a publisher. See Transport."""
         if not recover:
