@@ -9,6 +9,7 @@ CrosspihError
 │   ├── CommandTimeout     the service did not answer within the deadline
 │   └── BusClosed          the bus was closed while it was in use
 └── CommandRefused         the service answered: no, and why (`code` for programs, text for people)
+    └── DeviceLost         a device that was there no longer answers
 """
 
 from __future__ import annotations
@@ -65,3 +66,10 @@ class CommandRefused(CrosspihError):
         super().__init__(f"{code}: {text}")
         self.code = code
         self.text = text
+
+
+class DeviceLost(CommandRefused):
+    """A device that was there no longer answers. What was under way has ended; the text says what to look at."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__("device_lost", text)

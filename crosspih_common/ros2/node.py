@@ -105,7 +105,8 @@ class RosNode:
             missed = ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S)
             publisher: Any = ext.declare_advanced_publisher(
                 self._session, self._key(endpoint), cache=ext.CacheConfig(qos.depth), publisher_detection=True,
-                sample_miss_detection=missed if qos.reliable else None, congestion_control=drop, reliability=reliability,
+                sample_miss_detection=missed if qos.reliable else None, congestion_control=drop,
+                reliability=reliability,
             )  # fmt: skip
         else:
             publisher = self._session.declare_publisher(
@@ -137,11 +138,14 @@ class RosNode:
         self._declare_token(endpoint)
         return endpoint
 
-    def serve(self, name: str, ros_type: str, handler: Callable[[bytes], Any], lane: Lane | None = None) -> Endpoint:
+    def serve(
+        self, name: str, ros_type: str, handler: Callable[[bytes], Any], lane: Lane | None = None,
+        when_busy: Any = None,
+    ) -> Endpoint:  # fmt: skip
         """Answer a service's requests: from the request's CDR to the response message, one after the other.
 
-        They are answered on a thread of this service's own, or on the given lane. A handler that raises leaves the
-        caller without an answer, as a node of ROS does, so it should not.
+        They are answered on a thread of this service's own, or on the given lane; a request that finds the lane at
+        work is queued, or answered by `when_busy` where that is given. A handler must not raise.
         """
         endpoint = self._endpoint(Entity.SERVICE, name, ros_type, RELIABLE)
         key = self._key(endpoint)
@@ -149,8 +153,8 @@ class RosNode:
             lane = Lane(f"ros2:{name}")
             self._lanes.append(lane)
 
-        def answer(query: zenoh.Query, attached: Attachment, request: bytes) -> Callable[[], None]:
-            reply = self.types.encode(handler(request))
+        def answer(query: zenoh.Query, attached: Attachment, message: Any) -> Callable[[], None]:
+            reply = self.types.encode(message)
             back = Attachment(attached.sequence, time.time_ns(), attached.gid).to_bytes()
 
             def say() -> None:
@@ -169,7 +173,8 @@ class RosNode:
                 query.drop()
                 return
             request = query.payload.to_bytes() if query.payload is not None else b""
-            lane.offer(lambda: answer(query, attached, request))
+            if not lane.offer(lambda: answer(query, attached, handler(request)), only_when_idle=when_busy is not None):
+                answer(query, attached, when_busy)()
 
         self._declared.append(self._session.declare_queryable(key, accept, complete=True))
         self._declare_token(endpoint)

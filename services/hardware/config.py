@@ -10,6 +10,7 @@ from crosspih_common.config.section import Section
 from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.recorded.config import RecordedConfig
+from services.hardware.drivers.ros2.config import Ros2Config
 from services.hardware.drivers.simulated.config import SimulatedConfig
 
 DEVICES: tuple[Literal["arm", "force_torque", "camera"], ...] = ("arm", "force_torque", "camera")
@@ -41,6 +42,7 @@ class HardwareConfig(Section):
     simulated: SimulatedConfig = SimulatedConfig()
     recorded: RecordedConfig = RecordedConfig()
     pictures: PicturesConfig = PicturesConfig()
+    ros2: Ros2Config | None = None
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

@@ -288,12 +288,19 @@ class ArmController:
             with self._turn.idle():
                 # a device that refuses where it is to go, backing off from what it felt, holds on where it is
                 with suppress(CommandRefused):
+                    self._found_again()
                     self._execution.hold_still(self._runner.period_s)
                 self.holder.drop_expired(self._runner.now_ns)
+
+    def _found_again(self) -> None:
+        """After the arm was away it stands wherever it stands. Raises DeviceLost while it is away."""
+        if self._runner.lost:
+            self._runner.restart()
 
     @contextmanager
     def _command(self) -> Iterator[None]:
         with self.exclusively():
+            self._found_again()
             self._execution.accept()
             self._execution.restart()
             self._start_ns = self._runner.now_ns

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from crosspih_common.errors import DeviceLost
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import JointState, RawWrenchBatch
@@ -44,6 +45,7 @@ class Runner:
         self._batch_listeners: list[Callable[[RawWrenchBatch], object]] = []
         self.now_ns = 0
         self.missed_cycles = 0
+        self.lost = False  # the arm was away: where it stands now is not known before a restart
         self.sensor_silent_s = 0.0
         self.payload: Payload | None = None
         self._mounting = mounting
@@ -88,6 +90,7 @@ class Runner:
         self._batch.clear()
         self.trail.restart(self.joints_rad)
         self._remember_joints()
+        self.lost = False
 
     def forward(self, joints_rad: Array) -> Pose:
         """`pose_base_peg` of the encoders' side at joints (n,)."""
@@ -133,7 +136,11 @@ class Runner:
     def advance(self, reference: Reference) -> Reading:
         """One cycle."""
         self._joints.write(reference.joints_rad, reference.speeds_rad_s)
-        state = self._joints.read()
+        try:
+            state = self._joints.read()
+        except DeviceLost:
+            self.lost = True
+            raise
         samples = self._wrench.read()
         before_ns, self.now_ns = self.now_ns, state.stamp_ns
         gap = round((self.now_ns - before_ns) / self._period_ns)

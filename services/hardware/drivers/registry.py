@@ -16,6 +16,7 @@ from services.hardware.protocols import Devices
 DRIVERS = {
     "pictures": "services.hardware.drivers.pictures.opening:open_devices",
     "recorded": "services.hardware.drivers.recorded.opening:open_devices",
+    "ros2": "services.hardware.drivers.ros2.opening:open_devices",
     "simulated": "services.hardware.drivers.simulated.cell:open_devices",
 }
 
