@@ -41,6 +41,9 @@ WITH_PROCESSES = frozenset([
     "tests/deploy/test_stack.py",
     "tests/holding/test_lease.py",
     "tests/operator/test_bench_pool.py",
+    "tests/ros2/test_arm_driver.py",
+    "tests/ros2/test_bridge.py",
+    "tests/ros2/test_camera_driver.py",
     "tests/recorder/test_recording_over_processes.py",
     "tests/service/test_lifecycle.py",
     "tests/system/test_cell_check.py",
@@ -53,7 +56,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
-STARTERS = frozenset(["bare", "router", "spawn", "stacks"])
+STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks"])
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types

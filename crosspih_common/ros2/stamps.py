@@ -25,6 +25,6 @@ class WallOfCell:
             self._offset_ns = 0 if abs(offset_ns) < NEAR_NS else offset_ns
             self._boot_id = boot_id
 
-    def wall_ns(self, stamp_ns: int) -> int:
-        """The same instant by the wall's clock; before the first tick the stamp itself."""
-        return stamp_ns + (self._offset_ns or 0)
+    def wall_ns(self, stamp_ns: int) -> int | None:
+        """The same instant by the wall's clock; None before the first tick."""
+        return None if self._offset_ns is None else stamp_ns + self._offset_ns

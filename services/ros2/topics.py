@@ -69,7 +69,10 @@ class Topics:
         self._place(Frame.PEG.value, self._frames.flange, workcell.pose_flange_peg(), time.time_ns())
 
     def _stamp_ns(self, stamp_ns: int) -> int:
-        return stamp_ns if self._config.stamps == "cell" else self._clock.wall_ns(stamp_ns)
+        if self._config.stamps == "cell":
+            return stamp_ns
+        mapped_ns = self._clock.wall_ns(stamp_ns)
+        return time.time_ns() if mapped_ns is None else mapped_ns
 
     def clock(self, tick: CellClock) -> None:
         """The cell's time."""

@@ -135,10 +135,10 @@ class Heard:
 
 
 def require_one_publisher(node: RosNode, name: str, field: str) -> None:
-    """Two that publish an arm's joint states would be followed by turns. Raises ConfigError naming them."""
-    found = sorted({one.node for one in node.graph(Entity.PUBLISHER, name)})
+    """Two that publish what one device says would be followed by turns. Raises ConfigError naming them."""
+    found = sorted(one.node for one in node.graph(Entity.PUBLISHER, name))
     if len(found) > 1:
         raise ConfigError(
-            f"{field}: {len(found)} nodes publish {name}: {', '.join(found)}; want the arm's alone: stop the others, "
-            "or give them a namespace"
+            f"{field}: {len(found)} publishers of {name}: {', '.join(found)}; want the device's alone: stop the others, "
+            "or give them a namespace or another ROS_DOMAIN_ID"
         )

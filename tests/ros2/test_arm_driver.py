@@ -1,0 +1,149 @@
+"""The ROS 2 arm and sensor under our control layer, against an arm that another implementation of the protocol speaks for."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from crosspih_common.config import Workcell
+from crosspih_common.errors import CommandRefused, ConfigError, DeviceLost
+from crosspih_common.geometry.pose import Array
+from crosspih_common.messages import Dwell, FollowTrajectory, JointKnot, StopReason
+from services.hardware.config import DEVICES, HardwareConfig
+from services.hardware.hosting import HostedCell, open_cell
+from tests.ros2.sdk import SdkProcess
+
+pytest.importorskip("rosbags")
+
+WANTED = frozenset(DEVICES) - {"camera"}
+HOME = np.array(Workcell().home_joints_rad)
+AWAY = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # from the plate
+BACK_S = 5.0
+Sdk = Callable[..., SdkProcess]
+
+
+def config_of(endpoint: str, arm: dict[str, object] | None = None, **ros2: object) -> HardwareConfig:
+    section = {"endpoint": endpoint, "connect_s": 5.0, "arm": arm or {}, **ros2}
+    # the machine that runs the tests is a busy one: cycles are missed, and counted
+    return HardwareConfig.model_validate({"driver": "ros2", "ros2": section, "limits": {"missed_cycles": 10_000}})
+
+
+@contextmanager
+def cell_of(config: HardwareConfig) -> Iterator[HostedCell]:
+    cell = open_cell(Workcell(), config, realtime=True, wanted=WANTED)
+    try:
+        yield cell
+    finally:
+        cell.close()
+
+
+def to(cell: HostedCell, goal: Array, duration_s: float = 0.6) -> FollowTrajectory:
+    start = cell.arm.joint_state().joints_rad
+    ends = JointKnot(time_s=0.0, joints_rad=start), JointKnot(time_s=duration_s, joints_rad=tuple(goal.tolist()))
+    return FollowTrajectory(knots=ends)
+
+
+def moved(cell: HostedCell, goal: Array) -> None:
+    outcome = cell.arm.follow(to(cell, goal))
+    assert outcome.stop_reason is StopReason.COMPLETED, outcome.detail
+    assert np.abs(np.array(outcome.joints_rad) - goal).max() < 0.02
+
+
+@pytest.mark.parametrize("interface", ["positions", "trajectory"])
+def test_the_arm_follows_and_the_sensor_tells_the_weight(endpoint: str, sdk: Sdk, interface: str) -> None:
+    arm = sdk("arm", "--rate-hz", "250", "--shuffled")
+    arm.said("ready")
+    with cell_of(config_of(endpoint, {"interface": interface})) as cell:
+        assert np.abs(np.array(cell.arm.joint_state().joints_rad) - HOME).max() < 1e-9
+        moved(cell, HOME + 0.1 * AWAY)
+        dwelt = cell.arm.dwell(Dwell(duration_s=0.3))
+        assert dwelt.stop_reason is StopReason.COMPLETED, dwelt.detail
+        # the tool of the peer weighs 8 N, whichever way it hangs
+        assert np.linalg.norm(dwelt.wrench_raw[:3]) == pytest.approx(8.0, abs=1e-6)
+        assert abs(time.time_ns() - cell.arm.now_ns()) < 2_000_000_000  # ROS's own stamps are the cell's clock
+    arm.stop()
+    told = arm.said("cycles")
+    assert told["heard"] > 50
+    assert np.abs(np.array(told["at_rad"]) - (HOME + 0.1 * AWAY)).max() < 1e-6
+
+
+def test_an_arm_that_was_away_is_found_again_where_it_stands_and_does_not_move(endpoint: str, sdk: Sdk) -> None:
+    arm = sdk("arm")
+    arm.said("ready")
+    elsewhere = HOME + 0.3 * AWAY
+    with cell_of(config_of(endpoint)) as cell:
+        moved(cell, HOME + 0.1 * AWAY)
+        refused: list[CommandRefused] = []
+
+        def long_motion() -> None:
+            try:
+                cell.arm.follow(to(cell, HOME + 0.3 * AWAY, 4.0))
+            except CommandRefused as error:
+                refused.append(error)
+
+        moving = threading.Thread(target=long_motion)
+        moving.start()
+        wait_until(lambda: cell.arm.joint_state().joints_rad[0] < HOME[0] - 0.11, f"the motion begins; {refused}")
+        arm.stop(signal.SIGKILL)
+        moving.join(BACK_S)
+        assert [error.code for error in refused] == ["device_lost"]
+        with pytest.raises(DeviceLost, match="no joint state on /joint_states"):
+            cell.arm.dwell(Dwell(duration_s=0.1))
+        back = sdk("arm", "--at", *(f"{value:.6f}" for value in elsewhere))
+        back.said("ready")
+        # within 5 s it is there again, where it stands, and not where it was to go
+        wait_until(lambda: abs(cell.arm.joint_state().joints_rad[0] - elsewhere[0]) < 1e-5, "the arm is found again")
+        dwelt = cell.arm.dwell(Dwell(duration_s=0.3))
+        assert np.abs(np.array(dwelt.joints_rad) - elsewhere).max() < 1e-5
+        moved(cell, elsewhere - 0.1 * AWAY)
+
+
+def wait_until(condition: Callable[[], bool], what: str) -> None:
+    until = time.monotonic() + BACK_S
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < until, f"not within {BACK_S} s: {what}"
+        pause.wait(0.01)
+
+
+@pytest.mark.parametrize(
+    ("arm", "said"),
+    [
+        ({"joint_states": "/other"}, r"joint_states: nothing came on /other within .* topics there: .*/joint_states"),
+        ({"joint_names": [f"j{index}" for index in range(6)]}, r"joint_names: j0, .* wanted, /joint_states has joint_1"),
+        ({"joint_names": ["joint_1", "joint_2"]}, r"joint_names: 2 names, want 6 that differ"),
+        ({"rate_hz": 500.0}, r"joint_states.rate_hz: says 500, \d+ come"),
+        ({"commands": "/servo"}, r"commands: nobody listens to /servo; .*/forward_position_controller/commands"),
+        (
+            {"commands": "/joint_trajectory_controller/joint_trajectory"},
+            r"takes trajectory_msgs/msg/JointTrajectory of another definition",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_setting(
+    endpoint: str, sdk: Sdk, arm: dict[str, object], said: str
+) -> None:  # fmt: skip
+    sdk("arm", "--rate-hz", "100").said("ready")
+    with pytest.raises(ConfigError, match=said), cell_of(config_of(endpoint, arm, connect_s=2.0)):
+        pass
+
+
+def test_nothing_in_another_domain(endpoint: str, sdk: Sdk) -> None:
+    sdk("arm", "--rate-hz", "100", domain=7).said("ready")
+    with pytest.raises(ConfigError, match=r"nobody publishes it in domain 3 .* topics there: none"):
+        open_cell(Workcell(), config_of(endpoint, domain_id=3, connect_s=1.0), True, WANTED)
+    with cell_of(config_of(endpoint, domain_id=7)) as cell:
+        moved(cell, HOME + 0.05 * AWAY)
+
+
+def test_two_arms_are_not_followed_by_turns(endpoint: str, sdk: Sdk) -> None:
+    for _ in range(2):
+        sdk("arm", "--rate-hz", "100").said("ready")
+    with pytest.raises(ConfigError, match=r"2 publishers of /joint_states: joint_state_broadcaster, joint_state_b"):
+        open_cell(Workcell(), config_of(endpoint), True, WANTED)
