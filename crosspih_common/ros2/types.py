@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 Distro = Literal["humble", "jazzy", "kilted", "lyrical"]
+DISTROS: tuple[Distro, ...] = ("humble", "jazzy", "kilted", "lyrical")
 TRIGGER = "std_srvs/srv/Trigger"
 EVENT_INFO = "service_msgs/msg/ServiceEventInfo"
 NO_HASH = "TypeHashNotSupported"  # what rmw_zenoh writes on humble, which has no type hashes

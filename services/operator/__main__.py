@@ -12,6 +12,7 @@ from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench import app as bench_app
 from services.operator.cell_check.command import cell_app
 from services.operator.dataset import app as dataset_app
+from services.operator.export import export_app
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
 from services.operator.locate.command import locate
@@ -39,6 +40,7 @@ app.add_typer(calibrate_app, name="calibrate")
 app.command()(locate)
 app.command()(report)
 app.command()(replay)
+app.add_typer(export_app, name="export")
 app.command()(results)
 app.add_typer(dataset_app, name="dataset")
 app.command()(train)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -24,10 +25,10 @@ from crosspih_common.keys import (
 )
 from crosspih_common.messages import Severity
 from crosspih_common.ros2.frames import ros_arm
+from crosspih_common.ros2.topics import Topics
 from crosspih_common.service import ServiceContext
 from services.ros2.commands import Commands
 from services.ros2.config import BridgeConfig, devices_of_ros
-from services.ros2.topics import Topics
 
 DIAGNOSE_S = 1.0
 
@@ -40,7 +41,9 @@ class BridgeShell:
         arm = ros_arm(workcell, "ros2", config.joint_names, config.base_frame, config.flange_frame)
         self._node = config.open("ros2", config.node, bus.endpoint)
         has = devices_of_ros(context.cell.sections["hardware"])
-        self._topics = Topics(self._node, arm, workcell, config, has)
+        self._topics = Topics(
+            self._node, arm, workcell, time.time_ns, stamps=config.stamps, tf_hz=config.tf_hz, has=has
+        )
         self._listen(bus, has)
         self._commands = Commands(self._node, bus, config.strategy) if config.commands else None
         self._closing = threading.Event()

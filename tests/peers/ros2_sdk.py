@@ -1,6 +1,6 @@
 """The other end in ROS 2, by another implementation of rmw_zenoh's protocol: zenoh-ros2-sdk, in a process of its own.
 
-    python -m tests.peers.ros2_sdk --port 7447 --definitions DIR listen /joint_states sensor_msgs/msg/JointState --count 3
+    python -m tests.peers.ros2_sdk --port 7447 --definitions DIR listen /joint_states sensor_msgs/msg/JointState
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR graph
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR call /assemble
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR arm --rate-hz 250
@@ -116,9 +116,10 @@ class Arm:
     """ros2_control's side of an arm: position set-points in, joint states and wrenches out, at one rate."""
 
     def __init__(self, given: argparse.Namespace) -> None:
-        from crosspih_common.arm import named_arm
         from zenoh_ros2_sdk import ROS2Publisher, ROS2Subscriber
         from zenoh_ros2_sdk.message_registry import get_message_class
+
+        from crosspih_common.arm import named_arm
 
         state, wrench = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
         positions, trajectory = "std_msgs/msg/Float64MultiArray", "trajectory_msgs/msg/JointTrajectory"

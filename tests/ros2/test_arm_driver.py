@@ -1,4 +1,4 @@
-"""The ROS 2 arm and sensor under our control layer, against an arm that another implementation of the protocol speaks for."""
+"""The ROS 2 arm and sensor under our control layer, against an arm spoken for by another implementation."""
 
 from __future__ import annotations
 
@@ -116,7 +116,10 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
     ("arm", "said"),
     [
         ({"joint_states": "/other"}, r"joint_states: nothing came on /other within .* topics there: .*/joint_states"),
-        ({"joint_names": [f"j{index}" for index in range(6)]}, r"joint_names: j0, .* wanted, /joint_states has joint_1"),
+        (
+            {"joint_names": [f"j{index}" for index in range(6)]},
+            r"joint_names: j0, .* wanted, /joint_states has joint_1",
+        ),
         ({"joint_names": ["joint_1", "joint_2"]}, r"joint_names: 2 names, want 6 that differ"),
         ({"rate_hz": 500.0}, r"joint_states.rate_hz: says 500, \d+ come"),
         ({"commands": "/servo"}, r"commands: nobody listens to /servo; .*/forward_position_controller/commands"),

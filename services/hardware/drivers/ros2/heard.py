@@ -139,6 +139,6 @@ def require_one_publisher(node: RosNode, name: str, field: str) -> None:
     found = sorted(one.node for one in node.graph(Entity.PUBLISHER, name))
     if len(found) > 1:
         raise ConfigError(
-            f"{field}: {len(found)} publishers of {name}: {', '.join(found)}; want the device's alone: stop the others, "
-            "or give them a namespace or another ROS_DOMAIN_ID"
+            f"{field}: {len(found)} publishers of {name}: {', '.join(found)}; want the device's alone: stop the "
+            "others, or give them a namespace or another ROS_DOMAIN_ID"
         )

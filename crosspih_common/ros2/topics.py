@@ -1,9 +1,10 @@
-"""What goes out to ROS: a publisher for each topic, filled by what is heard on the bus."""
+"""The cell as ROS 2 topics: which they are, and what goes into each; for the bridge, and for recordings as bags."""
 
 from __future__ import annotations
 
 import threading
-import time
+from collections.abc import Callable
+from typing import Any, Literal, Protocol
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
@@ -21,37 +22,55 @@ from crosspih_common.messages import (
     RawWrenchBatch,
     ServiceStatus,
 )
-from crosspih_common.ros2 import RosNode, RosQos
 from crosspih_common.ros2.converting import Converter
 from crosspih_common.ros2.frames import RosArm
+from crosspih_common.ros2.qos import RosQos
 from crosspih_common.ros2.stamps import WallOfCell
-from services.ros2.config import BridgeConfig
+from crosspih_common.ros2.types import RosTypes
 
 STREAM, LATCHED = RosQos(depth=10), RosQos(transient_local=True, depth=1)
 TF = RosQos(depth=100)  # tf2_ros::DynamicBroadcasterQoS; LATCHED is its StaticBroadcasterQoS
-SILENT_S = 3.0  # a service says how it is once a second
+SILENT_NS = 3_000_000_000  # a service says how it is once a second
 CAMERA_FRAMES = (Frame.CAMERA_LEFT.value, Frame.CAMERA_RIGHT.value)
 INFO, IMAGE = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Image"
 
 
+class Sink(Protocol):
+    """Takes the messages of one topic."""
+
+    def publish(self, message: Any) -> None:
+        """The next one."""
+
+
+class Publishers(Protocol):
+    """Where topics are published: a node, or a bag."""
+
+    types: RosTypes
+
+    def publisher(self, name: str, ros_type: str, qos: RosQos) -> Sink:
+        """Begin a topic."""
+
+
 class Topics:
-    """Every topic that the bridge publishes. The methods are called on the bus's threads, one thread a kind."""
+    """Every topic of the cell. The methods may be called on several threads, one a kind."""
 
     def __init__(
-        self, node: RosNode, arm: RosArm, workcell: Workcell, config: BridgeConfig, has: frozenset[str]
-    ) -> None:
-        """`has` are the devices that are ROS's own: what they say is not said twice."""
-        self._arm, self._frames, self._config = arm, arm.frames, config
+        self, publishers: Publishers, arm: RosArm, workcell: Workcell, now_ns: Callable[[], int], *,
+        stamps: Literal["wall", "cell"] = "wall", tf_hz: float = 50.0, has: frozenset[str] = frozenset(),
+    ) -> None:  # fmt: skip
+        """`now_ns` is the wall's clock; `has` are the devices that are ROS's own: what they say is not said twice."""
+        self._arm, self._frames, self._now_ns = arm, arm.frames, now_ns
+        self._stamps, self._tf_hz = stamps, tf_hz
         self._mounting = workcell.sensor_mounting()
-        self._convert = Converter(node.types)
+        self._convert = Converter(publishers.types)
         self._clock = WallOfCell()
         self._lock = threading.Lock()
         self._static: dict[str, tuple[str, Pose]] = {}  # child: parent and pose_parent_child
         self._calibration: CameraCalibration | None = None
-        self._statuses: dict[str, tuple[float, ServiceStatus]] = {}
+        self._statuses: dict[str, tuple[int, ServiceStatus]] = {}
         self._events: list[Event] = []
         self._next_tf_ns = 0
-        publish = node.publisher
+        publish = publishers.publisher
         if "arm" not in has:
             self._joint_states = publish("joint_states", "sensor_msgs/msg/JointState", STREAM)
             self._tf = publish("/tf", "tf2_msgs/msg/TFMessage", TF)
@@ -66,25 +85,25 @@ class Topics:
             self._images = tuple(publish(f"camera/{side}/image_raw", IMAGE, LATCHED) for side in ("left", "right"))
             self._infos = tuple(publish(f"camera/{side}/camera_info", INFO, LATCHED) for side in ("left", "right"))
         self._diagnostics = publish("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STREAM)
-        self._place(Frame.PEG.value, self._frames.flange, workcell.pose_flange_peg(), time.time_ns())
+        self._place(Frame.PEG.value, self._frames.flange, workcell.pose_flange_peg(), now_ns())
 
     def _stamp_ns(self, stamp_ns: int) -> int:
-        if self._config.stamps == "cell":
+        if self._stamps == "cell":
             return stamp_ns
         mapped_ns = self._clock.wall_ns(stamp_ns)
-        return time.time_ns() if mapped_ns is None else mapped_ns
+        return self._now_ns() if mapped_ns is None else mapped_ns
 
     def clock(self, tick: CellClock) -> None:
         """The cell's time."""
-        self._clock.observe(tick.stamp_ns, time.time_ns(), tick.boot_id)
+        self._clock.observe(tick.stamp_ns, self._now_ns(), tick.boot_id)
 
     def joint_state(self, state: JointState) -> None:
         """/joint_states, and the arm's links on /tf."""
         stamp_ns = self._stamp_ns(state.stamp_ns)
         names = self._arm.chain.joint_names
         self._joint_states.publish(self._convert.joint_state(names, state, stamp_ns, self._frames.base))
-        if self._config.tf_hz and not 0 < self._next_tf_ns - state.stamp_ns < 1e9:
-            self._next_tf_ns = state.stamp_ns + round(1e9 / self._config.tf_hz)
+        if self._tf_hz and not 0 < self._next_tf_ns - state.stamp_ns < 1e9:
+            self._next_tf_ns = state.stamp_ns + round(1e9 / self._tf_hz)
             self._tf.publish(self._convert.arm_tf(self._arm, state.joints_rad, stamp_ns))
 
     def contact_wrench(self, wrench: ContactWrench) -> None:
@@ -159,7 +178,7 @@ class Topics:
     def status(self, status: ServiceStatus) -> None:
         """A service's own word of how it is."""
         with self._lock:
-            self._statuses[status.service] = time.monotonic(), status
+            self._statuses[status.service] = self._now_ns(), status
 
     def event(self, event: Event) -> None:
         """What people should know."""
@@ -168,10 +187,10 @@ class Topics:
 
     def diagnose(self) -> None:
         """/diagnostics: once a second."""
-        now = time.monotonic()
+        now_ns = self._now_ns()
         with self._lock:
             heard, events = dict(self._statuses), self._events
             self._events = []
-        living = [status for at, status in heard.values() if now - at <= SILENT_S]
-        silent = [name for name, (at, _) in heard.items() if now - at > SILENT_S]
-        self._diagnostics.publish(self._convert.diagnostics(living, events, silent, time.time_ns()))
+        living = [status for at, status in heard.values() if now_ns - at <= SILENT_NS]
+        silent = [name for name, (at, _) in heard.items() if now_ns - at > SILENT_NS]
+        self._diagnostics.publish(self._convert.diagnostics(living, events, silent, now_ns))
