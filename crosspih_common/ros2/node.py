@@ -27,7 +27,7 @@ GRAPH_DEADLINE_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class RosSample:
-    """A sample as it came, undecoded: when it arrived on this machine's wall clock, and what was attached."""
+    """A sample as it came, undecoded: when it arrived on this machine's monotonic clock, and what was attached."""
 
     payload: bytes
     arrived_ns: int
@@ -119,21 +119,26 @@ class RosNode:
     def subscribe(
         self, name: str, ros_type: str, handler: Callable[[RosSample], None], qos: RosQos = RELIABLE
     ) -> Endpoint:  # fmt: skip
-        """Call the handler with every sample, on Zenoh's thread: it must only enqueue."""
+        """Call the handler with every sample, on Zenoh's own thread: it must only enqueue.
+
+        Samples of all the node's topics come in the order in which they were sent: a wrench before the joint state that
+        was said after it.
+        """
         endpoint = self._endpoint(Entity.SUBSCRIBER, name, ros_type, qos)
 
         def receive(sample: zenoh.Sample) -> None:
             attached = sample.attachment.to_bytes() if sample.attachment is not None else b""
-            handler(RosSample(sample.payload.to_bytes(), time.time_ns(), attached))
+            handler(RosSample(sample.payload.to_bytes(), time.monotonic_ns(), attached))
 
+        directly = zenoh.handlers.Callback(receive, indirect=False)
         if qos.transient_local:
             subscriber: Any = ext.declare_advanced_subscriber(
-                self._session, self._key(endpoint), receive, subscriber_detection=True,
+                self._session, self._key(endpoint), directly, subscriber_detection=True,
                 history=ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth),
                 recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
             )  # fmt: skip
         else:
-            subscriber = self._session.declare_subscriber(self._key(endpoint), receive)
+            subscriber = self._session.declare_subscriber(self._key(endpoint), directly)
         self._declared.append(subscriber)
         self._declare_token(endpoint)
         return endpoint

@@ -15,7 +15,7 @@ from crosspih_common.messages.images import ENCODINGS, Pixels
 from crosspih_common.ros2 import RosNode, RosQos, RosSample
 from crosspih_common.ros2.stereo import CameraInfo, calibration_of
 from services.hardware.drivers.ros2.config import Ros2Config
-from services.hardware.drivers.ros2.heard import Heard, stamp_ns
+from services.hardware.drivers.ros2.heard import Heard, RosTime
 from services.hardware.protocols import StereoCapture
 
 FIELD = "hardware.ros2.camera"
@@ -28,9 +28,9 @@ GENERIC = {"8UC1": "mono8", "16UC1": "mono16", "8UC3": "bgr8"}  # OpenCV's names
 class RosCamera:
     """Implements CameraDevice: a capture is the first pair that was surely exposed after it was asked for."""
 
-    def __init__(self, node: RosNode, config: Ros2Config, workcell: Workcell) -> None:
+    def __init__(self, node: RosNode, config: Ros2Config, ros_time: RosTime, workcell: Workcell) -> None:
         """Raises ConfigError where a topic is silent or the camera_infos are no pair's."""
-        self._config, self._stamps = config.camera, config.stamps
+        self._config, self._time = config.camera, ros_time
         self.exposure_s = config.camera.exposure_s
         self._lock = threading.Lock()
         sides = (config.camera.left, "left"), (config.camera.right, "right")
@@ -47,7 +47,7 @@ class RosCamera:
 
     def calibration(self) -> CameraCalibration:
         """From the camera_infos; where the left camera stands is the cell's to say."""
-        return self._calibration.model_copy(update={"stamp_ns": time.time_ns() if self._stamps == "arrival" else 0})
+        return self._calibration.model_copy(update={"stamp_ns": time.monotonic_ns()})
 
     def capture(self, exposure_scale: float, lamp: int) -> StereoCapture:
         """A pair. A topic has one exposure and one light, so both are ignored. Raises DeviceLost."""
@@ -78,7 +78,7 @@ class RosCamera:
         )  # fmt: skip
 
     def _stamp(self, message: Any, sample: RosSample) -> int:
-        return stamp_ns(message, sample, self._stamps)
+        return self._time.stamp_ns(message, sample)
 
     def _partner(self, stamp: int, others: dict[int, Any]) -> int | None:
         nearest = min(others, key=lambda other: abs(other - stamp), default=None)

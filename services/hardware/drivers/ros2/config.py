@@ -65,7 +65,8 @@ class Ros2Config(RosNetwork):
     node: str = Field(default="crosspih_devices", pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", description="our node's name")
     connect_s: float = Field(default=10.0, gt=0.0, le=120.0, description="for the first sample of each topic")
     stamps: Literal["header", "arrival"] = Field(
-        default="header", description="the messages' own time, which is then the cell's, or when they came here"
+        default="header",
+        description="the messages' own times, moved to the cell's clock by one offset, or when they came here",
     )
     arm: ArmTopics = ArmTopics()
     force_torque: WrenchTopic = WrenchTopic()

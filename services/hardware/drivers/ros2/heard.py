@@ -21,12 +21,30 @@ SECOND_NS = 1_000_000_000
 Stamps = Literal["header", "arrival"]
 
 
-def stamp_ns(message: Any, sample: RosSample, stamps: Stamps) -> int:
-    """When a message is from, ns."""
-    if stamps == "arrival":
-        return sample.arrived_ns
-    stamp = message.header.stamp
-    return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
+class RosTime:
+    """When messages are from, by the cell's clock: this machine's monotonic one, for ROS's may be set or simulated.
+
+    Header stamps keep their distances: they are moved by one offset, found at the first, when it arrived here. All
+    devices of a process share it, so that their stamps compare as they do in ROS.
+    """
+
+    def __init__(self, stamps: Stamps) -> None:
+        self._stamps = stamps
+        self._offset_ns: int | None = None
+
+    def stamp_ns(self, message: Any, sample: RosSample) -> int:
+        """The message's time, ns."""
+        if self._stamps == "arrival":
+            return sample.arrived_ns
+        stamp = message.header.stamp
+        said_ns = int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
+        if self._offset_ns is None:
+            self._offset_ns = sample.arrived_ns - said_ns
+        return said_ns + self._offset_ns
+
+    def begin_again(self) -> None:
+        """ROS's time has been set: the next stamp is its new beginning."""
+        self._offset_ns = None
 
 
 class Heard:
@@ -86,9 +104,9 @@ class Heard:
             raise ConfigError(f"{self.field}: nothing came on {self.name} within {deadline_s:g} s; {self._why()}")
         return self.decode(got[1])
 
-    def rate_hz(self, stamps: Stamps, said_hz: float | None) -> float:
+    def rate_hz(self, ros_time: RosTime, said_hz: float | None) -> float:
         """How often samples come: measured, and where the file says it held to that. Raises ConfigError."""
-        measured = self._measured_hz(stamps)
+        measured = self._measured_hz(ros_time)
         if said_hz is None:
             return measured
         if not abs(measured / said_hz - 1.0) <= RATE_SHARE:
@@ -98,14 +116,14 @@ class Heard:
             )
         return said_hz
 
-    def _measured_hz(self, stamps: Stamps) -> float:
+    def _measured_hz(self, ros_time: RosTime) -> float:
         seen: list[int] = []
         after, until = self.count, time.monotonic() + MEASURE_S
         while len(seen) < ENOUGH and (left := until - time.monotonic()) > 0.0:
             got = self.newest(after, left)
             if got is not None:
                 after, sample = got
-                seen.append(stamp_ns(self.decode(sample), sample, stamps))
+                seen.append(ros_time.stamp_ns(self.decode(sample), sample))
         gaps = np.diff(seen)
         if len(gaps) < 5 or not np.median(gaps) > 0.0:
             said = (

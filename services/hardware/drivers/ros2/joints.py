@@ -13,7 +13,7 @@ from crosspih_common.errors import ConfigError, DeviceLost
 from crosspih_common.geometry.pose import Array
 from crosspih_common.ros2 import Entity, RosNode, RosQos
 from services.hardware.drivers.ros2.config import ArmTopics, Ros2Config
-from services.hardware.drivers.ros2.heard import Heard, require_one_publisher, stamp_ns
+from services.hardware.drivers.ros2.heard import Heard, RosTime, require_one_publisher
 from services.hardware.protocols import JointReading
 
 FIELD = "hardware.ros2.arm"
@@ -30,17 +30,19 @@ SLACK_RAD = 0.01  # encoders may say a little more than the limit
 class RosJoints:
     """Implements JointDevice. `read` is paced by the joint states; `write` sends the next set-point at once."""
 
-    def __init__(self, node: RosNode, config: Ros2Config, model: ArmModel, names: tuple[str, ...]) -> None:
+    def __init__(
+        self, node: RosNode, config: Ros2Config, ros_time: RosTime, model: ArmModel, names: tuple[str, ...]
+    ) -> None:
         """Raises ConfigError where the arm is not there, or is another than the cell's file says."""
         self.model, self._config, self._names = model, config.arm, names
-        self._stamps = config.stamps
+        self._time = ros_time
         self._types = node.types
         self._heard = Heard(node, config.arm.joint_states, JOINT_STATE, f"{FIELD}.joint_states", RosQos(), 4)
         self._seen = 0
         self._order: tuple[list[str], NDArray[np.intp]] | None = None
         first = self._first(config.connect_s)
         require_one_publisher(node, config.arm.joint_states, f"{FIELD}.joint_states")
-        self.period_s = 1.0 / self._heard.rate_hz(self._stamps, config.arm.rate_hz)
+        self.period_s = 1.0 / self._heard.rate_hz(ros_time, config.arm.rate_hz)
         if not 0.0009 <= self.period_s <= 0.021:
             raise ConfigError(f"{FIELD}.joint_states: come at {1.0 / self.period_s:.0f} Hz, want 50 to 1000")
         if lines := model.limits.violations(first, SLACK_RAD):
@@ -99,12 +101,12 @@ class RosJoints:
             positions = self._positions(message)
             if positions is None:
                 continue
-            stamp = stamp_ns(message, sample, self._stamps)
+            stamp = self._time.stamp_ns(message, sample)
             if stamp <= self._last_ns:
                 if stamp > self._last_ns - CLOCK_BACK_NS:
                     continue
                 back_s = (self._last_ns - stamp) * 1e-9
-                self._last_ns = stamp
+                self._time.begin_again()
                 self._lose(f"the time of {self._heard.name} went back by {back_s:.1f} s: the arm's side was restarted")
             speeds = self._speeds(message, positions, stamp)
             self._last_ns = stamp

@@ -10,6 +10,7 @@ from crosspih_common.ros2.frames import ros_arm
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.ros2.camera import RosCamera
 from services.hardware.drivers.ros2.config import Ros2Config
+from services.hardware.drivers.ros2.heard import RosTime
 from services.hardware.drivers.ros2.joints import FIELD, RosJoints, describe
 from services.hardware.drivers.ros2.wrench import RosWrench
 from services.hardware.protocols import Devices
@@ -21,17 +22,18 @@ def open_devices(request: OpenRequest) -> Devices:
     names = joint_names(request, config) if "arm" in request.wanted else ()
     node = config.open("hardware.ros2", config.node)
     try:
+        ros_time = RosTime(config.stamps)
         devices = Devices(realtime=True, close=node.close)
         if "arm" in request.wanted:
-            joints = RosJoints(node, config, request.workcell.arm(), names)
+            joints = RosJoints(node, config, ros_time, request.workcell.arm(), names)
             devices.joints = joints
             _say(describe(joints, config.arm))
         if "force_torque" in request.wanted:
-            wrench = RosWrench(node, config)
+            wrench = RosWrench(node, config, ros_time)
             devices.wrench = wrench
             _say(f"force/torque: {config.force_torque.topic} at {wrench.rate_hz:.0f} Hz, frame {wrench.frame_id!r}")
         if "camera" in request.wanted:
-            devices.camera = RosCamera(node, config, request.workcell)
+            devices.camera = RosCamera(node, config, ros_time, request.workcell)
             _say(f"cameras: {config.camera.left} and {config.camera.right}")
     except BaseException:
         node.close()

@@ -6,7 +6,7 @@ import numpy as np
 
 from crosspih_common.ros2 import RosNode, RosQos
 from services.hardware.drivers.ros2.config import Ros2Config
-from services.hardware.drivers.ros2.heard import Heard, require_one_publisher, stamp_ns
+from services.hardware.drivers.ros2.heard import Heard, RosTime, require_one_publisher
 from services.hardware.protocols import WrenchSamples
 
 FIELD = "hardware.ros2.force_torque"
@@ -17,13 +17,13 @@ KEEP_S = 0.5  # what the loop may leave unread, at most
 class RosWrench:
     """Implements WrenchDevice. The numbers are taken as they are, whatever frame the message names."""
 
-    def __init__(self, node: RosNode, config: Ros2Config) -> None:
+    def __init__(self, node: RosNode, config: Ros2Config, ros_time: RosTime) -> None:
         """Raises ConfigError where nothing comes."""
-        self._stamps = config.stamps
+        self._time = ros_time
         self._heard = Heard(node, config.force_torque.topic, WRENCH, f"{FIELD}.topic", RosQos(), 4096)
         self.frame_id = self._heard.first(config.connect_s).header.frame_id
         require_one_publisher(node, config.force_torque.topic, f"{FIELD}.topic")
-        self.rate_hz = self._heard.rate_hz(self._stamps, config.force_torque.rate_hz)
+        self.rate_hz = self._heard.rate_hz(ros_time, config.force_torque.rate_hz)
         self.period_s = 1.0 / self.rate_hz
         self._most = max(4, round(KEEP_S * self.rate_hz))
         self._last_ns = -1
@@ -33,7 +33,7 @@ class RosWrench:
         stamps, rows = [], []
         for sample in self._heard.taken()[-self._most :]:
             message = self._heard.decode(sample)
-            stamp = stamp_ns(message, sample, self._stamps)
+            stamp = self._time.stamp_ns(message, sample)
             if 0 <= self._last_ns - stamp < 1_000_000_000:
                 continue
             self._last_ns = stamp

@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from types import FrameType
 from typing import Any
 
@@ -23,6 +24,7 @@ import numpy as np
 from crosspih_common.bus import DEFAULT_ENDPOINT
 from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import CrosspihError
+from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Image
 from crosspih_common.ros2 import RosNode, RosQos, RosSample
 from crosspih_common.ros2.converting import Converter
@@ -36,6 +38,29 @@ from services.hardware.drivers.simulated.cell import open_devices
 from services.hardware.protocols import CameraDevice, Devices, JointReading
 
 PICTURES_HZ = 4.0
+SERVO_RAD_S, WINDOW = 50.0, 6
+
+
+class Servo:
+    """The arm's own servo: set-points that come unevenly are followed smoothly, as an arm's controller does.
+
+    A critically damped follower of the set-points and of their mean speed over `WINDOW` cycles, so that a steady motion
+    is followed without lag; one that sets in or ends is by some 20 ms late.
+    """
+
+    def __init__(self, at_rad: Array, period_s: float) -> None:
+        self.at_rad, self.speeds_rad_s = at_rad, np.zeros(len(at_rad))
+        self._period_s = period_s
+        self._goals: deque[Array] = deque([at_rad], maxlen=WINDOW)
+
+    def follow(self, goal_rad: Array) -> None:
+        """One cycle towards the newest set-point (n,), which may be the one of before."""
+        self._goals.append(goal_rad)
+        spanned_s = max(1, len(self._goals) - 1) * self._period_s
+        wanted = (self._goals[-1] - self._goals[0]) / spanned_s
+        pull = SERVO_RAD_S**2 * (goal_rad - self.at_rad) + 2.0 * SERVO_RAD_S * (wanted - self.speeds_rad_s)
+        self.speeds_rad_s = self.speeds_rad_s + pull * self._period_s
+        self.at_rad = self.at_rad + self.speeds_rad_s * self._period_s
 
 
 class PeerArm:
@@ -59,35 +84,34 @@ class PeerArm:
         """Cycle until told to end."""
         reading = self._joints.read()
         self._began_ns = time.time_ns() - reading.stamp_ns
-        goal, speeds = reading.positions_rad, np.zeros(len(reading.positions_rad))
+        goal = np.array(reading.positions_rad)
+        servo = Servo(goal, self._joints.period_s)
         while not stop.is_set():
             self._tell(reading)
             sample, self._newest = self._newest, None
-            if sample is None:
-                speeds = np.zeros(len(goal))
-            else:
+            if sample is not None:
                 asked = self._asked(self._types.decode(sample.payload, self._kind))
-                if asked is not None:
-                    speeds, goal = (asked - goal) / self._joints.period_s, asked
-            self._joints.write(goal, speeds)
+                goal = goal if asked is None else asked
+            servo.follow(goal)
+            self._joints.write(servo.at_rad, servo.speeds_rad_s)
             reading = self._joints.read()
 
-    def _asked(self, message: Any) -> np.ndarray | None:
+    def _asked(self, message: Any) -> Array | None:
         data = message.points[-1].positions if self._kind.startswith("trajectory") else message.data
         asked = np.asarray(data, float)
         return asked if asked.shape == (len(self._names),) and bool(np.all(np.isfinite(asked))) else None
 
     def _tell(self, reading: JointReading) -> None:
+        samples = self._wrench.read()
+        if len(samples.wrenches):
+            mean = samples.wrenches.mean(axis=0).tolist()
+            self._wrenches.publish(self._convert.wrench(mean, "ft_frame", self._began_ns + int(samples.stamps_ns[-1])))
         stamp_ns = self._began_ns + reading.stamp_ns
         make, header = self._types.make, self._convert.header(stamp_ns, "base_link")
         self._states.publish(
             make("sensor_msgs/msg/JointState", header=header, name=list(self._names), position=reading.positions_rad,
                  velocity=reading.speeds_rad_s, effort=np.zeros(0))
         )  # fmt: skip
-        samples = self._wrench.read()
-        if len(samples.wrenches):
-            mean = samples.wrenches.mean(axis=0).tolist()
-            self._wrenches.publish(self._convert.wrench(mean, "ft_frame", self._began_ns + int(samples.stamps_ns[-1])))
 
 
 def show(node: RosNode, config: Ros2Config, camera: CameraDevice, stop: threading.Event) -> None:
