@@ -56,7 +56,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
-STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks"])
+STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks", "there"])
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
@@ -177,17 +177,22 @@ class Router:
     endpoint: str
 
 
-@pytest.fixture
-def router(spawn: Callable[..., ServiceProcess]) -> Router:
-    """A router that listens."""
+def started_router(spawn: Callable[..., ServiceProcess] = ServiceProcess) -> tuple[ServiceProcess, str]:
+    """A router that listens, and where; whoever starts it without `spawn` ends it."""
     process: ServiceProcess | None = None
     for _ in range(3):
         where = f"tcp/127.0.0.1:{_free_port()}"
         process = spawn("router", "--endpoint", where)
         if process.wait_for_line("listening on"):
-            return Router(process, where)
+            return process, where
     assert process is not None
     pytest.fail(f"no router: {''.join(process.output)}")
+
+
+@pytest.fixture
+def router(spawn: Callable[..., ServiceProcess]) -> Router:
+    """A router that listens."""
+    return Router(*started_router(spawn))
 
 
 @pytest.fixture

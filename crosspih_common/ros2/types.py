@@ -39,14 +39,14 @@ class RosTypes:
             f"{name}_Response": [(field, _basic(kind)) for field, kind in response],
         }
         self.register(definitions)
-        self._add_service_description(name)
+        self.describe_service(name)
 
     def register(self, definitions: dict[str, list[tuple[str, Any]]]) -> None:
         """Further types by their fields, in rosbags' own form."""
         typed: Typesdict = {name: ([], fields) for name, fields in definitions.items()}
         self.store.register(typed)
 
-    def _add_service_description(self, name: str) -> None:
+    def describe_service(self, name: str) -> None:
         """The service as a type: its request, response and event stand in it, and its hash is the hash of that."""
         from rosbags.interfaces import Nodetype
 

@@ -146,9 +146,12 @@ class Arm:
         self.at_rad = np.array(given.at or HOME_RAD, float)
         self._goal_rad = self.at_rad
         self.heard = 0
+        self.lags_s: list[float] = []  # from a joint state sent to the set-point that answers it
+        self._sent_s = 0.0
 
     def _hear_positions(self, message: Any) -> None:
         self.heard += 1
+        self.lags_s.append(time.monotonic() - self._sent_s)
         self._goal_rad = np.asarray(message.data, float)
 
     def _hear_trajectory(self, message: Any) -> None:
@@ -172,6 +175,7 @@ class Arm:
             header=header, name=names, position=np.array([*self.at_rad[order], *extra]),
             velocity=np.array([*(step[order] * self._rate_hz), *(0.0 for _ in extra)]), effort=np.zeros(0),
         )  # fmt: skip
+        self._sent_s = time.monotonic()
         force, torque = self._felt()
         self._wrenches.publish(
             header=header, wrench=self._wrench(force=self._vector(*force), torque=self._vector(*torque))
@@ -206,7 +210,8 @@ def arm(given: argparse.Namespace) -> int:
             next_s = max(next_s, time.monotonic() - period_s)
         plant.cycle()
         cycles += 1
-    say(cycles=cycles, late=late, worst_s=worst_s, heard=plant.heard, seconds=time.monotonic() - began_s,
+    p50, p95 = np.percentile(plant.lags_s, [50, 95]).tolist() if plant.lags_s else (None, None)
+    say(lag_p50_s=p50, lag_p95_s=p95, cycles=cycles, late=late, worst_s=worst_s, heard=plant.heard, seconds=time.monotonic() - began_s,
         at_rad=plant.at_rad.tolist())  # fmt: skip
     return 0
 

@@ -15,8 +15,10 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused, ConfigError, DeviceLost
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Dwell, FollowTrajectory, JointKnot, StopReason
+from crosspih_common.ros2 import RosNode, RosTypes
 from services.hardware.config import DEVICES, HardwareConfig
 from services.hardware.hosting import HostedCell, open_cell
+from tests.conftest import started_router
 from tests.ros2.sdk import SdkProcess
 
 pytest.importorskip("rosbags")
@@ -26,10 +28,27 @@ HOME = np.array(Workcell().home_joints_rad)
 AWAY = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # from the plate
 BACK_S = 5.0
 Sdk = Callable[..., SdkProcess]
+DOMAIN = 5
+
+
+@pytest.fixture(scope="module")
+def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, SdkProcess]]:
+    """A router, and the arm of most tests in a domain of its own: (endpoint, the SDK's process)."""
+    pytest.importorskip("zenoh_ros2_sdk")
+    router, endpoint = started_router()
+    arm = SdkProcess(
+        endpoint, tmp_path_factory.mktemp("definitions"), "arm", "--rate-hz", "250", "--shuffled", domain=DOMAIN
+    )
+    try:
+        arm.said("ready")
+        yield endpoint, arm
+    finally:
+        arm.close()
+        router.terminate()
 
 
 def config_of(endpoint: str, arm: dict[str, object] | None = None, **ros2: object) -> HardwareConfig:
-    section = {"endpoint": endpoint, "connect_s": 5.0, "arm": arm or {}, **ros2}
+    section = {"endpoint": endpoint, "connect_s": 10.0, "arm": arm or {}, **ros2}
     # the machine that runs the tests is a busy one: cycles are missed, and counted
     return HardwareConfig.model_validate({"driver": "ros2", "ros2": section, "limits": {"missed_cycles": 10_000}})
 
@@ -55,22 +74,48 @@ def moved(cell: HostedCell, goal: Array) -> None:
     assert np.abs(np.array(outcome.joints_rad) - goal).max() < 0.02
 
 
-@pytest.mark.parametrize("interface", ["positions", "trajectory"])
-def test_the_arm_follows_and_the_sensor_tells_the_weight(endpoint: str, sdk: Sdk, interface: str) -> None:
-    arm = sdk("arm", "--rate-hz", "250", "--shuffled")
-    arm.said("ready")
-    with cell_of(config_of(endpoint, {"interface": interface})) as cell:
-        assert np.abs(np.array(cell.arm.joint_state().joints_rad) - HOME).max() < 1e-9
-        moved(cell, HOME + 0.1 * AWAY)
-        dwelt = cell.arm.dwell(Dwell(duration_s=0.3))
-        assert dwelt.stop_reason is StopReason.COMPLETED, dwelt.detail
-        # the tool of the peer weighs 8 N, whichever way it hangs
-        assert np.linalg.norm(dwelt.wrench_raw[:3]) == pytest.approx(8.0, abs=1e-6)
-        assert abs(time.monotonic_ns() - cell.arm.now_ns()) < 2_000_000_000  # the cell's clock is not the wall's
-    arm.stop()
-    told = arm.said("cycles")
-    assert told["heard"] > 50
-    assert np.abs(np.array(told["at_rad"]) - (HOME + 0.1 * AWAY)).max() < 1e-6
+def test_the_arm_follows_by_either_controller_and_the_sensor_tells_the_weight(there: tuple[str, SdkProcess]) -> None:
+    for interface, goal in (("positions", HOME + 0.1 * AWAY), ("trajectory", HOME)):
+        with cell_of(config_of(there[0], {"interface": interface}, domain_id=DOMAIN)) as cell:
+            moved(cell, goal)
+            dwelt = cell.arm.dwell(Dwell(duration_s=0.3))
+            assert dwelt.stop_reason is StopReason.COMPLETED, dwelt.detail
+            # the tool of the other end weighs 8 N, whichever way it hangs
+            assert np.linalg.norm(dwelt.wrench_raw[:3]) == pytest.approx(8.0, abs=1e-6)
+            assert np.abs(np.array(dwelt.joints_rad) - goal).max() < 1e-6
+            assert abs(time.monotonic_ns() - cell.arm.now_ns()) < 2_000_000_000  # the cell's clock is not the wall's
+
+
+@pytest.mark.parametrize(
+    ("arm", "others", "said"),
+    [
+        ({"joint_states": "/other"}, {}, r"joint_states: nothing came on /other within .* there: .*/joint_states"),
+        ({"joint_names": [f"j{n}" for n in range(6)]}, {}, r"joint_names: j0, .* wanted, /joint_states has joint_6"),
+        ({"joint_names": ["joint_1", "joint_2"]}, {}, r"joint_names: 2 names, want 6 that differ"),
+        ({"rate_hz": 500.0}, {}, r"joint_states.rate_hz: says 500, \d+ come"),
+        ({"commands": "/servo"}, {}, r"commands: nobody listens to /servo; .*/forward_position_controller/commands"),
+        (
+            {"commands": "/joint_trajectory_controller/joint_trajectory"}, {},
+            r"takes trajectory_msgs/msg/JointTrajectory of another definition",
+        ),
+        ({}, {"domain_id": 3}, r"nobody publishes it in domain 3 .* topics there: none"),
+        ({}, {"force_torque": {"topic": "/joint_states"}}, r"as sensor_msgs/msg/JointState, want geometry"),
+        ({}, {"distro": "humble"}, r"of another definition .* than humble's; set hardware.ros2.distro"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_with_its_setting(
+    there: tuple[str, SdkProcess], arm: dict[str, object], others: dict[str, object], said: str
+) -> None:
+    config = config_of(there[0], arm, **{"connect_s": 1.0, "domain_id": DOMAIN, **others})
+    with pytest.raises(ConfigError, match=said):
+        open_cell(Workcell(), config, True, WANTED)
+
+
+def test_two_arms_are_not_followed_by_turns(there: tuple[str, SdkProcess]) -> None:
+    with RosNode(there[0], DOMAIN, RosTypes(), "second_arm") as node:
+        node.publisher("/joint_states", "sensor_msgs/msg/JointState")
+        with pytest.raises(ConfigError, match=r"2 publishers of /joint_states: joint_state_broadcaster, second_arm"):
+            open_cell(Workcell(), config_of(there[0], domain_id=DOMAIN), True, WANTED)
 
 
 def test_an_arm_that_was_away_is_found_again_where_it_stands_and_does_not_move(endpoint: str, sdk: Sdk) -> None:
@@ -110,43 +155,3 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
     while not condition():
         assert time.monotonic() < until, f"not within {BACK_S} s: {what}"
         pause.wait(0.01)
-
-
-@pytest.mark.parametrize(
-    ("arm", "said"),
-    [
-        ({"joint_states": "/other"}, r"joint_states: nothing came on /other within .* topics there: .*/joint_states"),
-        (
-            {"joint_names": [f"j{index}" for index in range(6)]},
-            r"joint_names: j0, .* wanted, /joint_states has joint_1",
-        ),
-        ({"joint_names": ["joint_1", "joint_2"]}, r"joint_names: 2 names, want 6 that differ"),
-        ({"rate_hz": 500.0}, r"joint_states.rate_hz: says 500, \d+ come"),
-        ({"commands": "/servo"}, r"commands: nobody listens to /servo; .*/forward_position_controller/commands"),
-        (
-            {"commands": "/joint_trajectory_controller/joint_trajectory"},
-            r"takes trajectory_msgs/msg/JointTrajectory of another definition",
-        ),
-    ],
-)
-def test_what_is_wrong_is_said_with_its_setting(
-    endpoint: str, sdk: Sdk, arm: dict[str, object], said: str
-) -> None:  # fmt: skip
-    sdk("arm", "--rate-hz", "100").said("ready")
-    with pytest.raises(ConfigError, match=said), cell_of(config_of(endpoint, arm, connect_s=2.0)):
-        pass
-
-
-def test_nothing_in_another_domain(endpoint: str, sdk: Sdk) -> None:
-    sdk("arm", "--rate-hz", "100", domain=7).said("ready")
-    with pytest.raises(ConfigError, match=r"nobody publishes it in domain 3 .* topics there: none"):
-        open_cell(Workcell(), config_of(endpoint, domain_id=3, connect_s=1.0), True, WANTED)
-    with cell_of(config_of(endpoint, domain_id=7)) as cell:
-        moved(cell, HOME + 0.05 * AWAY)
-
-
-def test_two_arms_are_not_followed_by_turns(endpoint: str, sdk: Sdk) -> None:
-    for _ in range(2):
-        sdk("arm", "--rate-hz", "100").said("ready")
-    with pytest.raises(ConfigError, match=r"2 publishers of /joint_states: joint_state_broadcaster, joint_state_b"):
-        open_cell(Workcell(), config_of(endpoint), True, WANTED)
