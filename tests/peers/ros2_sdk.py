@@ -145,18 +145,26 @@ class Arm:
         self._model, self._rate_hz, self._shuffled = named_arm("xb4"), given.rate_hz, given.shuffled
         self.at_rad = np.array(given.at or HOME_RAD, float)
         self._goal_rad = self.at_rad
-        self.heard = 0
+        self.heard, self.stopped = 0, False
         self.lags_s: list[float] = []  # from a joint state sent to the set-point that answers it
         self._sent_s = 0.0
 
     def _hear_positions(self, message: Any) -> None:
-        self.heard += 1
         self.lags_s.append(time.monotonic() - self._sent_s)
-        self._goal_rad = np.asarray(message.data, float)
+        self._take(message.data)
 
     def _hear_trajectory(self, message: Any) -> None:
+        self._take(message.points[-1].positions)
+
+    def _take(self, goal_rad: Any) -> None:
         self.heard += 1
-        self._goal_rad = np.asarray(message.points[-1].positions, float)
+        if not self.stopped:
+            self._goal_rad = np.asarray(goal_rad, float)
+
+    def safety(self) -> None:
+        """A protective stop, or its release: states go on, set-points are not followed, the arm stands."""
+        self.stopped, self._goal_rad = not self.stopped, self.at_rad
+        say(stopped=self.stopped)
 
     def cycle(self) -> None:
         """One update of the controller_manager."""
@@ -196,6 +204,7 @@ def arm(given: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, lambda number, frame: stop.set())
     sys.setswitchinterval(0.001)
     plant = Arm(given)
+    signal.signal(signal.SIGUSR1, lambda number, frame: plant.safety())
     say(ready=True)
     period_s, began_s, late, cycles, worst_s = 1.0 / given.rate_hz, time.monotonic(), 0, 0, 0.0
     next_s = began_s
@@ -211,8 +220,11 @@ def arm(given: argparse.Namespace) -> int:
         plant.cycle()
         cycles += 1
     p50, p95 = np.percentile(plant.lags_s, [50, 95]).tolist() if plant.lags_s else (None, None)
-    say(lag_p50_s=p50, lag_p95_s=p95, cycles=cycles, late=late, worst_s=worst_s, heard=plant.heard, seconds=time.monotonic() - began_s,
-        at_rad=plant.at_rad.tolist())  # fmt: skip
+    lags: dict[str, float | None] = {"lag_p50_s": p50, "lag_p95_s": p95}
+    say(
+        cycles=cycles, late=late, worst_s=worst_s, heard=plant.heard, seconds=time.monotonic() - began_s,
+        at_rad=plant.at_rad.tolist(), **lags,
+    )  # fmt: skip
     return 0
 
 

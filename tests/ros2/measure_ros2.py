@@ -1,13 +1,15 @@
 """`python -m tests.ros2.measure_ros2`: what the bridge adds, and how an arm driver keeps up, on this machine.
 
 The bridge: joint states at 250 Hz from our bus, heard in ROS; the time from one to the other. The arm: zenoh-ros2-sdk
-speaks for a ros2_control arm at 100, 250 and 500 Hz, our control layer holds it still; cycles that the loop missed, by the
-stamps, and what the arm's side saw: cycles it was itself late for, and the time from a state to the set-point.
+speaks for a ros2_control arm at 100, 250 and 500 Hz, our control layer holds it still; cycles that the loop missed, by
+the stamps, and what the arm's side saw: cycles it was itself late for, and the time from a state to the set-point. The
+load average of the last minute stands beside each.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 import threading
@@ -18,6 +20,7 @@ import numpy as np
 
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.config import Workcell
+from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import CLOCK, JOINT_STATE
 from crosspih_common.messages import CellClock, Dwell, JointState
 from crosspih_common.ros2 import RosNode, RosQos, RosSample, RosTypes
@@ -60,7 +63,8 @@ def measure_bridge(seconds: float, hz: float = 250.0) -> str:
     router.terminate()
     late_ms = np.array([(arrived[index] - at) * 1e3 for index, at in enumerate(sent) if index in arrived])
     p50, p95, p99 = np.percentile(late_ms, [50, 95, 99])
-    return f"{len(late_ms)} of {len(sent)} states; p50 {p50:.2f}, p95 {p95:.2f}, p99 {p99:.2f}, most {late_ms.max():.1f} ms"
+    times = f"p50 {p50:.2f}, p95 {p95:.2f}, p99 {p99:.2f}, most {late_ms.max():.1f} ms"
+    return f"{len(late_ms)} of {len(sent)} states; {times}"
 
 
 def measure_arm(hz: float, seconds: float) -> str:
@@ -73,18 +77,22 @@ def measure_arm(hz: float, seconds: float) -> str:
         config = HardwareConfig.model_validate({"driver": "ros2", "ros2": section, "limits": {"missed_cycles": 10_000}})
         cell = open_cell(Workcell(), config, realtime=True, wanted=frozenset({"arm", "force_torque"}))
         before = cell.arm._runner.missed_cycles
-        outcome = cell.arm.dwell(Dwell(duration_s=seconds))
-        missed = cell.arm._runner.missed_cycles - before
-        cycles = round(outcome.duration_s * hz)
+        began_s = time.monotonic()
+        try:
+            ended = cell.arm.dwell(Dwell(duration_s=seconds)).stop_reason.value
+        except CommandRefused as error:
+            ended = error.code
+        lasted_s = time.monotonic() - began_s
+        missed, cycles = cell.arm._runner.missed_cycles - before, round(lasted_s * hz)
         cell.close()
         arm.stop()
         told = arm.said("cycles")
         arm.close()
     router.terminate()
+    answer = f"p50 {told['lag_p50_s'] * 1e3:.2f}, p95 {told['lag_p95_s'] * 1e3:.2f} ms"
     return (
-        f"{hz:g} Hz, {outcome.duration_s:.1f} s: {missed} of {cycles} cycles missed ({100 * missed / cycles:.2f} %), "
-        f"ended {outcome.stop_reason.value}; the arm: late for {told['late']} of {told['cycles']}, state to set-point p50 "
-        f"{told['lag_p50_s'] * 1e3:.2f}, p95 {told['lag_p95_s'] * 1e3:.2f} ms"
+        f"{hz:g} Hz, {lasted_s:.1f} s: {missed} of {cycles} cycles missed ({100 * missed / cycles:.2f} %), {ended}; "
+        f"the arm: late for {told['late']} of {told['cycles']}, state to set-point {answer}"
     )
 
 
@@ -94,9 +102,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     seconds = parser.parse_args().seconds
     sys.setswitchinterval(0.001)
-    print(f"bridge: {measure_bridge(seconds)}", flush=True)
+    print(f"bridge: {measure_bridge(seconds)} (load {os.getloadavg()[0]:.0f})", flush=True)
     for hz in (100.0, 250.0, 500.0):
-        print(f"arm: {measure_arm(hz, seconds)}", flush=True)
+        print(f"arm: {measure_arm(hz, seconds)} (load {os.getloadavg()[0]:.0f})", flush=True)
 
 
 if __name__ == "__main__":

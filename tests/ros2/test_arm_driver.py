@@ -86,6 +86,23 @@ def test_the_arm_follows_by_either_controller_and_the_sensor_tells_the_weight(th
             assert abs(time.monotonic_ns() - cell.arm.now_ns()) < 2_000_000_000  # the cell's clock is not the wall's
 
 
+def test_an_arm_that_its_own_safety_stopped_is_not_pulled_along_and_does_not_jump(
+    there: tuple[str, SdkProcess],
+) -> None:
+    endpoint, arm = there
+    with cell_of(config_of(endpoint, domain_id=DOMAIN)) as cell:
+        moved(cell, HOME)
+        arm.process.send_signal(signal.SIGUSR1)
+        assert arm.said("stopped")["stopped"]
+        with pytest.raises(DeviceLost, match=r"the arm does not follow: joint_\d is 0\.15\d rad from its set-point"):
+            cell.arm.follow(to(cell, HOME + 0.3 * AWAY, 2.0))
+        arm.process.send_signal(signal.SIGUSR1)
+        assert not arm.said("stopped")["stopped"]
+        stood = cell.arm.dwell(Dwell(duration_s=0.3))
+        assert np.abs(np.array(stood.joints_rad) - HOME).max() < 1e-3
+        moved(cell, HOME + 0.1 * AWAY)
+
+
 @pytest.mark.parametrize(
     ("arm", "others", "said"),
     [

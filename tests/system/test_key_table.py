@@ -30,6 +30,7 @@ NOT_SPELLED = {
     "services/hardware/shells/arm.py": "command",
     "services/operator/bench/kills/watching.py": "command.reply_echo",
     "services/operator/replay/answers.py": "asked.command",
+    "services/ros2/shell.py": "command.reply_echo",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it
 STREAMS_HEARD = "StreamsHeard"  # of the same package: hears encoders and sensor for whoever has it look at a cell

@@ -31,6 +31,9 @@ class ArmTopics(Section):
     lead_s: float | None = Field(
         default=None, gt=0.0, le=0.2, description="time_from_start of a trajectory's point; two cycles where not given"
     )
+    follow_within_rad: float = Field(
+        default=0.15, gt=0.0, le=1.0, description="further than this from its set-point the arm follows it no more"
+    )
     resume_within_rad: float = Field(
         default=0.02, gt=0.0, le=0.1, description="after the arm was away nothing is sent until it is as near as this"
     )

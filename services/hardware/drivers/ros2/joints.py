@@ -56,6 +56,7 @@ class RosJoints:
         self._lock = threading.Lock()
         self._measured = first
         self._away = True  # until what is to be sent is near to where the arm is
+        self._sent: Array | None = None
 
     def _first(self, connect_s: float) -> Array:
         positions = self._positions(self._heard.first(connect_s))
@@ -112,6 +113,7 @@ class RosJoints:
             self._last_ns = stamp
             with self._lock:
                 self._measured = positions
+            self._require_following(positions)
             return JointReading(stamp, positions, speeds)
 
     def _speeds(self, message: Any, positions: Array, stamp: int) -> Array:
@@ -122,8 +124,21 @@ class RosJoints:
             return np.zeros(len(positions))
         return np.asarray((positions - self._measured) / ((stamp - self._last_ns) * 1e-9))
 
+    def _require_following(self, positions: Array) -> None:
+        """An arm that is stopped by its own safety goes on telling where it is: it must not jump when it is let go."""
+        if self._sent is None:
+            return
+        apart = np.abs(self._sent - positions)
+        if float(apart.max()) > self._config.follow_within_rad:
+            joint = int(np.argmax(apart))
+            self._lose(
+                f"the arm does not follow: {self._names[joint]} is {apart[joint]:.3f} rad from its set-point "
+                f"({FIELD}.follow_within_rad is {self._config.follow_within_rad:g}); is it stopped, or its controller "
+                "inactive? Nothing more is sent"
+            )
+
     def _lose(self, why: str) -> None:
-        self._away = True
+        self._away, self._sent = True, None
         raise DeviceLost(why)
 
     def write(self, positions_rad: Array, speeds_rad_s: Array) -> None:
@@ -136,7 +151,8 @@ class RosJoints:
             if apart > self._config.resume_within_rad:
                 return
             self._away = False
-        self._send(positions_rad, speeds_rad_s)
+        self._sent = np.asarray(positions_rad, float)
+        self._send(self._sent, speeds_rad_s)
 
     def _send(self, positions_rad: Array, speeds_rad_s: Array) -> None:
         make = self._types.make
