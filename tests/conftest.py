@@ -183,8 +183,12 @@ def started_router(spawn: Callable[..., ServiceProcess] = ServiceProcess) -> tup
     for _ in range(3):
         where = f"tcp/127.0.0.1:{_free_port()}"
         process = spawn("router", "--endpoint", where)
-        if process.wait_for_line("listening on"):
-            return process, where
+        try:
+            if process.wait_for_line("listening on"):
+                return process, where
+        except BaseException:
+            process.terminate()
+            raise
     assert process is not None
     pytest.fail(f"no router: {''.join(process.output)}")
 

@@ -79,9 +79,11 @@ class Heard:
                 self._changed.wait(left)
             return self.count, self._ring[-1]
 
-    def taken(self) -> list[RosSample]:
-        """What came since the last call, oldest first."""
+    def taken(self, wait_s: float = 0.0) -> list[RosSample]:
+        """What came since the last call, oldest first; where that is nothing, what comes within `wait_s`."""
         with self._changed:
+            if not self._ring and wait_s:
+                self._changed.wait(wait_s)
             found = list(self._ring)
             self._ring.clear()
             return found

@@ -12,6 +12,9 @@ from services.hardware.protocols import WrenchSamples
 FIELD = "hardware.ros2.force_torque"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 KEEP_S = 0.5  # what the loop may leave unread, at most
+# After a pause of the network the joint state may be here first, and the sensor that speaks after it is not lost: by so
+# much it is waited for, and only where nothing has come for a cycle.
+BEHIND_S = 0.002
 
 
 class RosWrench:
@@ -29,9 +32,9 @@ class RosWrench:
         self._last_ns = -1
 
     def read(self) -> WrenchSamples:
-        """What came since the last call; a sample that is older than one before is left out."""
+        """What came since the last call, or within 2 ms; a sample that is older than one before is left out."""
         stamps, rows = [], []
-        for sample in self._heard.taken()[-self._most :]:
+        for sample in self._heard.taken(BEHIND_S)[-self._most :]:
             message = self._heard.decode(sample)
             stamp = self._time.stamp_ns(message, sample)
             if 0 <= self._last_ns - stamp < 1_000_000_000:
