@@ -9,7 +9,7 @@ CrosspihError
 │   ├── CommandTimeout     the service did not answer within the deadline
 │   └── BusClosed          the bus was closed while it was in use
 └── CommandRefused         the service answered: no, and why (`code` for programs, text for people)
-    └── DeviceLost         a device that was there no longer answers
+    └── DeviceLost         a device no longer answers, or says that it may not move
 """
 
 from __future__ import annotations
@@ -69,7 +69,10 @@ class CommandRefused(CrosspihError):
 
 
 class DeviceLost(CommandRefused):
-    """A device that was there no longer answers. What was under way has ended; the text says what to look at."""
+    """A device no longer answers, or says that it may not move; the text says which, why, and what mends it.
+
+    Raised by drivers. The arm's loop goes on asking; what was under way has ended, and nothing is remembered of it.
+    """
 
     def __init__(self, text: str) -> None:
         super().__init__("device_lost", text)

@@ -37,8 +37,8 @@ REFUSALS: dict[str, str] = {
     "no_payload": "a move that goes by force, before arm/set_payload: set the payload first (`crosspih calibrate ft`)",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
-    "device_lost": "a device that was there no longer answers; the text says which, and what to look at. Nothing moves "
-    "by itself when it is back",
+    "device_lost": "a device does not answer or may not move: protective stop, power off, cable out; the text names it "
+    "and the mend. A motion that was under way has ended; the next one works when the device is back",
     # a recording played back as a cell
     "not_recorded": "a recording cannot be steered: the motion, the picture or the light that was asked for is not in "
     "it at that time; the text says what is",

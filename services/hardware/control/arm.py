@@ -34,7 +34,7 @@ from services.hardware.control.execution import Execution
 from services.hardware.control.guarded import OVERSHOOT_M, Guarded
 from services.hardware.control.holder import Holder
 from services.hardware.control.limits import TouchingLimits, judged_admittance, judged_guarded, path_stretch
-from services.hardware.control.motions import Along, Ending, Hold
+from services.hardware.control.motions import Along, Ending, Hold, Motion
 from services.hardware.control.paths import (
     JointTrajectory,
     LineInTime,
@@ -143,7 +143,7 @@ class ArmController:
         pace, note = self._zone.pace(
             path, limits.contact_speed_m_s(), self._config.free_braking_m_s2, self._config.clear_out_m_s
         )
-        return self._done(self._execution.run(Along(path, pace), limits), None, [note] if note else [])
+        return self._carry_out(Along(path, pace), limits, [note] if note else [])
 
     def guarded_move(self, command: GuardedMove) -> GuardedMoveOutcome:
         """`travel_m`: how far it went before it retreated. Raises as `move_linear`, speed_limit, cap, no_payload."""
@@ -162,7 +162,7 @@ class ArmController:
             self._refuse_collision(path.joints(PATH_KNOTS))
             self._require_payload()
             motion = Guarded(path, command, runner.period_s, limits.braking_m_s2)
-            outcome = self._done(self._execution.run(motion, limits), motion.travel_m, notes)
+            outcome = self._carry_out(motion, limits, notes, lambda: motion.travel_m)
             found: dict[str, object] = {}
             if motion.free_raw is not None:
                 found["wrench_free_raw"] = floats(motion.free_raw)
@@ -204,13 +204,13 @@ class ArmController:
             path.check_speed(command.speed_m_s + command.lateral_speed_limit_m_s + search.fastest_m_s)
             self._require_payload()
             motion = Admittance(self._arm, self._pose_flange_peg, start, direction, command, search, runner.period_s)
-            return self._done(self._execution.run(motion, limits), motion.travel_m, notes)
+            return self._carry_out(motion, limits, notes, lambda: motion.travel_m)
 
     def dwell(self, command: Dwell) -> MotionOutcome:
         """The wrench is the mean of the dwell, less its first 30 ms."""
         with self._command():
             motion = Hold(command.duration_s)
-            outcome = self._done(self._execution.run(motion, self._limits()), 0.0, [])
+            outcome = self._carry_out(motion, self._limits(), [], lambda: 0.0)
             if len(motion.samples) < 2:
                 return outcome
             mean, sd = _mean(np.array(motion.samples))
@@ -224,6 +224,7 @@ class ArmController:
         payload = Payload.from_command(command, self._mounting)
         with self._turn.taken():
             runner = self._runner
+            runner.recover()
             if len(runner.last_samples) < (runner.last_samples.maxlen or 0):
                 self._execution.hold_still(LAST_S)
             mean, sd = (
@@ -250,16 +251,22 @@ class ArmController:
 
     def hold_still(self, duration_s: float) -> None:
         """Hold still for a time, for whoever has the turn: a simulated camera exposes meanwhile."""
+        self._runner.recover()
         self._execution.hold_still(duration_s)
 
     @contextmanager
     def exclusively(self) -> Iterator[None]:
+        """No command may run beside this, and nothing steps the cell. Raises CommandRefused busy."""
+        with self._alone(), self._turn.taken():
+            yield
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
         """No command may run beside this. Raises CommandRefused busy."""
         if not self._commanded.acquire(blocking=False):
             raise CommandRefused("busy", "another command is being carried out; wait for it or stop it")
         try:
-            with self._turn.taken():
-                yield
+            yield
         finally:
             self._commanded.release()
 
@@ -287,28 +294,38 @@ class ArmController:
         while not self._closing.is_set():
             with self._turn.idle():
                 # a device that refuses where it is to go, backing off from what it felt, holds on where it is
+                # one that was lost is asked for again
                 with suppress(CommandRefused):
-                    self._found_again()
+                    self._runner.recover()
                     self._execution.hold_still(self._runner.period_s)
                 self.holder.drop_expired(self._runner.now_ns)
 
-    def _found_again(self) -> None:
-        """After the arm was away it stands wherever it stands. Raises DeviceLost while it is away."""
-        if self._runner.lost:
-            self._runner.restart()
-
     @contextmanager
     def _command(self) -> Iterator[None]:
-        with self.exclusively():
-            self._found_again()
-            self._execution.accept()
-            self._execution.restart()
-            self._start_ns = self._runner.now_ns
-            self._start_joints = self._runner.joints_rad
+        """One command at a time. It is judged while the idle loop goes on: an arm in real time waits for nobody."""
+        with self._alone():
+            with self._turn.taken():
+                self._runner.recover()
+                self._execution.accept()
+                self._start_joints = self._runner.joints_rad
             try:
                 yield
             finally:
                 self._execution.done()
+
+    def _carry_out(
+        self, motion: Motion, limits: TouchingLimits, notes: list[str], travel_m: Callable[[], float] | None = None
+    ) -> MotionOutcome:
+        """Run what was judged. Raises CommandRefused wrong_start where the arm does not stand as it did, DeviceLost."""
+        steps, reference = self._execution.begun(motion)
+        with self._turn.taken():
+            self._runner.recover()
+            if not np.array_equal(self._runner.joints_rad, self._start_joints):
+                raise CommandRefused("wrong_start", "the arm backed off or was away meanwhile; plan anew")
+            self._execution.restart()
+            self._start_ns = self._runner.now_ns
+            ending = self._execution.run(steps, reference, limits)
+            return self._done(ending, None if travel_m is None else travel_m(), notes)
 
     def _refuse_collision(self, joints_rad: Array) -> None:
         """Before anything moves: what the arm's parts would come too near to on a way (k, n). Raises CommandRefused."""

@@ -17,7 +17,7 @@ from services.hardware.control.cycle import Reading, Reference
 from services.hardware.control.effort import Effort
 from services.hardware.control.holder import Holder
 from services.hardware.control.limits import TouchingLimits
-from services.hardware.control.motions import Ending, Motion, brake
+from services.hardware.control.motions import Ending, Motion, Steps, brake
 from services.hardware.control.runner import Runner
 
 SMALL_LOAD = (5.0, 0.5)  # N, Nm
@@ -114,13 +114,16 @@ class Execution:
 
     # ---------------------------------------------------------------------------------------------------------- run
 
-    def run(self, motion: Motion, limits: TouchingLimits) -> Ending:
-        """The motion, until it or something else ends it; the arm then stands."""
+    def begun(self, motion: Motion) -> tuple[Steps, Reference]:
+        """A motion with its first reference, which may have taken a while to reckon; it has not moved yet."""
+        steps = motion.steps(self._runner)
+        return steps, next(steps)
+
+    def run(self, steps: Steps, reference: Reference, limits: TouchingLimits) -> Ending:
+        """What has begun, until it or something else ends it; the arm then stands."""
         runner = self._runner
         runner.tare()
         self._holder.begin(runner.now_ns)
-        steps = motion.steps(runner)
-        reference = next(steps)
         while True:
             if self._stop_wanted:
                 self.brake()

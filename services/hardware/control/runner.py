@@ -45,7 +45,6 @@ class Runner:
         self._batch_listeners: list[Callable[[RawWrenchBatch], object]] = []
         self.now_ns = 0
         self.missed_cycles = 0
-        self.lost = False  # the arm was away: where it stands now is not known before a restart
         self.sensor_silent_s = 0.0
         self.payload: Payload | None = None
         self._mounting = mounting
@@ -53,6 +52,7 @@ class Runner:
         self._tare = Payload.tare(np.zeros(6), mounting)
         self.last_samples: deque[Array] = deque(maxlen=max(2, round(LAST_S / wrench.period_s)))
         self.trail = Trail()
+        self._lost = False
         self._batch: list[Array] = []
         self._batch_ns = 0
         self.restart()
@@ -74,7 +74,10 @@ class Runner:
     # ------------------------------------------------------------------------------------------------------- state
 
     def restart(self) -> None:
-        """The arm stands somewhere, from where nothing is known: no memory of forces or of a way."""
+        """The arm stands somewhere, from where nothing is known: no memory of forces or of a way.
+
+        Raises DeviceLost.
+        """
         state = self._joints.read()
         self.now_ns = state.stamp_ns
         self.joints_rad = np.array(state.positions_rad, dtype=float)
@@ -90,7 +93,6 @@ class Runner:
         self._batch.clear()
         self.trail.restart(self.joints_rad)
         self._remember_joints()
-        self.lost = False
 
     def forward(self, joints_rad: Array) -> Pose:
         """`pose_base_peg` of the encoders' side at joints (n,)."""
@@ -131,15 +133,25 @@ class Runner:
         """Stay where the reference is."""
         return Reference(self.joints_rad, np.zeros(len(self.joints_rad)))
 
+    def recover(self) -> None:
+        """After a device was lost: from where the arm stands now, which need not be where it was told to go.
+
+        Raises DeviceLost while it is away.
+        """
+        if self._lost:
+            self.restart()
+            self._lost = False
+            self.advance(self.still())
+
     # ------------------------------------------------------------------------------------------------------- cycle
 
     def advance(self, reference: Reference) -> Reading:
-        """One cycle."""
-        self._joints.write(reference.joints_rad, reference.speeds_rad_s)
+        """One cycle. Raises DeviceLost; `recover` before the next one."""
         try:
+            self._joints.write(reference.joints_rad, reference.speeds_rad_s)
             state = self._joints.read()
         except DeviceLost:
-            self.lost = True
+            self._lost = True
             raise
         samples = self._wrench.read()
         before_ns, self.now_ns = self.now_ns, state.stamp_ns
