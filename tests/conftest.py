@@ -177,12 +177,14 @@ class Router:
     endpoint: str
 
 
-def started_router(spawn: Callable[..., ServiceProcess] = ServiceProcess) -> tuple[ServiceProcess, str]:
+def started_router(
+    spawn: Callable[..., ServiceProcess] = ServiceProcess, *arguments: str
+) -> tuple[ServiceProcess, str]:
     """A router that listens, and where; whoever starts it without `spawn` ends it."""
     process: ServiceProcess | None = None
     for _ in range(3):
         where = f"tcp/127.0.0.1:{_free_port()}"
-        process = spawn("router", "--endpoint", where)
+        process = spawn("router", "--endpoint", where, *arguments)
         try:
             if process.wait_for_line("listening on"):
                 return process, where

@@ -6,6 +6,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ from crosspih_common.messages import (
     Strategy,
 )
 from crosspih_common.ros2 import Entity, RosNode, RosTypes
-from tests.conftest import ServiceProcess
+from tests.conftest import ServiceProcess, started_router
 from tests.ros2.sdk import SdkProcess
 
 pytest.importorskip("rosbags")
@@ -204,6 +205,22 @@ def test_the_tokens_are_those_that_the_sdk_writes(endpoint: str, sdk: Sdk) -> No
             assert one.type_hash == node.types.hash(one.ros_type)
             # the token read and written again is the token
             assert one.of(one.token()) == one
+
+
+def test_nodes_of_ros_hear_each_other_through_a_router_for_peers(
+    spawn: Callable[..., ServiceProcess], tmp_path: Path
+) -> None:
+    _, endpoint = started_router(spawn, "--peers")
+    folders = [tmp_path / name for name in ("arm", "listener")]
+    for folder in folders:
+        folder.mkdir()
+    arm = SdkProcess(endpoint, folders[0], "arm", "--rate-hz", "20")
+    listener = SdkProcess(endpoint, folders[1], "listen", "/joint_states", OUT["/joint_states"])
+    try:
+        assert len(listener.said("message")["message"]["position"]) == 6
+    finally:
+        listener.close()
+        arm.close()
 
 
 def wait_until(condition: Callable[[], bool], what: str) -> None:
