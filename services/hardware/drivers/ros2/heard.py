@@ -151,7 +151,10 @@ class Heard:
                 f"{one.node} publishes {one.ros_type} of another definition ({one.type_hash[:20]}...) than "
                 f"{self._node.types.distro}'s; set hardware.ros2.distro"
             )
-        return f"{one.node} is there and says nothing; is it still starting, or its controller inactive (ros2 control list_controllers)?"
+        return (
+            f"{one.node} is there and says nothing; is it still starting, or its controller inactive (ros2 control "
+            "list_controllers)?"
+        )
 
 
 def require_one_publisher(node: RosNode, name: str, field: str) -> None:
