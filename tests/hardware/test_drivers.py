@@ -36,7 +36,7 @@ def test_a_driver_opens_by_name_and_by_path(driver: str) -> None:
 @pytest.mark.parametrize(
     ("driver", "words"),
     [
-        ("ur10", "no driver 'ur10'; want pictures, recorded, simulated, or your own"),
+        ("ur10", "no driver 'ur10'; want pictures, recorded, ros2, simulated, or your own"),
         ("nowhere.to.be:found", "cannot be loaded"),
         ("services.hardware.drivers:no_such", "cannot be loaded"),
     ],
