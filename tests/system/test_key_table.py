@@ -142,6 +142,10 @@ def spelled_codes() -> dict[str, set[str]]:
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "CommandRefused":
                     code = node.args[0]
                     codes[str(code.value) if isinstance(code, ast.Constant) else ast.unparse(code)].add(where)
+                if where == "crosspih_common/errors.py" and isinstance(node, ast.Call) and node.args:
+                    code = node.args[0]  # a kind of refusal with a code of its own: super().__init__(code, text)
+                    if ast.unparse(node.func) == "super().__init__" and isinstance(code, ast.Constant):
+                        codes[str(code.value)].add(where)
                 if where == "services/vision/refusals.py" and isinstance(node, ast.Assign):
                     codes[ast.literal_eval(node.value)].add(where)
     return codes

@@ -8,12 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Literal
 
-import numpy as np
-
 from crosspih_common.errors import ConfigError
 from crosspih_common.ros2 import Entity, RosNode, RosQos, RosSample, dds_type
 
-ENOUGH = 60  # samples for a rate
+ENOUGH, FEWEST = 100, 5  # samples for a rate
 MEASURE_S = 2.0
 RATE_SHARE = 0.2  # a rate that the cell's file says may be off by
 SECOND_NS = 1_000_000_000
@@ -119,20 +117,22 @@ class Heard:
         return said_hz
 
     def _measured_hz(self, ros_time: RosTime) -> float:
-        seen: list[int] = []
-        after, until = self.count, time.monotonic() + MEASURE_S
-        while len(seen) < ENOUGH and (left := until - time.monotonic()) > 0.0:
-            got = self.newest(after, left)
-            if got is not None:
-                after, sample = got
-                seen.append(ros_time.stamp_ns(self.decode(sample), sample))
-        gaps = np.diff(seen)
-        if len(gaps) < 5 or not np.median(gaps) > 0.0:
-            said = (
-                "their header.stamp stands still: set hardware.ros2.stamps: arrival" if len(gaps) >= 5 else self._why()
+        """Samples over the time between their stamps: also those that nobody had the time to look at are counted."""
+        until = time.monotonic() + MEASURE_S
+        first = self.newest(self.count, MEASURE_S)
+        last = None
+        if first is not None:
+            last = self.newest(first[0] + ENOUGH, until - time.monotonic()) or self.newest(first[0] + FEWEST, 0.0)
+        if first is None or last is None:
+            raise ConfigError(
+                f"{self.field}: fewer than {FEWEST} samples came on {self.name} in {MEASURE_S:g} s; {self._why()}"
             )
-            raise ConfigError(f"{self.field}: {len(seen)} samples came on {self.name} in {MEASURE_S:g} s; {said}")
-        return float(1e9 / np.median(gaps))
+        began_ns, ended_ns = (ros_time.stamp_ns(self.decode(sample), sample) for _, sample in (first, last))
+        if ended_ns <= began_ns:
+            raise ConfigError(
+                f"{self.field}: the header.stamp of {self.name} stands still; set hardware.ros2.stamps: arrival"
+            )
+        return (last[0] - first[0]) * 1e9 / (ended_ns - began_ns)
 
     def _why(self) -> str:
         """Who publishes under that name, or what is there instead."""
