@@ -155,7 +155,7 @@ class Command(Generic[RequestT, ReplyT]):
 
 
 RECORDED = ("recorder",)
-ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
+ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
 LISTENING = tuple(name for name in ALL if name != "hardware")  # every bus but the clock's own
 
 # hardware -------------------------------------------------------------------------------------------------------------
@@ -165,7 +165,7 @@ JOINT_STATE = Topic(
     JointState,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", "operator", *RECORDED),
+    ("force_torque", "planning", "operator", "ros2", *RECORDED),
     "the encoders",
     250.0,
 )
@@ -174,18 +174,23 @@ WRENCH_RAW = Topic(
     RawWrenchBatch,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", "operator", *RECORDED),
+    ("force_torque", "planning", "operator", "ros2", *RECORDED),
     "the sensor",
     100.0,
 )
 CAMERA_CALIBRATION = Topic(
-    "camera/calibration", CameraCalibration, Kind.STATE, "hardware", ("operator", *RECORDED), "what the cameras are"
+    "camera/calibration",
+    CameraCalibration,
+    Kind.STATE,
+    "hardware",
+    ("operator", "ros2", *RECORDED),
+    "what the cameras are",
 )
 IMAGE_LEFT = Topic(
-    "camera/left/image", Image, Kind.EVENT, "hardware", ("vision", "operator", *RECORDED), "left picture"
+    "camera/left/image", Image, Kind.EVENT, "hardware", ("vision", "operator", "ros2", *RECORDED), "left picture"
 )
 IMAGE_RIGHT = Topic(
-    "camera/right/image", Image, Kind.EVENT, "hardware", ("vision", "operator", *RECORDED), "right picture"
+    "camera/right/image", Image, Kind.EVENT, "hardware", ("vision", "operator", "ros2", *RECORDED), "right picture"
 )
 TRUTH = Topic(
     "simulation/truth",
@@ -240,7 +245,7 @@ ANNOTATED_RIGHT = Topic(
 
 # force_torque ---------------------------------------------------------------------------------------------------------
 CONTACT_WRENCH = Topic(
-    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", RECORDED, "contact alone", 100.0
+    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", ("ros2", *RECORDED), "contact alone", 100.0
 )
 CONTACT_STATE = Topic("force_torque/state", ContactState, Kind.STREAM, "force_torque", RECORDED, "one of the 26", 10.0)
 FT_CALIBRATION = Topic(
@@ -289,13 +294,15 @@ ADVISE_INSERTION = Command(
 )
 
 # planning -------------------------------------------------------------------------------------------------------------
-ASSEMBLE = Command("planning/assemble", Assemble, AssemblyResult, "planning", ("operator",), "one assembly")
-ABORT = Command("planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator",), "end it, peg backed off")
+ASSEMBLE = Command("planning/assemble", Assemble, AssemblyResult, "planning", ("operator", "ros2"), "one assembly")
+ABORT = Command(
+    "planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator", "ros2"), "end it, peg backed off"
+)
 CALIBRATE_FT = Command(
     "planning/calibrate_ft", CalibrateFt, FtCalibration, "planning", ("operator",), "drive the poses and identify"
 )
 WITHDRAW = Command(
-    "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator",), "a seated peg straight out"
+    "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator", "ros2"), "a seated peg straight out"
 )
 PHASE = Topic(
     "planning/phase", AssemblyPhase, Kind.EVENT, "planning", ("operator", *RECORDED), "each step as it happens"
@@ -307,9 +314,16 @@ RECORD_START = Command("recorder/start", StartRecording, RecordingStatus, "recor
 RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder", ("operator",), "finish the file")
 
 # every service --------------------------------------------------------------------------------------------------------
-STATUS = Topic("service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", RECORDED, "how it is", 1.0)
+STATUS = Topic(
+    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", ("ros2", *RECORDED), "how it is", 1.0
+)
 EVENTS = Topic(
-    "service/{service}/event", Event, Kind.EVENT, "{service}", ("operator", *RECORDED), "what people should know"
+    "service/{service}/event",
+    Event,
+    Kind.EVENT,
+    "{service}",
+    ("operator", "ros2", *RECORDED),
+    "what people should know",
 )
 REFUSAL = Topic(
     "service/{service}/refusal",

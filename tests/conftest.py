@@ -44,6 +44,9 @@ WITH_PROCESSES = frozenset([
     "tests/hardware/test_genicam.py",
     "tests/holding/test_lease.py",
     "tests/operator/test_bench_pool.py",
+    "tests/ros2/test_arm_driver.py",
+    "tests/ros2/test_bridge.py",
+    "tests/ros2/test_camera_driver.py",
     "tests/recorder/test_recording_over_processes.py",
     "tests/service/test_lifecycle.py",
     "tests/system/test_cell_check.py",
@@ -57,7 +60,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
-STARTERS = frozenset(["bare", "router", "spawn", "stacks"])
+STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks", "there"])
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
@@ -178,17 +181,28 @@ class Router:
     endpoint: str
 
 
-@pytest.fixture
-def router(spawn: Callable[..., ServiceProcess]) -> Router:
-    """A router that listens."""
+def started_router(
+    spawn: Callable[..., ServiceProcess] = ServiceProcess, *arguments: str
+) -> tuple[ServiceProcess, str]:
+    """A router that listens, and where; whoever starts it without `spawn` ends it."""
     process: ServiceProcess | None = None
     for _ in range(3):
         where = f"tcp/127.0.0.1:{_free_port()}"
-        process = spawn("router", "--endpoint", where)
-        if process.wait_for_line("listening on"):
-            return Router(process, where)
+        process = spawn("router", "--endpoint", where, *arguments)
+        try:
+            if process.wait_for_line("listening on"):
+                return process, where
+        except BaseException:
+            process.terminate()
+            raise
     assert process is not None
     pytest.fail(f"no router: {''.join(process.output)}")
+
+
+@pytest.fixture
+def router(spawn: Callable[..., ServiceProcess]) -> Router:
+    """A router that listens."""
+    return Router(*started_router(spawn))
 
 
 @pytest.fixture

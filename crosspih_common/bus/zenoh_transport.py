@@ -39,14 +39,17 @@ QUEUE_BATCHES = 16
 _open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
 
 
-def router_config(endpoint: str) -> zenoh.Config:
-    """The embedded router: listens on one endpoint only, no scouting."""
+def router_config(endpoint: str, peers: bool = False) -> zenoh.Config:
+    """The embedded router: listens on one endpoint only, no scouting.
+
+    `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each other, so that they speak among themselves.
+    """
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
         "listen/endpoints": [endpoint],
         "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
+        "scouting/gossip/enabled": peers,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
@@ -145,6 +148,11 @@ class ZenohTransport:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+    @property
+    def session(self) -> zenoh.Session:
+        """For what speaks another protocol over Zenoh than the bus's."""
+        return self._session
 
     def sender(self, key: str, *, recover: bool, history: int) -> Sender:
         """Declare a publisher. See Transport."""

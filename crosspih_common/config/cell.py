@@ -17,7 +17,7 @@ from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.shapes.importing import FILE_SUFFIXES
 
-SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
+SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
 
 SectionT = TypeVar("SectionT", bound=Section)
 

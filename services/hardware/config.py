@@ -13,6 +13,7 @@ from services.hardware.drivers.genicam.config import GenicamConfig
 from services.hardware.drivers.pictures.config import PicturesConfig
 from services.hardware.drivers.recorded.config import RecordedConfig
 from services.hardware.drivers.robotiq.config import RobotiqConfig
+from services.hardware.drivers.ros2.config import Ros2Config
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.ur.config import UrConfig
 from services.hardware.drivers.video.config import VideoConfig
@@ -51,6 +52,7 @@ class HardwareConfig(Section):
     ur: UrConfig | None = None
     genicam: GenicamConfig | None = None
     video: VideoConfig | None = None
+    ros2: Ros2Config | None = None
 
     def driver_of(self, device: str) -> str:
         """The driver of one of `DEVICES`."""

@@ -20,7 +20,12 @@ def main() -> int:
     """Route until SIGINT or SIGTERM; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m services.router", description="The Zenoh router.")
     parser.add_argument("--endpoint", default=os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT)
-    endpoint = parser.parse_args().endpoint
+    parser.add_argument(
+        "--peers", action="store_true", default=os.environ.get("CROSSPIH_ROUTER_PEERS") == "1",
+        help="tell Zenoh peers of each other: for nodes of ROS 2 (docs/hardware/ros2.md)",
+    )  # fmt: skip
+    given = parser.parse_args()
+    endpoint = given.endpoint
     stop = threading.Event()
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -30,7 +35,7 @@ def main() -> int:
         signal.signal(number, on_signal)
     be_urgent()  # it does little, and everything waits for it; before Zenoh starts its threads
     try:
-        session = zenoh.open(router_config(endpoint))
+        session = zenoh.open(router_config(endpoint, given.peers))
     except zenoh.ZError as error:
         reason = str(error).splitlines()[0][:200]
         print(

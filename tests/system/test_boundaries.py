@@ -69,7 +69,9 @@ def files_of(service: str) -> list[Path]:
 
 
 def test_the_services_are_found() -> None:
-    assert {"hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator"} <= set(SERVICES)
+    assert {"hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2"} <= set(
+        SERVICES
+    )
 
 
 @pytest.mark.parametrize("service", [name for name in SERVICES if name not in KNOW_THE_TRUTH])
@@ -102,6 +104,29 @@ def test_torch_is_imported_by_inference_only() -> None:
         if not path.is_relative_to(ROOT / "services" / "inference"):
             modules = {module.split(".")[0] for module in imported(parsed(path), path)}
             assert not modules & {"torch", "safetensors"}, path
+
+
+def test_ros_is_spoken_by_the_bridge_the_driver_and_the_export_only() -> None:
+    """Nothing of ROS 2 reaches planning, control or the arm but through these."""
+    hardware = "services/hardware/drivers/ros2", "services/hardware/peers/ros2"
+    speaking = "crosspih_common/ros2", "services/ros2", "services/operator/export", *hardware
+    settings = ROOT / "services" / "hardware" / "config.py"  # knows the driver's section
+    for path in PRODUCT:
+        if any(path.is_relative_to(ROOT / where) for where in speaking):
+            continue
+        modules = set(imported(parsed(path), path))
+        assert not [name for name in modules if name.startswith("rosbags")], path
+        if path != settings:
+            assert not [name for name in modules if name.startswith("crosspih_common.ros2")], path
+
+
+def test_the_bridge_holds_no_lease_and_commands_no_motion() -> None:
+    """What ROS asks of the bridge goes to planning as a command of ours, or nowhere."""
+    motions = {"LEASE_TAKE", "FOLLOW", "MOVE_LINEAR", "GUARDED_MOVE", "ADMITTANCE_MOVE", "DWELL", "SET_PAYLOAD"}
+    for path in files_of("ros2"):
+        tree = parsed(path)
+        assert not motions & set(names_of(tree)), path
+        assert not [name for name in imported(tree, path) if name.startswith("crosspih_common.holding")], path
 
 
 def test_coal_is_imported_where_a_collision_model_is_made_only() -> None:

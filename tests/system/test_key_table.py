@@ -30,6 +30,7 @@ NOT_SPELLED = {
     "services/hardware/shells/arm.py": "command",
     "services/operator/bench/kills/watching.py": "command.reply_echo",
     "services/operator/replay/answers.py": "asked.command",
+    "services/ros2/shell.py": "command.reply_echo",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it
 STREAMS_HEARD = "StreamsHeard"  # of the same package: hears encoders and sensor for whoever has it look at a cell
@@ -141,6 +142,10 @@ def spelled_codes() -> dict[str, set[str]]:
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "CommandRefused":
                     code = node.args[0]
                     codes[str(code.value) if isinstance(code, ast.Constant) else ast.unparse(code)].add(where)
+                if where == "crosspih_common/errors.py" and isinstance(node, ast.Call) and node.args:
+                    code = node.args[0]  # a kind of refusal with a code of its own: super().__init__(code, text)
+                    if ast.unparse(node.func) == "super().__init__" and isinstance(code, ast.Constant):
+                        codes[str(code.value)].add(where)
                 if where == "services/vision/refusals.py" and isinstance(node, ast.Assign):
                     codes[ast.literal_eval(node.value)].add(where)
     return codes

@@ -54,6 +54,7 @@ DRIVERS: dict[str, BuiltIn] = {
         (("pymodbus", "pymodbus"), ("pyserial", "serial")),
         address="robotiq.serial",
     ),
+    "ros2": BuiltIn(f"{HERE}.ros2.opening:open_devices", extra="ros2", packages=(("rosbags", "rosbags"),)),
     "simulated": BuiltIn(f"{HERE}.simulated.cell:open_devices"),
     "ur": BuiltIn(f"{HERE}.ur.opening:open_devices", ARM, address="ur.host"),
     "video": BuiltIn(f"{HERE}.video.opening:open_devices", CAMERA, address="video.calibration"),

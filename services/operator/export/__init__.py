@@ -1,0 +1,13 @@
+"""`crosspih export`: recordings in other programs' formats."""
+
+import typer
+
+from services.operator.export.ros2 import ros2
+
+export_app = typer.Typer(no_args_is_help=True, help="Recordings for other programs.")
+export_app.command()(ros2)
+
+
+@export_app.callback()
+def _several() -> None:
+    """Recordings for other programs."""

@@ -1,0 +1,18 @@
+"""`python -m services.ros2`: an optional service; `crosspih up --profile ros2` starts it with the others."""
+
+from __future__ import annotations
+
+import sys
+
+from crosspih_common.service import ServiceContext, run_service
+from services.ros2.config import BridgeConfig
+from services.ros2.shell import BridgeShell
+
+
+def build(context: ServiceContext) -> BridgeShell:
+    """Open the node and bind it to the bus."""
+    return BridgeShell(context, context.cell.section("ros2", BridgeConfig))
+
+
+if __name__ == "__main__":
+    sys.exit(run_service("ros2", build))
