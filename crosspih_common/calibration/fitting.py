@@ -65,9 +65,7 @@ class Fit:
         return np.asarray(np.sqrt(squares / np.maximum(np.bincount(self.group, minlength=self.groups), 1)))
 
 
-def _jacobians(
-    residual: Residual, shared: Array, own: Array, steps: Array, own_steps: Array
-) -> tuple[Array, Array]:
+def _jacobians(residual: Residual, shared: Array, own: Array, steps: Array, own_steps: Array) -> tuple[Array, Array]:
     """By shared unknowns (m, p), and by the own ones of each row's group (m, k): central differences."""
     by_shared = [
         (residual(shared + step, own) - residual(shared - step, own)) / (2.0 * size)

@@ -14,7 +14,7 @@ from crosspih_common.geometry.pose import Array
 
 FINE_SIDE_PX = 1200  # a picture with a shorter side is looked at twice as large for its markers
 LEAST_CORNERS = 6
-REFINE_SHARE, LEAST_WINDOW_PX, MOST_WINDOW_PX = 0.9, 2, 12
+REFINE_SHARE, LEAST_WINDOW_PX, MOST_WINDOW_PX = 0.9, 2, 8
 REFINE_STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 MOST_MOVED_SHARE = 0.25  # of a square: a corner that was refined farther is another one
 
@@ -34,8 +34,7 @@ NONE = Corners(np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
 
 
 class Board:
-    """A pattern with OpenCV's dictionary. Raises ConfigError where there is none of that name, or with too few markers.
-    """
+    """A pattern with OpenCV's dictionary. Raises ConfigError where there is none of that name, or with too few markers."""
 
     def __init__(self, pattern: BoardPattern) -> None:
         self.pattern = pattern
@@ -114,7 +113,7 @@ class Board:
 
 
 def _side_px(to_pixels: Array, where_m: Array, square_m: float) -> Array:
-    """(n,): the shorter side of a square at each corner (n, 2), as it is seen, px."""
+    """(n,): how narrow a square at each corner (n, 2) is seen, px: between its nearer two sides."""
 
     def seen(points: Array) -> Array:
         mapped = np.column_stack([points, np.ones(len(points))]) @ to_pixels.T
@@ -123,4 +122,5 @@ def _side_px(to_pixels: Array, where_m: Array, square_m: float) -> Array:
     half = 0.5 * square_m
     across = seen(where_m + [half, 0.0]) - seen(where_m - [half, 0.0])
     down = seen(where_m + [0.0, half]) - seen(where_m - [0.0, half])
-    return np.minimum(np.linalg.norm(across, axis=1), np.linalg.norm(down, axis=1))
+    area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+    return np.asarray(area / np.maximum(np.linalg.norm(across, axis=1), np.linalg.norm(down, axis=1)))

@@ -17,7 +17,7 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.calibration.pairs import Pair, Rows, pose_of, starts, vector_of
-from services.vision.calibration.stereo import STEP_M, STEP_RAD, posed
+from services.vision.calibration.stereo import STEP_M, STEP_RAD, not_wild, posed
 from services.vision.stereo import Camera
 
 LEAST_POSES, LEAST_TURN_RAD, GOOD_TURN_RAD = 5, np.deg2rad(5.0), np.deg2rad(12.0)
@@ -137,7 +137,9 @@ def calibrate_hand_eye(
     pairs, flanges = [pairs[index] for index in kept], [flanges[index] for index in kept]
     _refuse_degenerate(flanges)
     rows = Rows.of(pairs, pattern)
-    seen = posed(rows, cameras, pose_left_right, starts(pairs, pattern, cameras, pose_left_right)).own
+    alone = posed(rows, cameras, pose_left_right, starts(pairs, pattern, cameras, pose_left_right))
+    rows = rows.where(not_wild(alone))
+    seen = posed(rows, cameras, pose_left_right, alone.own).own
     boards = [pose_of(vector) for vector in seen]
     camera, board, fit = _fitted(rows, flanges, cameras, pose_left_right, park_martin(flanges, boards))
     middle = np.append(pattern.size_m / 2.0, 0.0)
@@ -154,7 +156,9 @@ def calibrate_hand_eye(
         ])  # fmt: skip
         off = out.off_px(out.in_left_m(predicted), cameras, pose_left_right)
         squares, count = squares + float(off @ off), count + len(off)
-        away.append(_apart(held_camera, held_board, [flanges[i] for i in left_out], [boards[i] for i in left_out], middle))
+        away.append(
+            _apart(held_camera, held_board, [flanges[i] for i in left_out], [boards[i] for i in left_out], middle)
+        )
     out_mm, out_deg = np.concatenate([one[0] for one in away]), np.concatenate([one[1] for one in away])
     return HandEyeFit(
         camera, board, fit, *apart, float(np.sqrt(np.mean(out_mm**2))), float(np.sqrt(np.mean(out_deg**2))),
@@ -162,11 +166,12 @@ def calibrate_hand_eye(
     )  # fmt: skip
 
 
-def _apart(
-    camera: Pose, board: Pose, flanges: list[Pose], boards: list[Pose], middle: Array
-) -> tuple[Array, Array]:
+def _apart(camera: Pose, board: Pose, flanges: list[Pose], boards: list[Pose], middle: Array) -> tuple[Array, Array]:
     """Where the board is seen against where it should be, (n,) mm at its middle and (n,) degrees."""
     expected = [camera.inverse() @ flange @ board for flange in flanges]
-    away = [1e3 * np.linalg.norm(one.apply(middle) - other.apply(middle)) for one, other in zip(expected, boards, strict=True)]
+    away = [
+        1e3 * np.linalg.norm(one.apply(middle) - other.apply(middle))
+        for one, other in zip(expected, boards, strict=True)
+    ]
     turned = [np.rad2deg(one.angle_to_rad(other)) for one, other in zip(expected, boards, strict=True)]
     return np.array(away), np.array(turned)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
 from crosspih_common.config.board import BoardPattern
@@ -28,6 +29,7 @@ NUMBERS = 8
 BETTER = 0.01  # a larger model must beat a smaller one by this share of its held-out error
 LEAST_PAIRS, LEAST_TILT_RAD = 5, np.deg2rad(10.0)
 WILD_SD, WILD_PX = 5.0, 0.5
+MEDIAN_OF_TWO = 1.1774  # sd, of the length of a vector of two normal numbers
 STEP_PX, STEP_BEND, STEP_RAD, STEP_M = 1e-3, 1e-6, 1e-6, 1e-7
 Sizes = tuple[tuple[int, int], tuple[int, int]]
 
@@ -171,6 +173,12 @@ def posed(rows: Rows, cameras: tuple[Camera, Camera], pose_left_right: Pose, own
     return fit_groups(residual, np.zeros(0), own, rows.groups, np.zeros(0), own_steps)
 
 
+def not_wild(fit: Fit) -> NDArray[np.bool_]:
+    """(m,): the corners of a fit that are no farther off than chance lets them be, against the typical one."""
+    off = np.linalg.norm(fit.residual.reshape(-1, 2), axis=1)
+    return np.asarray(off < max(WILD_SD * float(np.median(off)) / MEDIAN_OF_TWO, WILD_PX))
+
+
 def calibrate_stereo(
     pairs: list[Pair], pattern: BoardPattern, sizes: Sizes, model: str | None = None, folds: int = 4
 ) -> StereoFit:
@@ -194,9 +202,7 @@ def calibrate_stereo(
         )
     rows = Rows.of(pairs, pattern)
     fit = _fitted(rig, rows, shared, own)
-    off = np.linalg.norm(fit.residual.reshape(-1, 2), axis=1)
-    spread = 1.4826 * float(np.median(off)) / 1.1774
-    sound = off < max(WILD_SD * spread, WILD_PX)
+    sound = not_wild(fit)
     rows = rows.where(sound)
     left_out, best = {}, ""
     for name, numbers in MODELS.items():
