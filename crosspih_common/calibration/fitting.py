@@ -1,9 +1,9 @@
 """Least squares over groups of observations, with intervals that hold where the errors of one group belong together.
 
-A pose of the arm, a picture or a push gives many numbers with one error in common (the arm stood a little elsewhere), so
-the scatter of the single residuals says too little. The covariance here is the jackknife over groups in its linear
-form, CR3 of Bell and McCaffrey (2002, Survey Methodology 28, 169): each group is left out in turn, and how far the answer
-moves is how sure it is. It errs on the side of caution.
+A pose of the arm, a picture or a push gives many numbers with one error in common (the arm stood a little elsewhere),
+so the scatter of the single residuals says too little. The covariance here is the jackknife over groups in its linear
+form, CR3 of Bell and McCaffrey (2002, Survey Methodology 28, 169): each group is left out in turn, and how far the
+answer moves is how sure it is. It errs on the side of caution.
 
 Unknowns are `shared` by all groups, or `own` of one group (the pose of the board in one picture); the own ones are
 eliminated group by group (Schur complement), so that many pictures cost no more than their sum.
@@ -144,7 +144,7 @@ def _step(
             kept.append(solved)
     step = np.linalg.lstsq(normal, pull, rcond=None)[0] if width else np.zeros(0)
     own_step = np.array([solved[:, width] - solved[:, :width] @ step for solved in kept])
-    return step, own_step if own_width else np.zeros((len(rows), 0))
+    return np.asarray(step, float), np.asarray(own_step, float) if own_width else np.zeros((len(rows), 0))
 
 
 def _finished(

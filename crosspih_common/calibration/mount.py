@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
 from crosspih_common.calibration.presses import APART_M, Pressed, held, require, touching_corner
@@ -61,9 +62,9 @@ class _Data:
     pushed: Array
     moments: Array
     moments_sd: Array
-    group: Array  # of gravity's readings, then of the pushes'
+    group: NDArray[np.int64]  # of gravity's readings, then of the pushes'
 
-    def without(self, out: Array) -> _Data:
+    def without(self, out: NDArray[np.int64]) -> _Data:
         """All but some groups, counted anew."""
         gravity = ~np.isin(self.group[: len(self.forces)], out)
         pushes = ~np.isin(self.group[len(self.forces) :], out)
@@ -88,9 +89,9 @@ def _data(pressed: Pressed, workcell: Workcell) -> _Data:
         group.append(index)
     corners, pushed, moments, moments_sd, of_push = [], [], [], [], []
     for index, press in enumerate(pressed.presses):
-        for level in held(press, workcell):
-            wrench, sd = mounting.sensor(level.raw), mounting.sensor_sd(level.raw_sd)
-            corner, apart = touching_corner(peg, level.pose_base_peg.rotation, normal)
+        for pushing in held(press, workcell):
+            wrench, sd = mounting.sensor(pushing.raw), mounting.sensor_sd(pushing.raw_sd)
+            corner, apart = touching_corner(peg, pushing.pose_base_peg.rotation, normal)
             if np.linalg.norm(wrench[:3]) < LEAST_FORCE_N or apart < APART_M:
                 continue
             corners.append(corner)
@@ -124,7 +125,7 @@ def _fitted(data: _Data, before: Pose, start: Array) -> Fit:
         ])  # fmt: skip
 
     steps = np.array([1e-5] * 3 + [1e-6] * 3 + [1e-4] * 6)
-    group = np.repeat(data.group, 3)
+    group = np.asarray(np.repeat(data.group, 3), dtype=np.int64)
     return fit_groups(residual, start, np.zeros((int(group.max()) + 1, 0)), group, steps, np.zeros(0))
 
 
@@ -144,8 +145,8 @@ def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
         )
     if len(data.pushed) < 4:
         raise CalibrationRefused(
-            f"{len(data.pushed)} pushes press with {LEAST_FORCE_N:g} N on one corner of the tip; tilt the peg so that one "
-            "corner touches, and push harder"
+            f"{len(data.pushed)} pushes press with {LEAST_FORCE_N:g} N on one corner of the tip; tilt the peg so that "
+            "one corner touches, and push harder"
         )
     ways = data.pushed / np.linalg.norm(data.pushed, axis=1)[:, None]
     across = np.linalg.eigvalsh(np.eye(3) - ways.T @ ways / len(ways))[0]
@@ -176,7 +177,7 @@ def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
     if float(half[3:6].max()) > 1e-4:
         axis = "xyz"[int(np.argmax(half[3:6]))]
         missing.append(
-            f"along {axis} of the peg the place is known to {half[3:6].max() * 1e3:.2f} mm; push with more force across it"
+            f"along {axis} of the peg the place is known to {half[3:6].max() * 1e3:.2f} mm; push harder across it"
         )
     if float(half[:3].max()) > np.deg2rad(0.1):
         axis = "xyz"[int(np.argmax(half[:3]))]

@@ -1,8 +1,8 @@
 """Gentle pushes of the peg's tip against something rigid, and dwells in free air: what was taken, and what it means.
 
 A push is held at two or more depths, at rest: the encoders say how far the motor side went on, the sensor how much
-harder it pressed, and the tip has gone nowhere along the plate's normal. The corner of the tip that touches follows from
-the drawing and from how the peg stands: the one farthest along the normal.
+harder it pressed, and the tip has gone nowhere along the plate's normal. The corner of the tip that touches follows
+from the drawing and from how the peg stands: the one farthest along the normal.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ push turns stays as it was: the data say nothing of it, and the answer says whic
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,7 @@ def equations(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array
     for index, press in enumerate(pressed.presses):
         levels = held(press, workcell)
         corner, _ = touching_corner(peg, levels[0].pose_base_peg.rotation, normal)
-        for before, after in zip(levels, levels[1:], strict=False):
+        for before, after in pairwise(levels):
             middle = 0.5 * (before.joints_rad + after.joints_rad)
             change = wrench_base(after, workcell) - wrench_base(before, workcell)
             if abs(float(change[:3] @ normal)) < LEAST_CHANGE_N:
@@ -79,7 +80,7 @@ def equations(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array
 
 
 def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Array) -> tuple[Fit, float]:
-    """The logarithms of stiffness against before, and the error of one equation, m, that the prior is weighed against."""
+    """The logarithms of stiffness against before, and an equation's error, m, that the prior is weighed against."""
     joints, unit_m = len(before), FIRST_M
     own = np.zeros((int(group.max()) + 1, 0))
     for _ in range(2):
@@ -97,14 +98,13 @@ def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Arra
 def fit_stiffness(pressed: Pressed, workcell: Workcell, folds: int = 5) -> StiffnessFit:
     """Raises CalibrationRefused where the pushes are too few, too gentle, or turn no joint enough."""
     require(pressed)
-    factors, moved, group = equations(pressed, workcell)
-    if len(np.unique(group)) < 4:
+    factors, moved, pushes = equations(pressed, workcell)
+    if len(np.unique(pushes)) < 4:
         raise CalibrationRefused(
-            f"only {len(np.unique(group)) if len(group) else 0} pushes grew by {LEAST_CHANGE_N:g} N or more from one "
+            f"only {len(np.unique(pushes))} pushes grew by {LEAST_CHANGE_N:g} N or more from one "
             "depth to the next; push harder (--force)"
         )
-    _, group = np.unique(group, return_inverse=True)
-    group = np.asarray(group, dtype=np.int64)
+    group = np.asarray(np.unique(pushes, return_inverse=True)[1], dtype=np.int64)
     before = np.asarray(workcell.joint_stiffness_nm_rad, float)
     fit, unit_m = _fitted(factors, moved, group, before)
     sd = np.minimum(fit.sd, PRIOR_SD)
@@ -131,15 +131,15 @@ def fit_stiffness(pressed: Pressed, workcell: Workcell, folds: int = 5) -> Stiff
     wide = float(fit.half_width()[0] / max(fit.sd[0], 1e-12))
     return StiffnessFit(
         found, sd, half, taken, tool, tool_sd * wide, fit.rms * unit_m, float(np.sqrt(squares / count)),
-        float(np.sqrt(np.mean(moved**2))), fit, _missing(taken, sd, half), _doubts(kept / before, fit.rms * unit_m, moved),
+        float(np.sqrt(np.mean(moved**2))), fit, _missing(taken, half), _doubts(kept / before, fit.rms * unit_m, moved),
     )  # fmt: skip
 
 
-def _missing(taken: tuple[bool, ...], sd: Array, half: Array) -> tuple[str, ...]:
+def _missing(taken: tuple[bool, ...], half: Array) -> tuple[str, ...]:
     open_ones = [index for index, one in enumerate(taken) if not one]
     return tuple(
-        f"joint {index + 1} stays as it was: its stiffness is known to {half[index]:.0%} only; push in postures in which "
-        f"the force has a longer lever about its axis"
+        f"joint {index + 1} stays as it was: its stiffness is known to {half[index]:.0%} only; push in postures in "
+        f"which the force has a longer lever about its axis"
         for index in open_ones
     )
 
@@ -153,7 +153,7 @@ def _doubts(factor: Array, rms_m: float, moved: Array) -> tuple[str, ...]:
     share = rms_m / max(float(np.sqrt(np.mean(moved**2))), 1e-12)
     if share > 0.1:
         said.append(
-            f"{share:.0%} of the motion is not explained by joints that give way: play, a plate that moves, or a tip that "
-            "slips; clamp the plate, or say cell.contact_stiffness_n_m"
+            f"{share:.0%} of the motion is not explained by joints that give way: play, a plate that moves, or a tip "
+            "that slips; clamp the plate, or say cell.contact_stiffness_n_m"
         )
     return tuple(said)

@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
+from crosspih_common.calibration.fitting import CalibrationRefused, Fit, Residual, fit_groups, held_out_folds
 from crosspih_common.calibration.presses import APART_M, Pressed, held, require, touching_corner, wrench_base
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
@@ -26,8 +27,8 @@ STEPS = np.array([1e-6] * 3 + [1e-5] * 2 + [1e-6])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TipFit:
-    """shift_m (3,): of the peg from where the cell's file has it, in the peg frame; tip_flange_m (3,): the middle of its
-    tip on the flange; sd and half of the 95 % interval (3,); residual and held-out error of the touches, m."""
+    """shift_m (3,): of the peg from where the cell's file has it, in the peg frame; tip_flange_m (3,): the middle of
+    its tip on the flange; sd and half of the 95 % interval (3,); residual and held-out error of the touches, m."""
 
     shift_m: Array
     tip_flange_m: Array
@@ -72,7 +73,7 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
     leaning = np.einsum("kji,j->ki", rotations, normal)
     if np.linalg.svd(leaning[:, :2] - leaning[:, :2].mean(axis=0), compute_uv=False)[1] < LEAST_TILT_SPREAD:
         raise CalibrationRefused(
-            "the peg was tilted to one side only: across it the tip stays open; touch with tilts to at least three sides"
+            "the peg was tilted to one side only: across it the tip stays open; tilt to at least three sides"
         )
     if float(np.ptp(leaning[:, 2])) < 0.02:
         raise CalibrationRefused(
@@ -83,7 +84,7 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
         [np.zeros(5), [float(np.mean((np.einsum("kij,kj->ki", rotations, corners) + places) @ normal))]]
     )
 
-    def residual_of(chosen: Array) -> object:
+    def residual_of(chosen: NDArray[np.int64]) -> Residual:
         def residual(shared: Array, _: Array) -> Array:
             way = normal + shared[3:5] @ across
             way = way / np.linalg.norm(way)
@@ -92,16 +93,16 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
 
         return residual
 
-    def fitted(chosen: Array) -> Fit:
+    def fitted(chosen: NDArray[np.int64]) -> Fit:
         own, group = np.zeros((len(chosen), 0)), np.arange(len(chosen))
-        return fit_groups(residual_of(chosen), start, own, group, STEPS, np.zeros(0))  # type: ignore[arg-type]
+        return fit_groups(residual_of(chosen), start, own, group, STEPS, np.zeros(0))
 
-    everything = np.arange(len(rotations))
+    everything = np.arange(len(rotations), dtype=np.int64)
     fit = fitted(everything)
     squares = 0.0
     for left_out in held_out_folds(len(rotations), folds):
         held_fit = fitted(np.setdiff1d(everything, left_out))
-        off = residual_of(left_out)(held_fit.shared, np.zeros(0))  # type: ignore[operator]
+        off = residual_of(left_out)(held_fit.shared, np.zeros(0))
         squares += float(off @ off)
     shift, half = fit.shared[:3], fit.half_width()[:3]
     tip = workcell.pose_flange_peg() @ Pose.from_translation(shift)

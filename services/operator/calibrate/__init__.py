@@ -1,1 +1,1 @@
-"""`crosspih calibrate stereo|hand-eye|mount|stiffness|tcp|board`: guided, with what is missing, and a file at the end."""
+"""`crosspih calibrate stereo|hand-eye|mount|stiffness|tcp|board`: guided, with what is missing and a file."""

@@ -122,8 +122,8 @@ def read_taken(paths: list[Path], board: str | None) -> tuple[Taken, Path]:
     sides = [sorted(file for file in files if name in file.name.lower()) for name in ("left", "right")]
     if not sides[0] or len(sides[0]) != len(sides[1]):
         raise ConfigError(
-            f"--from: {len(sides[0])} pictures have `left` in their names and {len(sides[1])} have `right`; give as many "
-            "of each, in the same order, or a folder that a calibration has left"
+            f"--from: {len(sides[0])} pictures have `left` in their names and {len(sides[1])} have `right`; give as "
+            "many of each, in the same order, or a folder that a calibration has left"
         )
     if board is None:
         raise ConfigError("--board: say which board the pictures show, such as 9x6:0.02:0.015:DICT_4X4_50")

@@ -45,7 +45,7 @@ SHARES = (0.35, 0.68, 1.0)  # of the force, at the depths of a push
 FREE_S, HELD_S, SETTLE_S = 0.5, 0.5, 0.15
 WEIGHINGS, WRIST_RAD, WEIGHING_TRIES = 10, 1.3, 400
 SPIN_RAD = 1.6
-PLACES = 3
+ORIENTATIONS, ROUND, LEAST_AREA_M2 = 4, (0, 4, 8, 2, 6, 10, 1, 5, 9, 3, 7, 11), 4e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +58,8 @@ class Manner:
 
 
 def postures(workcell: Workcell, count: int, seed: int) -> list[tuple[Array, Array]]:
-    """(rotation (3, 3) of the peg in the nominal hole's frame, place (2,) of the tip's corner on its face, m), more than
-    asked for: tilted so that one corner of the tip touches, to all sides and about the plate."""
+    """(rotation (3, 3) of the peg in the nominal hole's frame, place (2,) of the tip's corner on its face, m), more
+    than asked for: tilted so that one corner of the tip touches, to all sides and about the plate."""
     rng, peg = np.random.default_rng(seed), workcell.peg.shape()
     radius = workcell.hole.shape(peg).opening().reach_m + BESIDE_M
     found: list[tuple[Array, Array]] = []
@@ -72,13 +72,19 @@ def postures(workcell: Workcell, count: int, seed: int) -> list[tuple[Array, Arr
         rotation = (lean * Rotation.from_rotvec([0.0, 0.0, spin])).as_matrix()
         if touching_corner(peg, rotation, np.array([0.0, 0.0, 1.0]))[1] < 2.0 * APART_M:
             continue
-        at = 2.0 * np.pi * ((number * 0.381966) % 1.0)
+        at = 2.0 * np.pi * number / (1.3 * count)  # neighbours after each other, and once round in any case
         found.append((rotation, radius * np.array([np.cos(at), np.sin(at)])))
     if len(found) < count:
         raise CalibrationRefused(
-            "cell.peg: no tilt has one corner of this peg's tip touch alone; use a peg with corners, a cross or a square"
+            "cell.peg: no tilt has one corner of this peg's tip touch alone; use a peg with corners, such as a cross"
         )
     return found
+
+
+def _area(*poses: Pose) -> float:
+    """Of the triangle between three poses' origins, m2."""
+    first, second, third = (pose.translation_m for pose in poses)
+    return 0.5 * float(np.linalg.norm(np.cross(second - first, third - first)))
 
 
 class Presser:
@@ -109,38 +115,64 @@ class Presser:
             point = point + self.normal * (self._offset - float(self.normal @ point))
         return Pose(turned, point - self.normal * away_m - turned @ corner)
 
+    def _front(self) -> Pose:
+        """On the nominal hole's axis, clear of the plate wherever it may be."""
+        far = self._workcell.hole_prior.half_range_depth_m + AWAY_M + self._peg.tip_m
+        return self._collisions.before_zone(self._nominal @ Pose.from_translation([0.0, 0.0, -far]))
+
     def to_front(self) -> None:
-        """From free space to before the plate, clear of it wherever it may be. Raises CommandRefused, MoveEnded."""
-        rotation, place = postures(self._workcell, 1, self._manner.seed)[0]
-        far = self._workcell.hole_prior.half_range_depth_m + AWAY_M
-        goal = self._before(rotation, place, far)
-        start = self._collisions.before_zone(goal)
+        """From free space to before the plate. Raises CalibrationRefused, CommandRefused, MoveEnded."""
         try:
-            joints = nearest(self._workcell.arm(), start @ self._back, self._arm.joints_rad)
+            joints = nearest(self._workcell.arm(), self._front() @ self._back, self._arm.joints_rad)
         except InverseError as error:
             raise CalibrationRefused(f"the plate cannot be come to: {error}") from None
         self._arm.go([joints])
 
+    def back_home(self, home: Array) -> None:
+        """From before the plate to where it all began."""
+        self._arm.slide(self._front())
+        self._arm.go([home])
+
     def find_normal(self) -> None:
-        """Three touches in one orientation, around the hole. Raises CalibrationRefused where nothing is touched."""
+        """Three touches in one orientation, around the hole, wherever the arm gets to.
+
+        Raises CalibrationRefused where nothing is touched, or no three places can be come to.
+        """
+        why = ""
+        for rotation, first in postures(self._workcell, ORIENTATIONS, self._manner.seed)[::2]:
+            touched: list[Pose] = []
+            for turn in ROUND:
+                spun = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi * turn / len(ROUND)]).as_matrix()[:2, :2]
+                try:
+                    pose = self._touched(rotation, spun @ first)
+                except CommandRefused as refusal:
+                    why = str(refusal)
+                    continue
+                if len(touched) < 2 or _area(touched[0], touched[1], pose) > LEAST_AREA_M2:
+                    touched.append(pose)
+                if len(touched) == 3:
+                    self._plane_of(touched)
+                    return
+        raise CalibrationRefused(f"the plate cannot be touched at three places around the hole: {why}")
+
+    def _touched(self, rotation: Array, place: Array) -> Pose:
+        """The peg as it touched; it is drawn back then."""
         depth = self._workcell.hole_prior.half_range_depth_m
-        rotation, first = postures(self._workcell, 1, self._manner.seed)[0]
-        touched = []
-        for turn in range(PLACES):
-            spun = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi * turn / PLACES]).as_matrix()[:2, :2]
-            self._arm.slide(self._before(rotation, spun @ first, depth + AWAY_M))
-            outcome = self._arm.touch(
-                GuardedMove(
-                    direction_base=floats(self.normal), speed_m_s=PROBE_M_S, creep_speed_m_s=CREEP_M_S,
-                    force_threshold_n=TOUCH_N, travel_limit_m=2.0 * depth + AWAY_M + DEEP_M, retreat_m=AWAY_M,
-                )
-            )  # fmt: skip
-            if outcome.stop_reason is not StopReason.CONTACT or outcome.pose_base_peg_observed is None:
-                raise CalibrationRefused(
-                    f"nothing was touched within {1e3 * (2.0 * depth + AWAY_M):.0f} mm: is the plate where "
-                    "cell.hole_prior has it?"
-                )
-            touched.append(outcome.pose_base_peg_observed.pose())
+        self._arm.slide(self._before(rotation, place, depth + AWAY_M))
+        outcome = self._arm.touch(
+            GuardedMove(
+                direction_base=floats(self.normal), speed_m_s=PROBE_M_S, creep_speed_m_s=CREEP_M_S,
+                force_threshold_n=TOUCH_N, travel_limit_m=2.0 * depth + AWAY_M + DEEP_M, retreat_m=AWAY_M,
+            )
+        )  # fmt: skip
+        if outcome.stop_reason is not StopReason.CONTACT or outcome.pose_base_peg_observed is None:
+            raise CalibrationRefused(
+                f"nothing was touched within {1e3 * (2.0 * depth + AWAY_M):.0f} mm: is the plate where cell.hole_prior "
+                "has it?"
+            )
+        return outcome.pose_base_peg_observed.pose()
+
+    def _plane_of(self, touched: list[Pose]) -> None:
         one, other = (touched[i].translation_m - touched[0].translation_m for i in (1, 2))
         normal = np.cross(one, other)
         normal /= np.linalg.norm(normal)
@@ -200,7 +232,8 @@ class Presser:
     def weigh(self, home: Array) -> list[Level]:
         """Dwells with the wrist turned about, clear of everything, each from home and back."""
         rng, arm = np.random.default_rng(self._manner.seed), self._workcell.arm()
-        wide, found = self._collisions.margin_m + 0.005, []
+        wide = self._collisions.margin_m + 0.005
+        found: list[Level] = []
         down = np.asarray(self._workcell.gravity_base_m_s2, float)
         down /= np.linalg.norm(down)
         directions: list[Array] = []
@@ -277,8 +310,7 @@ def take_presses(
                 f"{gone * 1e6:.0f} um: {1e-3 * (force[-1] - force[0]) / max(gone, 1e-9):.0f} N/mm",
                 highlight=False,
             )  # fmt: skip
-        presser.to_front()
-        arm.go([home])
+        presser.back_home(home)
     return Pressed.model_validate({
         "taken_at": now(), "cell": workcell.name, "normal_base": floats(presser.normal), "presses": tuple(presses),
         "weighings": tuple(weighings),

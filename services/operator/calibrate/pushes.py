@@ -153,7 +153,7 @@ def mount(
     files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 12.0, out: OutOption = None,
     cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """How the force/torque sensor is mounted: its turn and sign by gravity, its place by pushes on the tip's corners."""
+    """How the force/torque sensor is mounted: its turn by gravity, its place by pushes on the tip's corners."""
     console = Console(stderr=True)
     with told(console), using_cell(cell):
         path = Path(cell_path())
@@ -163,7 +163,8 @@ def mount(
         result = mount_told(fit, file)
         lines = [
             f"weight {fit.weight_n:.3f} N; the turn is by gravity, the place by pushes",
-            f"residual {fit.rms_n:.4f} N, {fit.rms_nm:.5f} Nm; left out {fit.held_out_n:.4f} N, {fit.held_out_nm:.5f} Nm",
+            f"residual {fit.rms_n:.4f} N, {fit.rms_nm:.5f} Nm",
+            f"left out {fit.held_out_n:.4f} N, {fit.held_out_nm:.5f} Nm",
         ]
         _finish("mount", "the sensor against where the cell's file has it", lines, result, pressed, folder, path,
                 file.workcell.name, out, as_json)  # fmt: skip

@@ -2,8 +2,8 @@
 
 Every job has `do` and `board` (the pattern's one line, `crosspih_common.config.board`):
 
-- `see`: `pair` {"left", "right": files, null for none; "encodings": two of docs/wire.md, null for plain files; "gamma"}.
-  Answers the corners found in each and by both, and what is still missing of all pairs seen so far. A file is looked at
+- `see`: `pair` {"left", "right": files, null for none; "encodings": two of docs/wire.md, null for files;
+  "gamma"}. Answers the corners found in each and by both, and what is still missing of all pairs seen so far. A file is looked at
   once, also for the later jobs.
 - `stereo`: `pairs`, `model` (the size of the distortion, null: by the held-out error).
 - `hand_eye`: `pairs`, `flanges` (4 x 4 each, `pose_base_flange`), `calibration` (the camera message).
@@ -126,7 +126,7 @@ class Calibrator:
 
     def _told_of(self, board: Board, pair: PairJob, before: tuple[PairJob, ...]) -> dict[str, Any]:
         every = [self._pair(board, str(board.pattern), one) for one in (*before, pair)]
-        (left, right), sizes = every[-1]
+        (left, right), _ = every[-1]
         parts = parts_seen([seen for seen, _ in every], self._sizes([size for _, size in every]))
         poses = [pose for seen, size in every if (pose := _roughly(seen[0], board.pattern, size[0])) is not None]
         return {

@@ -34,7 +34,7 @@ NONE = Corners(np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
 
 
 class Board:
-    """A pattern with OpenCV's dictionary. Raises ConfigError where there is none of that name, or with too few markers."""
+    """A pattern with OpenCV's dictionary. Raises ConfigError where there is none of that name, or it is too small."""
 
     def __init__(self, pattern: BoardPattern) -> None:
         self.pattern = pattern
@@ -75,10 +75,11 @@ class Board:
     def _refined(self, picture: NDArray[np.uint8], corners: Corners) -> Corners:
         """By gradients in a window that no marker reaches into, of a size of its own for each corner."""
         where = self.pattern.corners_m()[corners.ids][:, :2]
-        to_pixels, _ = cv2.findHomography(where, corners.pixels, cv2.RANSAC, 3.0)
-        if to_pixels is None:
+        found = cv2.findHomography(where, corners.pixels, cv2.RANSAC, 3.0)
+        to_pixels = np.asarray(found[0], dtype=float)
+        if to_pixels.shape != (3, 3):
             return NONE
-        side_px = _side_px(np.asarray(to_pixels), where, self.pattern.square_m)
+        side_px = _side_px(to_pixels, where, self.pattern.square_m)
         free = REFINE_SHARE * 0.5 * (1.0 - self.pattern.marker_m / self.pattern.square_m) * side_px
         windows = np.clip(np.floor(free), LEAST_WINDOW_PX, MOST_WINDOW_PX).astype(int)
         refined = corners.pixels.copy()
@@ -104,7 +105,7 @@ class Board:
                     found.append(np.array([column * side, row * side, side, side]))
         bits = self._dictionary.markerSize + 2
         cell = pattern.marker_m / bits
-        for number, corners in zip(self._board.getIds().ravel(), self._board.getObjPoints(), strict=True):
+        for number, corners in zip(np.asarray(self._board.getIds()).ravel(), self._board.getObjPoints(), strict=True):
             left, top = np.asarray(corners)[:, :2].min(axis=0)
             drawn = self._dictionary.generateImageMarker(int(number), bits, borderBits=1)
             for row, column in np.argwhere(np.asarray(drawn) < 128):
@@ -120,7 +121,7 @@ def _side_px(to_pixels: Array, where_m: Array, square_m: float) -> Array:
         return np.asarray(mapped[:, :2] / mapped[:, 2:])
 
     half = 0.5 * square_m
-    across = seen(where_m + [half, 0.0]) - seen(where_m - [half, 0.0])
-    down = seen(where_m + [0.0, half]) - seen(where_m - [0.0, half])
+    across = seen(where_m + np.array([half, 0.0])) - seen(where_m - [half, 0.0])
+    down = seen(where_m + np.array([0.0, half])) - seen(where_m - [0.0, half])
     area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
     return np.asarray(area / np.maximum(np.linalg.norm(across, axis=1), np.linalg.norm(down, axis=1)))

@@ -1,8 +1,8 @@
 """Where the cameras stand in the arm's base, by an arm that shows them a board: eye to hand.
 
-Park and Martin's closed form gives a start (OpenCV 5 has no calibrateHandEye any more); then the camera's pose and the board's pose on the flange are fitted to all
-corners of both pictures at once, in pixels. What the arm itself is off by shows as residual, pose by pose, and is in the
-intervals, which are by leaving poses out.
+Park and Martin's closed form gives a start (OpenCV 5 has no calibrateHandEye any more); then the camera's pose and the
+board's pose on the flange are fitted to all corners of both pictures at once, in pixels. What the arm itself is off by
+shows as residual, pose by pose, and is in the intervals, which are by leaving poses out.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def missing_turns(poses_base_flange: list[Pose]) -> list[str]:
         if size < GOOD_TURN_RAD:
             shown = ", ".join(f"{value:+.2f}" for value in axis)
             said.append(
-                f"the flange was turned by {np.rad2deg(size):.1f} degrees rms about ({shown}) of its own frame; turn it "
-                "about that axis as well, by 20 degrees and more both ways"
+                f"the flange was turned by {np.rad2deg(size):.1f} degrees rms about ({shown}) of its own frame; turn "
+                "it about that axis as well, by 20 degrees and more both ways"
             )
     return said
 
@@ -126,8 +126,8 @@ def _fitted(
 
 
 def calibrate_hand_eye(
-    pairs: list[Pair], flanges: list[Pose], pattern: BoardPattern, cameras: tuple[Camera, Camera], pose_left_right: Pose,
-    folds: int = 5,
+    pairs: list[Pair], flanges: list[Pose], pattern: BoardPattern, cameras: tuple[Camera, Camera],
+    pose_left_right: Pose, folds: int = 5,
 ) -> HandEyeFit:  # fmt: skip
     """The left camera in the base, from pairs and `pose_base_flange` of each.
 

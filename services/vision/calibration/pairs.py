@@ -63,7 +63,8 @@ class Rows:
     def in_left_m(self, poses: Array) -> Array:
         """(m, 3): the corners in the left camera's frame, of boards at poses (n, 6): rotation vector and place."""
         rotations = Rotation.from_rotvec(poses[:, :3]).as_matrix()
-        return np.einsum("mij,mj->mi", rotations[self.pair], self.points_m) + poses[self.pair, 3:]
+        turned = np.einsum("mij,mj->mi", rotations[self.pair], self.points_m)
+        return np.asarray(turned + poses[self.pair, 3:], dtype=float)
 
     def off_px(self, in_left_m: Array, cameras: tuple[Camera, Camera], pose_left_right: Pose) -> Array:
         """(2 m,): pictures less what cameras would show of corners (m, 3)."""

@@ -76,8 +76,8 @@ def _stereo_doubts(found: StereoFit) -> list[str]:
         said.append(f"the cameras would stand {baseline * 1e3:.1f} mm apart; is the square of --board in metres?")
     if found.held_out_px[found.model] > GOOD_PX:
         said.append(
-            f"pictures that were left out are {found.held_out_px[found.model]:.2f} px off; {GOOD_PX:g} and less is usual: "
-            "is the board flat, the print in true size, and are the pictures sharp?"
+            f"pictures that were left out are {found.held_out_px[found.model]:.2f} px off; {GOOD_PX:g} and less is "
+            "usual: is the board flat, the print in true size, and are the pictures sharp?"
         )
     return said
 
@@ -93,13 +93,13 @@ def hand_eye_told(found: HandEyeFit, told: CameraCalibration, missing: list[str]
     shift, turn = float(np.linalg.norm(correction.translation_m)), float(np.linalg.norm(correction.rotvec_rad()))
     if shift > FAR_M or turn > FAR_RAD:
         doubts.append(
-            f"the camera would stand {shift * 1e3:.0f} mm and {np.rad2deg(turn):.1f} degrees from where the cell's file "
-            "has it: is that the board of --board, and are the poses those of this arm's flange?"
+            f"the camera would stand {shift * 1e3:.0f} mm and {np.rad2deg(turn):.1f} degrees from where the cell's "
+            "file has it: is that the board of --board, and are the poses those of this arm's flange?"
         )
     if off > 3.0 * GOOD_PX:
         doubts.append(
-            f"{off:.2f} px are left over: the arm's own accuracy, a board that moves on the flange, or cameras that are "
-            "not as calibrated (`crosspih calibrate stereo`)"
+            f"{off:.2f} px are left over: the arm's own accuracy, a board that moves on the flange, or cameras that "
+            "are not as calibrated (`crosspih calibrate stereo`)"
         )
     return {
         "pose_base_camera": PoseData.of(found.pose_base_camera).model_dump(mode="json"),

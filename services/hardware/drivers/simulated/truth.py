@@ -38,13 +38,13 @@ def true_stiffness_nm_rad(workcell: Workcell, truth: TruthConfig) -> Array:
     """The joints' stiffness (6,) as it is."""
     stiffness = np.asarray(workcell.joint_stiffness_nm_rad, float) * truth.joint_stiffness_factor
     if truth.joint_stiffness_factors is None:
-        return stiffness
+        return np.asarray(stiffness, dtype=float)
     factors = np.asarray(truth.joint_stiffness_factors, float)
     if factors.shape != stiffness.shape:
         raise ConfigError(
             f"hardware.simulated.truth.joint_stiffness_factors: has {len(factors)} numbers, give {len(stiffness)}"
         )
-    return stiffness * factors
+    return np.asarray(stiffness * factors, dtype=float)
 
 
 def true_pieces(workcell: Workcell, truth: TruthConfig) -> list[ConvexPiece]:

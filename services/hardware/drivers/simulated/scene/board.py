@@ -1,4 +1,4 @@
-"""A ChArUco board on the flange: a thin white plate with what is printed on it, by the exact projection of its plane."""
+"""A ChArUco board on the flange: a thin white plate with what is printed on it, by its plane's exact projection."""
 
 from __future__ import annotations
 
