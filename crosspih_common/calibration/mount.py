@@ -23,7 +23,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
-LEAST_WEIGHINGS, LEAST_SPREAD = 5, 0.25
+LEAST_WEIGHINGS, LEAST_SPREAD, LEAST_OUT_OF_PLANE = 5, 0.25, 0.06
 LEAST_FORCE_N, LEAST_CROSS = 2.0, 0.12
 FLOOR_N, FLOOR_NM = 0.003, 2e-4
 FAR_M, FAR_RAD = 0.01, np.deg2rad(5.0)
@@ -137,11 +137,11 @@ def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
     down = gravity / np.linalg.norm(gravity)
     directions = down @ data.rotations
     spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False) / np.sqrt(len(directions))
-    if len(directions) < LEAST_WEIGHINGS or spread[1] < LEAST_SPREAD:
+    if len(directions) < LEAST_WEIGHINGS or spread[1] < LEAST_SPREAD or spread[2] < LEAST_OUT_OF_PLANE:
         raise CalibrationRefused(
-            f"gravity has nearly the same direction in all {len(directions)} orientations, or moves in one plane only "
-            f"({spread[1]:.2f} across, want {LEAST_SPREAD:g}): the sensor's turn stays open; turn the wrist further, "
-            "about two axes"
+            f"in the {len(directions)} orientations gravity has nearly one direction, or turns in one plane only "
+            f"({spread[1]:.2f} and {spread[2]:.2f} across it, want {LEAST_SPREAD:g} and {LEAST_OUT_OF_PLANE:g}): the "
+            "sensor's turn stays open; turn the wrist further, about two axes"
         )
     if len(data.pushed) < 4:
         raise CalibrationRefused(

@@ -36,7 +36,7 @@ from services.operator.bench.trials import base_cell_text
 from services.operator.calibrate.folder import pair_job
 from services.operator.calibrate.pressing import Manner, take_presses
 from services.operator.calibrate.settings import mount_settings, tcp_settings
-from services.operator.calibrate.taking import VISION, ask, cameras_of, take_by_arm
+from services.operator.calibrate.taking import VISION, ask, cameras_of, doubt_of, take_by_arm
 from services.operator.config import OperatorConfig
 from services.operator.locate.worker import OfflineVision
 from services.operator.session import Session
@@ -101,7 +101,14 @@ def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, 
         cameras = {**stereo["calibration"], "pose_base_camera": told_of.pose_base_camera.model_dump(mode="json")}
         eye = ask(
             vision,
-            {"do": "hand_eye", "board": taken.board, "pairs": jobs, "flanges": flanges, "calibration": cameras},
+            {
+                "do": "hand_eye",
+                "board": taken.board,
+                "pairs": jobs,
+                "flanges": flanges,
+                "calibration": cameras,
+                "doubt": doubt_of(stereo),
+            },
         )
     found = CameraCalibration.model_validate(cameras)
     right = told_of.pose_left_right.pose() @ Pose.from_rotvec(truth["right_turn_rad"], truth["right_shift_m"])

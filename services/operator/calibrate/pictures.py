@@ -16,9 +16,18 @@ from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration
 from services.operator.bench.options import AsJson, told
-from services.operator.calibrate.folder import Taken, new_folder, now, pair_job, read_taken, write_yaml
+from services.operator.calibrate.folder import (
+    FOUND,
+    Taken,
+    new_folder,
+    now,
+    pair_job,
+    read_taken,
+    read_yaml,
+    write_yaml,
+)
 from services.operator.calibrate.tables import say_missing, values_table
-from services.operator.calibrate.taking import VISION, ask, take_by_arm, take_by_hand
+from services.operator.calibrate.taking import VISION, ask, doubt_of, take_by_arm, take_by_hand
 from services.operator.calibrate.writing import write_cell_file, write_found
 from services.operator.config import BoardSection, OperatorConfig
 from services.operator.for_cell import CELL_HELP
@@ -174,7 +183,7 @@ def hand_eye(
             jobs = [pair_job(pair, folder, known.left.gamma.value) for pair in shown]
             result = ask(vision, {
                 "do": "hand_eye", "board": taken.board, "pairs": jobs, "flanges": flanges,
-                "calibration": known.model_dump(mode="json"),
+                "calibration": known.model_dump(mode="json"), "doubt": _doubt(calibration),
             })  # fmt: skip
         result["board"], result["taken_at"] = taken.board, taken.taken_at.isoformat()
         result["settings"] = settings = {"vision": {"camera_correction": result["correction"]}}
@@ -197,6 +206,14 @@ def _cameras(taken: Taken, calibration: Path | None, file: CellFile) -> CameraCa
     if taken.calibration is None:
         raise ConfigError("--calibration: the pictures say nothing of the cameras; give the file of `calibrate stereo`")
     return taken.calibration
+
+
+def _doubt(calibration: Path | None) -> dict[str, Any] | None:
+    """Of a cameras' file that lies where `calibrate stereo` left it, beside what was found."""
+    if calibration is None or not (calibration.parent / FOUND).exists():
+        return None
+    found = read_yaml(calibration.parent / FOUND)
+    return doubt_of(found) if "covariance" in found and "model" in found else None
 
 
 def _show_hand_eye(

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from crosspih_common.calibration.fitting import CalibrationRefused
+from crosspih_common.config.board import BoardPattern
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import CAMERA_CALIBRATION, CAPTURE, JOINT_STATE
@@ -81,6 +82,14 @@ def ask(vision: OfflineVision, job: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
+def doubt_of(stereo: dict[str, Any]) -> dict[str, Any]:
+    """How surely `stereo` knew the cameras, for `hand_eye`."""
+    return {
+        "model": stereo["model"], "values": [one["value"] for one in stereo["values"]],
+        "covariance": stereo["covariance"],
+    }  # fmt: skip
+
+
 def take_by_arm(
     session: Session, vision: OfflineVision, board: BoardSection, count: int, folder: Path, console: Console,
     speed_share: float, what: str, seed: int = 0,
@@ -96,8 +105,6 @@ def take_by_arm(
         arm.dwell(SETTLE_S)
         told = cameras_of(session)
         console.print("choosing postures in which both cameras see the board", highlight=False)
-        from crosspih_common.config.board import BoardPattern
-
         ways = tour(
             workcell, told, BoardPattern.of(board.pattern), board.pose_flange_board.pose(), arm.joints_rad, count, seed
         )

@@ -2,11 +2,12 @@
 
 Every job has `do` and `board` (the pattern's one line, `crosspih_common.config.board`):
 
-- `see`: `pair` {"left", "right": files, null for none; "encodings": two of docs/wire.md, null for files;
-  "gamma"}. Answers the corners found in each and by both, and what is still missing of all pairs seen so far. A file is looked at
-  once, also for the later jobs.
+- `see`: `pair` {"left", "right": files, null for none; "encodings": two of docs/wire.md, null for files; "gamma"}.
+  Answers the corners found in each and by both, and what is still missing of all pairs seen so far. A file is looked
+  at once, also for the later jobs.
 - `stereo`: `pairs`, `model` (the size of the distortion, null: by the held-out error).
-- `hand_eye`: `pairs`, `flanges` (4 x 4 each, `pose_base_flange`), `calibration` (the camera message).
+- `hand_eye`: `pairs`, `flanges` (4 x 4 each, `pose_base_flange`), `calibration` (the camera message), `doubt`
+  (what `stereo` said of its own certainty, or null).
 - `board`: `out`, a file that ends in .pdf or .png: the board in true size.
 
 A job that cannot be done is answered by {"error": {"field", "text"}}, data that fix nothing by {"refused": text}.
@@ -29,10 +30,10 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, CameraModel, Gamma
 from services.vision.calibration.boards import NONE, Board, Corners
 from services.vision.calibration.coverage import missing_parts, missing_poses, parts_seen
-from services.vision.calibration.hand_eye import calibrate_hand_eye, missing_turns
+from services.vision.calibration.hand_eye import CameraDoubt, calibrate_hand_eye, missing_turns
 from services.vision.calibration.pairs import Pair, board_pose
 from services.vision.calibration.printing import write_board
-from services.vision.calibration.stereo import MODELS, calibrate_stereo
+from services.vision.calibration.stereo import MODELS, Rig, calibrate_stereo
 from services.vision.calibration.telling import hand_eye_told, stereo_told
 from services.vision.light import linear_light
 from services.vision.offline import BadJob, read_picture
@@ -53,6 +54,28 @@ class PairJob(BaseModel):
     gamma: Gamma = Gamma.LINEAR
 
 
+class DoubtJob(BaseModel):
+    """How surely `stereo` knew the cameras: the size of the distortion, its values in their order, the covariance."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    model: str
+    values: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+    def read(self, cameras: tuple[Camera, Camera]) -> CameraDoubt:
+        """Raises BadJob where the numbers do not fit the model."""
+        if self.model not in MODELS:
+            raise BadJob("doubt.model", f"{self.model!r}; want one of {', '.join(MODELS)}")
+        left, right = ((camera.width_px, camera.height_px) for camera in cameras)
+        rig = Rig((left, right), MODELS[self.model])
+        count = len(rig.names())
+        covariance = np.array(self.covariance, dtype=float)
+        if len(self.values) != count or covariance.shape != (count, count):
+            raise BadJob("doubt", f"{len(self.values)} values, the model {self.model} has {count}")
+        return CameraDoubt(rig, np.array(self.values), covariance)
+
+
 class CalibrationJob(BaseModel):
     """One line of standard input; which fields count is in the module's words."""
 
@@ -64,6 +87,7 @@ class CalibrationJob(BaseModel):
     pairs: tuple[PairJob, ...] = ()
     flanges: tuple[Matrix, ...] = ()
     calibration: CameraCalibration | None = None
+    doubt: DoubtJob | None = None
     model: str | None = None
     out: str | None = None
     folds: int = Field(default=4, ge=2, le=20)
@@ -111,7 +135,9 @@ class Calibrator:
                     name, f"pictures of {sizes_seen}, the calibration's are {camera.width_px} x {camera.height_px}"
                 )
         flanges = [Pose.from_matrix(matrix) for matrix in job.flanges]
-        found = calibrate_hand_eye(pairs, flanges, board.pattern, cameras, told.pose_left_right.pose(), job.folds)
+        doubt = None if job.doubt is None else job.doubt.read(cameras)
+        beside = told.pose_left_right.pose()
+        found = calibrate_hand_eye(pairs, flanges, board.pattern, cameras, beside, job.folds, doubt)
         shown = [flange for pair, flange in zip(pairs, flanges, strict=True) if len(pair[0]) + len(pair[1])]
         return hand_eye_told(found, told, missing_turns(shown))
 

@@ -7,7 +7,7 @@ shows as residual, pose by pose, and is in the intervals, which are by leaving p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +17,7 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.calibration.pairs import Pair, Rows, pose_of, starts, vector_of
-from services.vision.calibration.stereo import STEP_M, STEP_RAD, not_wild, posed
+from services.vision.calibration.stereo import STEP_M, STEP_RAD, Rig, not_wild, posed
 from services.vision.stereo import Camera
 
 LEAST_POSES, LEAST_TURN_RAD, GOOD_TURN_RAD = 5, np.deg2rad(5.0), np.deg2rad(12.0)
@@ -125,12 +125,44 @@ def _fitted(
     return *both(fit.shared), fit
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraDoubt:
+    """Both cameras as `crosspih calibrate stereo` found them: the rig's unknowns (p,) and their covariance (p, p)."""
+
+    rig: Rig
+    shared: Array
+    covariance: Array
+
+
+def _by_cameras(rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, doubt: CameraDoubt) -> Array:
+    """(12, 12): what the cameras' own covariance adds to that of the two poses, to first order."""
+    rig = doubt.rig
+
+    def off(shared: Array, rigged: Array) -> Array:
+        to_camera, on_flange = (camera @ pose_of(shared[:6])).inverse(), board @ pose_of(shared[6:])
+        poses = np.array([vector_of(to_camera @ flange @ on_flange) for flange in flanges])
+        return rows.off_px(rows.in_left_m(poses), rig.cameras(rigged), rig.right(rigged))
+
+    def by(which: int, steps: Array) -> Array:
+        start = [np.zeros(12), doubt.shared]
+        columns = []
+        for size, step in zip(steps, np.diag(steps), strict=True):
+            ahead, behind = list(start), list(start)
+            ahead[which], behind[which] = start[which] + step, start[which] - step
+            columns.append((off(*ahead) - off(*behind)) / (2.0 * size))
+        return np.stack(columns, axis=1)
+
+    moved = -np.linalg.lstsq(by(0, np.concatenate([STEPS, STEPS])), by(1, rig.steps()), rcond=None)[0]
+    return np.asarray(moved @ doubt.covariance @ moved.T, dtype=float)
+
+
 def calibrate_hand_eye(
     pairs: list[Pair], flanges: list[Pose], pattern: BoardPattern, cameras: tuple[Camera, Camera],
-    pose_left_right: Pose, folds: int = 5,
+    pose_left_right: Pose, folds: int = 5, doubt: CameraDoubt | None = None,
 ) -> HandEyeFit:  # fmt: skip
     """The left camera in the base, from pairs and `pose_base_flange` of each.
 
+    `doubt`: how surely the cameras themselves are known; it goes into the intervals.
     Raises CalibrationRefused naming the poses that are missing.
     """
     kept = [index for index, pair in enumerate(pairs) if len(pair[0]) + len(pair[1])]
@@ -142,6 +174,8 @@ def calibrate_hand_eye(
     seen = posed(rows, cameras, pose_left_right, alone.own).own
     boards = [pose_of(vector) for vector in seen]
     camera, board, fit = _fitted(rows, flanges, cameras, pose_left_right, park_martin(flanges, boards))
+    if doubt is not None:
+        fit = replace(fit, covariance=fit.covariance + _by_cameras(rows, flanges, camera, board, doubt))
     middle = np.append(pattern.size_m / 2.0, 0.0)
     apart = _apart(camera, board, flanges, boards, middle)
     squares, count, away = 0.0, 0, []
