@@ -60,7 +60,8 @@ def scene(distortion: tuple[float, ...] | None = None) -> Scene:
 
 def board_poses(rng: np.random.Generator, count: int, of: Scene, tilt_rad: float = 0.65) -> list[Pose]:
     """The board before both cameras, wholly in both pictures."""
-    middle, found = np.append(PATTERN.size_m / 2.0, 0.0), []
+    middle = np.append(PATTERN.size_m / 2.0, 0.0)
+    found: list[Pose] = []
     while len(found) < count:
         away = rng.uniform(0.15, 0.32)
         at = np.array([*((rng.uniform([110.0, 90.0], [540.0, 390.0]) - [320.0, 240.0]) / 381.0), 1.0]) * away

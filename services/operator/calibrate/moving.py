@@ -30,7 +30,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.messages.images import Image
 
-MOVE_S, LOOK_S, PICTURE_S = 300.0, 60.0, 10.0
+MOVE_S, LOOK_S, PICTURE_S = 300.0, 180.0, 30.0  # a busy machine draws a simulated picture slowly
 SETTLE_S = 0.15
 SHORTEST_S = 0.05
 

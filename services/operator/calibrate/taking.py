@@ -23,7 +23,7 @@ from services.operator.locate.worker import OfflineVision
 from services.operator.session import Session
 
 VISION = "services.vision.calibration"
-STEADY_S, LOOK_S = 5.0, 60.0
+STEADY_S, LOOK_S = 5.0, 180.0
 
 
 class Taker:

@@ -26,6 +26,7 @@ MODELS: dict[str, tuple[int, ...]] = {
     "k1 to k6, p1 p2": (0, 1, 2, 3, 4, 5, 6, 7),
 }  # fmt: skip
 NUMBERS = 8
+GIVEN_UP = 2  # models in a row that are no better: larger ones are not tried
 BETTER = 0.01  # a larger model must beat a smaller one by this share of its held-out error
 LEAST_PAIRS, LEAST_TILT_RAD = 5, np.deg2rad(10.0)
 WILD_SD, WILD_PX = 5.0, 0.5
@@ -204,7 +205,8 @@ def calibrate_stereo(
     fit = _fitted(rig, rows, shared, own)
     sound = not_wild(fit)
     rows = rows.where(sound)
-    left_out, best = {}, ""
+    left_out: dict[str, float] = {}
+    best, in_vain = "", 0
     for name, numbers in MODELS.items():
         if model is not None and name != model:
             continue
@@ -216,7 +218,11 @@ def calibrate_stereo(
                 continue  # more numbers than these pairs can tell apart
             raise
         if not best or left_out[name] < (1.0 - BETTER) * left_out[best]:
-            best = name
+            best, in_vain = name, 0
+        else:
+            in_vain += 1
+        if in_vain == GIVEN_UP:
+            break
     chosen = Rig(sizes, MODELS[best])
     final = _fitted(chosen, rows, chosen.from_other(rig, fit.shared), fit.own)
     return StereoFit(chosen, final, rows, best, left_out, int(np.sum(~sound)))
