@@ -8,7 +8,7 @@ is pressed at two depths, the pose at no force follows by a straight line, whate
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from crosspih_common.geometry.pose import Array
 
 LEAST_TILT_SPREAD = 0.1
 UNIT_M = 1e-6
+FLOOR_M = 5e-7  # no touch is believed to be surer: edges are no better, nor are encoders
 FAR_M = 0.01
 STEPS = np.array([1e-6] * 3 + [1e-5] * 2 + [1e-6])
 
@@ -99,6 +100,10 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
 
     everything = np.arange(len(rotations), dtype=np.int64)
     fit = fitted(everything)
+    touched = np.einsum("kij,kj->ki", rotations, corners + fit.shared[:3]) + places
+    design = np.column_stack([leaning, touched @ across.T, -np.ones(len(rotations))])
+    floor = FLOOR_M**2 * np.linalg.inv(design.T @ design)
+    fit = replace(fit, covariance=fit.covariance + floor)
     squares = 0.0
     for left_out in held_out_folds(len(rotations), folds):
         held_fit = fitted(np.setdiff1d(everything, left_out))

@@ -56,7 +56,8 @@ def test_the_size_of_the_distortion_is_chosen_by_pairs_left_out() -> None:
     rng = np.random.default_rng(2)
     straight = scene((0.0,))
     poses = board_poses(rng, 7, straight)
-    assert calibrate_stereo(corners(rng, poses, straight, 0.03), PATTERN, SIZES, None, 2).model == "none"
+    few = calibrate_stereo(corners(rng, poses, straight, 0.03), PATTERN, SIZES, None, 2)
+    assert few.model in ("none", "k1") and "k1 k2 p1 p2 k3" not in few.held_out_px
     bent = scene()
     chosen = calibrate_stereo(corners(rng, board_poses(rng, 10, bent), bent, 0.03), PATTERN, SIZES, None, 2)
     assert chosen.model == FULL

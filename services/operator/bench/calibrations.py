@@ -196,7 +196,7 @@ def calibrations(
     seed: Annotated[int, typer.Option(min=0, help="Of the first.")] = 1,
     pairs: Annotated[int, typer.Option(min=6, help="Pictures of the board in each.")] = 20,
     presses: Annotated[int, typer.Option(min=7, help="Pushes in each.")] = 16,
-    force_n: Annotated[float, typer.Option(min=4.0, max=40.0, help="The hardest push, N.")] = 12.0,
+    force_n: Annotated[float, typer.Option(min=4.0, max=40.0, help="The hardest push, N.")] = 18.0,
     what: Annotated[str, typer.Option(help="pictures, pushes, or both with a comma between.")] = "pictures,pushes",
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="More that differs: hardware.engine=mujoco")

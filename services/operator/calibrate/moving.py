@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from crosspih_common.arm.quintic import REST_PEAK_ACCELERATION, REST_PEAK_SPEED
 from crosspih_common.bus import Bus
 from crosspih_common.config import Workcell
-from crosspih_common.errors import CommandRefused, CrosspihError
+from crosspih_common.errors import CommandRefused, CrosspihError, NoService
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.holding import ArmLease
@@ -32,11 +33,27 @@ from crosspih_common.messages.images import Image
 
 MOVE_S, LOOK_S, PICTURE_S = 300.0, 180.0, 30.0  # a busy machine draws a simulated picture slowly
 SETTLE_S = 0.15
+PATIENCE_S, AGAIN_S = 60.0, 0.5
 SHORTEST_S = 0.05
 
 
 class MoveEnded(CrosspihError):
     """A free move was ended before its end: something was touched, or the arm broke it off."""
+
+
+def captured(bus: Bus) -> StereoPair:
+    """A pair; asked for again while the camera is away, up to a patience, for a picture moves nothing.
+
+    Raises as `Bus.call`.
+    """
+    give_up_at = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return bus.call(CAPTURE, CaptureStereo(), LOOK_S)
+        except NoService:
+            if time.monotonic() > give_up_at:
+                raise
+            time.sleep(AGAIN_S)
 
 
 class HeldArm:
@@ -96,7 +113,7 @@ class HeldArm:
     def look(self) -> tuple[StereoPair, Image, Image]:
         """A pair of pictures, with the arm at rest. Raises CommandRefused `no_picture`, and as `Bus.call`."""
         with self._bus.hearing(IMAGE_LEFT, 4) as left, self._bus.hearing(IMAGE_RIGHT, 4) as right:
-            pair = self._bus.call(CAPTURE, CaptureStereo(), LOOK_S)
+            pair = captured(self._bus)
             pictures = [
                 heard.wait_for(lambda image: image.stamp_ns == pair.stamp_ns, PICTURE_S) for heard in (left, right)
             ]

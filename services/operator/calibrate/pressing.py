@@ -53,7 +53,7 @@ class Manner:
     """How many pushes, how hard at the most, and which draw of postures."""
 
     presses: int = 16
-    force_n: float = 12.0
+    force_n: float = 18.0
     seed: int = 0
 
 

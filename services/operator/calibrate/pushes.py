@@ -127,7 +127,7 @@ def _finish(
 
 
 def stiffness(
-    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 12.0, out: OutOption = None,
+    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
     cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """The joints' stiffness: how far the encoders go on, and how much harder it presses, against the rigid plate."""
@@ -150,7 +150,7 @@ def stiffness(
 
 
 def mount(
-    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 12.0, out: OutOption = None,
+    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
     cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """How the force/torque sensor is mounted: its turn by gravity, its place by pushes on the tip's corners."""
@@ -171,7 +171,7 @@ def mount(
 
 
 def tcp(
-    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 12.0, out: OutOption = None,
+    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
     cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """Where the peg's tip is on the flange: by touching one plate with several corners and tilts."""

@@ -13,17 +13,17 @@ from crosspih_common.calibration.fitting import CalibrationRefused
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
-from crosspih_common.keys import CAMERA_CALIBRATION, CAPTURE, JOINT_STATE
-from crosspih_common.messages import CameraCalibration, CaptureStereo
+from crosspih_common.keys import CAMERA_CALIBRATION, JOINT_STATE
+from crosspih_common.messages import CameraCalibration
 from services.operator.calibrate.folder import Taken, TakenPair, encoding_of, now, pair_job, save_taken, write_picture
-from services.operator.calibrate.moving import SETTLE_S, HeldArm
+from services.operator.calibrate.moving import SETTLE_S, HeldArm, captured
 from services.operator.calibrate.showing import tour
 from services.operator.config import BoardSection
 from services.operator.locate.worker import OfflineVision
 from services.operator.session import Session
 
 VISION = "services.vision.calibration"
-STEADY_S, LOOK_S = 5.0, 180.0
+STEADY_S = 5.0
 
 
 class Taker:
@@ -144,4 +144,4 @@ def take_by_hand(
 def cameras_of(session: Session) -> CameraCalibration:
     """What the camera says of itself; a picture is taken where it has not said so yet. Raises as `Bus.call`."""
     told = session.bus.latest(CAMERA_CALIBRATION).wait_for(lambda _: True, STEADY_S)
-    return told if told is not None else session.bus.call(CAPTURE, CaptureStereo(), LOOK_S).calibration
+    return told if told is not None else captured(session.bus).calibration

@@ -27,7 +27,7 @@ MODELS: dict[str, tuple[int, ...]] = {
 }  # fmt: skip
 NUMBERS = 8
 GIVEN_UP = 2  # models in a row that are no better: larger ones are not tried
-BETTER = 0.01  # a larger model must beat a smaller one by this share of its held-out error
+BETTER = 0.03  # a larger model must beat a smaller one by this share of its held-out error
 LEAST_PAIRS, LEAST_TILT_RAD = 5, np.deg2rad(10.0)
 WILD_SD, WILD_PX = 5.0, 0.5
 MEDIAN_OF_TWO = 1.1774  # sd, of the length of a vector of two normal numbers
