@@ -15,6 +15,8 @@ from crosspih_common.config.drawing import CROSS, OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from deploy.launcher import LauncherError
+from services.operator.calibrate.pictures import board, hand_eye, stereo
+from services.operator.calibrate.pushes import mount, stiffness, tcp
 from services.operator.for_cell import CELL_HELP
 from services.operator.pegs import cell_with_peg
 from services.operator.refine import refine
@@ -26,6 +28,12 @@ from services.operator.stack import cell_session
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
 calibrate_app.command()(refine)
+calibrate_app.command()(board)
+calibrate_app.command()(stereo)
+calibrate_app.command("hand-eye")(hand_eye)
+calibrate_app.command()(stiffness)
+calibrate_app.command()(mount)
+calibrate_app.command()(tcp)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -138,6 +138,8 @@ def test_coal_is_imported_where_a_collision_model_is_made_only() -> None:
 @pytest.mark.parametrize("service", [name for name in SERVICES if name not in ("hardware", "planning")])
 def test_collisions_are_checked_where_motions_are_made_only(service: str) -> None:
     for path in files_of(service):
+        if path.is_relative_to(ROOT / "services" / "operator" / "calibrate"):
+            continue  # it drives the arm itself, and looks for postures that are clear
         modules = set(imported(parsed(path), path))
         assert not [name for name in modules if name.startswith("crosspih_common.collision")], path
 

@@ -4,6 +4,7 @@ import typer
 
 from services.operator.bench.assembly import assembly
 from services.operator.bench.busy import busy
+from services.operator.bench.calibrations import calibrations
 from services.operator.bench.caps.command import caps
 from services.operator.bench.cell import cell
 from services.operator.bench.compare import compare
@@ -35,3 +36,4 @@ app.command()(cell)
 app.command()(for_cell(caps))
 app.command()(for_cell(kills))
 app.command()(for_cell(busy))
+app.command()(for_cell(calibrations))

@@ -10,7 +10,7 @@ from typing import Any
 
 from crosspih_common.errors import CrosspihError
 
-COMMAND = (sys.executable, "-m", "services.vision.offline")
+LOCATING = "services.vision.offline"
 
 
 class BadInput(CrosspihError):
@@ -22,11 +22,11 @@ class VisionLost(CrosspihError):
 
 
 class OfflineVision:
-    """The process; started at once, ended with the context."""
+    """The process; started at once, ended with the context. `module` is vision's tool for other jobs than locating."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str = LOCATING) -> None:
         self._process = subprocess.Popen(
-            COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+            (sys.executable, "-m", module), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
 
     def __enter__(self) -> OfflineVision:
@@ -38,7 +38,7 @@ class OfflineVision:
         self.close()
 
     def ask(self, job: dict[str, Any]) -> dict[str, Any]:
-        """The answer to one job (fields: services/vision/offline.py). Raises BadInput, VisionLost."""
+        """The answer to one job (fields: the head of the module). Raises BadInput, VisionLost."""
         source, sink = self._process.stdout, self._process.stdin
         assert source is not None and sink is not None
         try:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from crosspih_common.config.board import BoardPattern
+from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
-from crosspih_common.messages.base import Vector3, Vector6
+from crosspih_common.messages.base import Joints, Vector3, Vector6
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -106,6 +108,30 @@ class TruthConfig(Section):
     camera_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
     camera_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the left camera, in its own frame")
     joint_stiffness_factor: float = Field(default=1.0, gt=0.05, lt=20.0)
+    joint_stiffness_factors: Joints | None = Field(default=None, description="of each joint, on top of the one of all")
+    peg_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the peg in its holder, in the peg frame")
+    right_shift_m: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the right camera, in its own frame")
+    right_turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="of the right camera, in its own frame")
+
+    @field_validator("joint_stiffness_factors")
+    @classmethod
+    def _of_springs(cls, factors: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if factors is not None and not all(0.05 < factor < 20.0 for factor in factors):
+            raise ValueError("wants a factor of 0.05 to 20 for each joint")
+        return factors
+
+
+class BoardConfig(Section):
+    """A ChArUco board that is clamped to the flange; the pictures show it, and nothing can touch it."""
+
+    pattern: str = Field(default="7x5:0.015:0.011:DICT_4X4_50", description="as `crosspih calibrate board` writes it")
+    pose_flange_board: Placement = Field(default=Placement(), description="where it really is: top left, z into it")
+    margin_m: float = Field(default=0.006, ge=0.0, le=0.1, description="white around the squares")
+
+    @field_validator("pattern")
+    @classmethod
+    def _can_be_read(cls, pattern: str) -> str:
+        return str(BoardPattern.of(pattern))
 
 
 class SimulatedConfig(Section):
@@ -136,3 +162,4 @@ class SimulatedConfig(Section):
     force_torque: ForceTorqueConfig = ForceTorqueConfig()
     camera: CameraConfig = CameraConfig()
     truth: TruthConfig = TruthConfig()
+    board: BoardConfig | None = Field(default=None, description="for `crosspih calibrate stereo` and `hand-eye`")

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from crosspih_common.config import Workcell
+from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import CrossPeg, Hole, Peg
+from crosspih_common.shapes import ConvexPiece, CrossPeg, Hole, Peg
 from services.hardware.drivers.simulated.config import TruthConfig
 
 
@@ -35,7 +36,31 @@ def true_hole(workcell: Workcell, truth: TruthConfig) -> Hole:
 
 def true_stiffness_nm_rad(workcell: Workcell, truth: TruthConfig) -> Array:
     """The joints' stiffness (6,) as it is."""
-    return np.asarray(workcell.joint_stiffness_nm_rad, float) * truth.joint_stiffness_factor
+    stiffness = np.asarray(workcell.joint_stiffness_nm_rad, float) * truth.joint_stiffness_factor
+    if truth.joint_stiffness_factors is None:
+        return np.asarray(stiffness, dtype=float)
+    factors = np.asarray(truth.joint_stiffness_factors, float)
+    if factors.shape != stiffness.shape:
+        raise ConfigError(
+            f"hardware.simulated.truth.joint_stiffness_factors: has {len(factors)} numbers, give {len(stiffness)}"
+        )
+    return np.asarray(stiffness * factors, dtype=float)
+
+
+def true_pieces(workcell: Workcell, truth: TruthConfig) -> list[ConvexPiece]:
+    """The peg's convex pieces in the peg frame, where its holder really has them."""
+    shift = np.asarray(truth.peg_shift_m, float)
+    pieces = true_peg(workcell, truth).pieces()
+    if not shift.any():
+        return pieces
+    return [ConvexPiece(piece.normals, piece.offsets_m + piece.normals @ shift) for piece in pieces]
+
+
+def true_right_camera(pose_left_right: Pose, truth: TruthConfig) -> Pose:
+    """Where the right camera really stands, in the left one's frame."""
+    if not any((*truth.right_shift_m, *truth.right_turn_rad)):
+        return pose_left_right
+    return pose_left_right @ Pose.from_rotvec(truth.right_turn_rad, truth.right_shift_m)
 
 
 def true_camera(pose_base_camera: Pose, truth: TruthConfig) -> Pose:

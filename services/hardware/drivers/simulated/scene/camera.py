@@ -23,6 +23,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import CrossPeg, Hole, Peg
 from services.hardware.drivers.simulated.scene import camera_bodies as bodies
 from services.hardware.drivers.simulated.scene.backdrop import Backdrop
+from services.hardware.drivers.simulated.scene.board import PAPER_GREY, ShownBoard
 from services.hardware.drivers.simulated.scene.camera_rig import (
     StereoRig,
     lens_matrix,
@@ -89,6 +90,7 @@ class SimulatedScene:
         quality: SensorQuality | None = None,
         pose_flange_peg: Pose | None = None,
         renderer: Renderer | None = None,
+        board: ShownBoard | None = None,
     ) -> None:
         self.hole = hole
         self.rig = rig or StereoRig.of(CameraSection())
@@ -121,6 +123,9 @@ class SimulatedScene:
         for index, mesh in enumerate(bodies.arm_meshes(self.arm, self.peg, self.pose_flange_peg)):
             self._arm_names.append(f"arm_{index}")
             self._add(f"arm_{index}", mesh)
+        self._board = board
+        if board is not None:
+            self._add("board", board.mesh())
         self._add("cameras", bodies.camera_mesh(self.rig))
         self._add("floor", box_mesh((0.8, 0.8, 0.01), (0.2, 0.0, -0.01)))
         self._add("stand", box_mesh((0.02, 0.04, 0.1)))
@@ -237,11 +242,15 @@ class SimulatedScene:
             places["obstacle"] = bodies.obstacle_pose(pose_base_hole, self.hole, faults.covered_arm)
         if joints_rad is not None:
             places |= zip(self._arm_names, bodies.arm_poses(self.arm, joints_rad, self.pose_flange_peg), strict=True)
+            if self._board is not None:
+                places["board"] = self.arm.pose_base_flange(joints_rad) @ self._board.pose_flange_board
         for name, pose in places.items():
             self._place(name, pose)
 
     def _paint(self, look: Appearance, faults: Faults) -> None:
         greys = dict.fromkeys(self._bodies, 0.6) | {"pocket": 0.1, "obstacle": 0.45}
+        if self._board is not None:
+            greys["board"] = PAPER_GREY
         fixture = dict.fromkeys(("face", "sides", *self._chamfers), look.face_grey)
         fixture |= {"bore": look.bore_grey, "bottom": look.bottom_grey}
         greys |= fixture | {f"second_{name}": grey for name, grey in fixture.items()} | {"blank": look.face_grey}
@@ -297,6 +306,9 @@ class SimulatedScene:
         for face, prefix, turn in PLATES:
             if self._bodies[face].pose is not PARKED:
                 self._light_plate(grey, drawn.body, face, prefix, turn, lit, dimmed, window, side)
+        if self._board is not None and (here := self._bodies["board"]).pose is not PARKED:
+            pose_camera_board = pose_base_camera.inverse() @ here.pose
+            self._board.print_on(grey, drawn.body == here.index, lens, pose_camera_board, window, samples)
         return grey, empty
 
     def _light_plate(

@@ -30,6 +30,8 @@ class StereoRig:
     baseline_m: float
     pose_base_camera: Pose
     distortions: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
+    pose_left_right: Pose | None = None
+    """Where the right camera stands when it is not parallel."""
 
     @classmethod
     def of(cls, camera: CameraSection) -> StereoRig:
@@ -46,6 +48,8 @@ class StereoRig:
 
     def pose_base_right(self) -> Pose:
         """The right camera in the base frame."""
+        if self.pose_left_right is not None:
+            return self.pose_base_camera @ self.pose_left_right
         return self.pose_base_camera @ Pose.from_translation([self.baseline_m, 0.0, 0.0])
 
     def lens(self, side: int) -> Lens:

@@ -13,10 +13,11 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, SceneFaults
 from crosspih_common.messages.base import PoseData
 from services.hardware.drivers.simulated.config import SimulatedConfig
+from services.hardware.drivers.simulated.scene.board import ShownBoard
 from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
-from services.hardware.drivers.simulated.truth import true_camera, true_hole, true_peg
+from services.hardware.drivers.simulated.truth import true_camera, true_hole, true_peg, true_right_camera
 from services.hardware.drivers.simulated.world import World
 from services.hardware.protocols import StereoCapture
 
@@ -30,7 +31,14 @@ class SimulatedStereoCamera:
         self.exposure_s = config.exposure_s
         self._rig = StereoRig.of(workcell.camera)
         truth = simulated.truth
-        true_rig = replace(self._rig, pose_base_camera=true_camera(self._rig.pose_base_camera, truth))
+        parallel = Pose.from_translation([self._rig.baseline_m, 0.0, 0.0])
+        beside = true_right_camera(parallel, truth)
+        true_rig = replace(
+            self._rig,
+            pose_base_camera=true_camera(self._rig.pose_base_camera, truth),
+            pose_left_right=None if beside is parallel else beside,
+        )
+        board = None if simulated.board is None else ShownBoard.of(simulated.board)
         hole = true_hole(workcell, truth)
         self._depth_m = hole.depth_m
         bottom_m = config.appearance.bottom_depth_m
@@ -42,6 +50,7 @@ class SimulatedStereoCamera:
         self._make: Callable[[], SimulatedScene] = lambda: SimulatedScene(
             hole, true_rig, true_peg(workcell, truth), workcell.arm(),
             SensorQuality(config.samples, config.blur_px, config.noise_grey), workcell.pose_flange_peg(),
+            board=board,
         )  # fmt: skip
         self._scene: SimulatedScene | None = None
         self._pose_base_hole = Pose.identity()

@@ -12,7 +12,7 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
 from services.hardware.drivers.simulated.engines.mujoco.world import HOLE, PEG, soften, world_xml
 from services.hardware.drivers.simulated.engines.protocol import CONTACT_DAMPING_S, ContactPoint
-from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
+from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_pieces, true_stiffness_nm_rad
 
 
 class Physics:
@@ -22,7 +22,7 @@ class Physics:
         self._workcell = workcell
         self._mounting = SensorMounting(config.truth)
         self._stiffness = true_stiffness_nm_rad(workcell, config.truth)
-        peg = [piece.vertices_m() for piece in true_peg(workcell, config.truth).pieces()]
+        peg = [piece.vertices_m() for piece in true_pieces(workcell, config.truth)]
         hole = [piece.vertices_m() for piece in true_hole(workcell, config.truth).pieces()]
         bodies = arm_bodies(workcell, config)
         self._model = mujoco.MjModel.from_xml_string(

@@ -13,7 +13,7 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
 from services.hardware.drivers.simulated.engines.protocol import CONTACT_DAMPING_S, STEP_S, ContactPoint
 from services.hardware.drivers.simulated.engines.pybullet import bodies
-from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_peg, true_stiffness_nm_rad
+from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_pieces, true_stiffness_nm_rad
 
 
 class Physics:
@@ -25,7 +25,7 @@ class Physics:
         self._bodies = arm_bodies(workcell, config)
         joints = len(self._bodies.link_kg)
         self._joints, self._with_sensor = list(range(joints)), list(range(joints + 1))
-        peg_pieces: list[ConvexPiece] = true_peg(workcell, config.truth).pieces()
+        peg_pieces: list[ConvexPiece] = true_pieces(workcell, config.truth)
         self._pieces = bodies.corners(peg_pieces)
         self._blocks = bodies.corners(true_hole(workcell, config.truth).pieces())
         self._lever_m: list[float] = self._bodies.sensor_middle_m.tolist()

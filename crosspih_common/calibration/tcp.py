@@ -1,0 +1,126 @@
+"""Where the peg sits on the flange, by touching one plane with different corners and tilts.
+
+A touch at no force puts the corner v of the tip on the plane: n . (R (v + s) + t) = d, with R and t of the peg frame by
+the encoders and s how far the peg is from where the cell's file has it. The plane (n, d) is unknown as well. Across the
+peg's axis s follows from tilts to different sides; along it from tilts of different size, and the less surely. Where it
+is pressed at two depths, the pose at no force follows by a straight line, whatever the arm's stiffness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crosspih_common.calibration.fitting import CalibrationRefused, Fit, Residual, fit_groups, held_out_folds
+from crosspih_common.calibration.presses import APART_M, Pressed, held, require, touching_corner, wrench_base
+from crosspih_common.config import Workcell
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+
+LEAST_TILT_SPREAD = 0.1
+UNIT_M = 1e-6
+FLOOR_M = 5e-7  # no touch is believed to be surer: edges are no better, nor are encoders
+FAR_M = 0.01
+STEPS = np.array([1e-6] * 3 + [1e-5] * 2 + [1e-6])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TipFit:
+    """shift_m (3,): of the peg from where the cell's file has it, in the peg frame; tip_flange_m (3,): the middle of
+    its tip on the flange; sd and half of the 95 % interval (3,); residual and held-out error of the touches, m."""
+
+    shift_m: Array
+    tip_flange_m: Array
+    sd_m: Array
+    half_m: Array
+    rms_m: float
+    held_out_m: float
+    touches: int
+    fit: Fit
+    missing: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+
+def touches_at_no_force(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array]:
+    """Rotations (k, 3, 3) and places (k, 3), m, of the peg frame in the base, and corners (k, 3) of the peg."""
+    normal, peg = np.asarray(pressed.normal_base, float), workcell.peg.shape()
+    rotations, places, corners = [], [], []
+    for press in pressed.presses:
+        levels = held(press, workcell)
+        first, last = levels[0], levels[-1]
+        corner, apart = touching_corner(peg, first.pose_base_peg.rotation, normal)
+        force = [-float(wrench_base(level, workcell)[:3] @ normal) for level in (first, last)]
+        if apart < APART_M or force[1] - force[0] < 1.0:
+            continue
+        share = force[0] / (force[1] - force[0])
+        gone = last.pose_base_peg.translation_m - first.pose_base_peg.translation_m
+        rotations.append(first.pose_base_peg.rotation)
+        places.append(first.pose_base_peg.translation_m - share * gone)
+        corners.append(corner)
+    return np.array(rotations).reshape(-1, 3, 3), np.array(places).reshape(-1, 3), np.array(corners).reshape(-1, 3)
+
+
+def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
+    """Raises CalibrationRefused naming the tilts that are missing."""
+    require(pressed, 7)
+    rotations, places, corners = touches_at_no_force(pressed, workcell)
+    normal = np.asarray(pressed.normal_base, float)
+    if len(rotations) < 7:
+        raise CalibrationRefused(
+            f"{len(rotations)} touches are by one corner of the tip, want 7 or more: tilt the peg towards its corners"
+        )
+    leaning = np.einsum("kji,j->ki", rotations, normal)
+    if np.linalg.svd(leaning[:, :2] - leaning[:, :2].mean(axis=0), compute_uv=False)[1] < LEAST_TILT_SPREAD:
+        raise CalibrationRefused(
+            "the peg was tilted to one side only: across it the tip stays open; tilt to at least three sides"
+        )
+    if float(np.ptp(leaning[:, 2])) < 0.02:
+        raise CalibrationRefused(
+            "all tilts are of the same size: along the peg's axis the tip stays open; touch nearly upright as well"
+        )
+    across = np.linalg.svd(normal[None])[2][1:]
+    start = np.concatenate(
+        [np.zeros(5), [float(np.mean((np.einsum("kij,kj->ki", rotations, corners) + places) @ normal))]]
+    )
+
+    def residual_of(chosen: NDArray[np.int64]) -> Residual:
+        def residual(shared: Array, _: Array) -> Array:
+            way = normal + shared[3:5] @ across
+            way = way / np.linalg.norm(way)
+            at = np.einsum("kij,kj->ki", rotations[chosen], corners[chosen] + shared[:3]) + places[chosen]
+            return np.asarray((at @ way - shared[5]) / UNIT_M)
+
+        return residual
+
+    def fitted(chosen: NDArray[np.int64]) -> Fit:
+        own, group = np.zeros((len(chosen), 0)), np.arange(len(chosen))
+        return fit_groups(residual_of(chosen), start, own, group, STEPS, np.zeros(0))
+
+    everything = np.arange(len(rotations), dtype=np.int64)
+    fit = fitted(everything)
+    touched = np.einsum("kij,kj->ki", rotations, corners + fit.shared[:3]) + places
+    design = np.column_stack([leaning, touched @ across.T, -np.ones(len(rotations))])
+    floor = FLOOR_M**2 * np.linalg.inv(design.T @ design)
+    fit = replace(fit, covariance=fit.covariance + floor)
+    squares = 0.0
+    for left_out in held_out_folds(len(rotations), folds):
+        held_fit = fitted(np.setdiff1d(everything, left_out))
+        off = residual_of(left_out)(held_fit.shared, np.zeros(0))
+        squares += float(off @ off)
+    shift, half = fit.shared[:3], fit.half_width()[:3]
+    tip = workcell.pose_flange_peg() @ Pose.from_translation(shift)
+    missing, doubts = [], []
+    if float(half.max()) > 1e-4:
+        axis = int(np.argmax(half))
+        how = "touch nearly upright and tilted by 25 degrees" if axis == 2 else "touch with tilts to more sides"
+        missing.append(f"along {'xyz'[axis]} of the peg the tip is known to {half[axis] * 1e3:.2f} mm; {how}")
+    if float(np.linalg.norm(shift)) > FAR_M:
+        doubts.append(
+            f"the peg would sit {np.linalg.norm(shift) * 1e3:.1f} mm from where cell.flange_to_ft has it: another peg?"
+        )
+    return TipFit(
+        shift, tip.apply([0.0, 0.0, workcell.peg.shape().tip_m]), fit.sd[:3], half, fit.rms * UNIT_M,
+        float(np.sqrt(squares / len(rotations))) * UNIT_M, len(rotations), fit, tuple(missing), tuple(doubts),
+    )  # fmt: skip
