@@ -102,3 +102,17 @@ def test_an_arm_that_falls_behind_hears_nothing_of_the_future(monkeypatch: pytes
         last, count = int(stamps[-1]), count + len(stamps)
     assert abs(last - now_ns) < 1_000_000
     assert count == 2 * 9000 + 2 * 1999 + 1  # none is lost
+
+
+def test_what_was_sampled_before_the_cells_time_began_is_not_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = [10**15]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: host[0])
+    late = Sampled(lambda: host[0] - 1_500_000_000)  # what it says has been under way for so long
+    joints = TimedJoints(Joints(lambda: host[0]))
+    wrench = CellStampedWrench(late, joints)
+    heard: list[int] = []
+    for _ in range(1000):
+        host[0] += 2_000_000
+        joints.read()
+        heard += wrench.read().stamps_ns.tolist()
+    assert heard and min(heard) >= (joints.start_ns or 0) and len(heard) == pytest.approx(500, abs=3)
