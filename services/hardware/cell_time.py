@@ -22,6 +22,7 @@ class TimedJoints:
         self._joints = joints
         self.clock = DeviceClock()
         self.now_ns = 0
+        self.start_ns: int | None = None  # of the first reading: the cell has no time before
 
     @property
     def model(self) -> ArmModel:
@@ -38,6 +39,8 @@ class TimedJoints:
         reading = self._joints.read()
         self.clock.observe(reading.stamp_ns * 1e-9, time.monotonic_ns())
         self.now_ns = reading.stamp_ns
+        if self.start_ns is None:
+            self.start_ns = reading.stamp_ns
         return reading
 
     def write(self, positions_rad: Array, speeds_rad_s: Array) -> None:
@@ -66,12 +69,15 @@ class CellStampedWrench:
         return self._wrench.period_s
 
     def read(self) -> WrenchSamples:
-        """The samples since the last read. A better estimate of the clock never puts one before that which it
-        follows."""
-        samples = self._wrench.read()
+        """The samples since the last read, and since the cell's time began. A better estimate of the clock never puts
+        one before that which it follows."""
+        samples, joints = self._wrench.read(), self._joints
         if not len(samples.stamps_ns):
             return samples
-        stamps = np.rint(self._joints.clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
-        stamps = onward(np.minimum(stamps, self._joints.now_ns + AHEAD_NS), self._last_ns)
-        self._last_ns = int(stamps[-1])
-        return WrenchSamples(stamps, samples.wrenches)
+        stamps = np.rint(joints.clock.many_to_device_s(samples.stamps_ns) * 1e9).astype(np.int64)
+        within = stamps >= (joints.start_ns or 0)
+        stamps, wrenches = stamps[within], samples.wrenches[within]
+        if len(stamps):
+            stamps = onward(np.minimum(stamps, joints.now_ns + AHEAD_NS), self._last_ns)
+            self._last_ns = int(stamps[-1])
+        return WrenchSamples(stamps, wrenches)

@@ -4,16 +4,21 @@ clients that others wrote."""
 from __future__ import annotations
 
 import dataclasses
+import json
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
-from crosspih_common.config import Workcell
+from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Dwell, MotionOutcome, StopReason
 from services.hardware.config import HardwareConfig
@@ -22,10 +27,12 @@ from services.hardware.drivers.ati.device import AtiWrench
 from services.hardware.drivers.ati.page import fetch_page
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.hosting import open_cell
+from tests.conftest import ROOT
 from tests.hardware.peers import Peer, Told, serving, wait_until
 
 WRENCH = (1.5, -2.25, 30.0, 0.125, -0.5, 0.75)
 SENSOR = frozenset({"force_torque"})
+ARM = frozenset({"arm", "force_torque"})
 
 
 def request_of(peer: Peer, told: Told, realtime: bool = True, cell: Workcell | None = None, **more: Any) -> OpenRequest:
@@ -240,7 +247,7 @@ def test_an_arm_of_another_driver_stops_when_the_sensor_is_gone_and_goes_on_when
             "limits": {"missed_cycles": 10_000, "sensor_timeout_s": 0.5, "holder_timeout_s": 5.0},
         }
     )
-    cell = open_cell(Workcell(), config, True, frozenset({"arm", "force_torque"}), told)
+    cell = open_cell(Workcell(), config, True, ARM, told)
     batches: list[Any] = []
     cell.arm.on_batch(batches.append)
     try:
@@ -283,3 +290,39 @@ def test_two_clients_that_others_wrote_read_the_peer_alike() -> None:
         sensor.sock.settimeout(10.0)
         with sensor.sock:
             assert sensor.getMeasurement() == list(sample.raw_wrench)
+
+
+def test_the_simulated_cell_feels_the_same_behind_the_protocol() -> None:
+    """docs/examples/sensor-behind-ati.yaml, on free ports, against the same cell without a protocol between."""
+    file = load_cell(ROOT / "docs" / "examples" / "sensor-behind-ati.yaml")
+    direct = open_cell(file.workcell, HardwareConfig(), realtime=False, wanted=ARM)
+    try:
+        expected = direct.arm.dwell(Dwell(duration_s=0.3)).wrench_raw
+    finally:
+        direct.close()
+    with serving("ati", "--rdt-port", "0", "--http-port", "0") as peer:
+        said = file.section("hardware", HardwareConfig).model_dump()
+        said["ati"].update(rdt_port=peer.ports["rdt"], http_port=peer.ports["http"])
+        said["options"]["feed"] = f"127.0.0.1:{peer.ports['feed']}"
+        said["limits"].update(missed_cycles=10_000, sensor_timeout_s=1.0, holder_timeout_s=5.0)
+        config = HardwareConfig.model_validate(said)
+        cell = open_cell(file.workcell, config, realtime=True, wanted=ARM)
+        try:
+            found = cell.arm.dwell(Dwell(duration_s=0.3))
+        finally:
+            cell.close()
+    assert found.stop_reason is StopReason.COMPLETED
+    assert np.linalg.norm(expected[:3]) > 5.0 and found.wrench_raw == pytest.approx(expected, abs=0.1)
+
+
+def test_a_sensor_is_looked_at_alone(peer: Peer, tmp_path: Path) -> None:
+    cell = tmp_path / "cell.yaml"
+    ports = {"rdt_port": peer.ports["rdt"], "http_port": peer.ports["http"]}
+    hardware = {"drivers": {"force_torque": "ati"}, "ati": {"host": "127.0.0.1", **ports}}
+    cell.write_text(yaml.safe_dump({"hardware": hardware}), encoding="utf-8")
+    command = [sys.executable, "-m", "services.hardware.sensor", "--cell", str(cell), "--seconds", "1", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120.0, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["mean"] == pytest.approx(WRENCH, abs=1e-4) and found["counts"]["received"] >= found["samples"] > 100
+    assert found["samples_a_second"] == pytest.approx(1000.0, rel=0.05)
