@@ -156,10 +156,9 @@ class Command(Generic[RequestT, ReplyT]):
 
 RECORDED = ("recorder",)
 ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
-LISTENING = tuple(name for name in ALL if name != "hardware")  # every bus but the clock's own
 
 # hardware -------------------------------------------------------------------------------------------------------------
-CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", LISTENING, "the cell's clock", 50.0)
+CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", ALL, "the cell's clock", 50.0)
 JOINT_STATE = Topic(
     "arm/joint_state",
     JointState,

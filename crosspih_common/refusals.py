@@ -46,7 +46,6 @@ REFUSALS: dict[str, str] = {
     "camera_away": "a camera does not answer, or sends no pictures; the text says which one and what to look at",
     "incomplete_picture": "parts of a picture were lost on the way, also when it was taken again",
     "exposed_apart": "the two cameras did not expose together, also when asked again",
-    "stale_picture": "the cameras give no picture that was taken after it was asked for",
     # simulation
     "peg_in_contact": "place_peg puts the peg into the fixture; place it free",
     # vision

@@ -113,6 +113,15 @@ def test_nothing_moves_where_the_joints_are_in_degrees(tmp_path: Path) -> None:
     assert not {"stop", "joint limit refused", "sensor's sign and axes"} & {check.name for check in checks}
 
 
+def test_the_cameras_alone_need_no_arm_to_hold(tmp_path: Path) -> None:
+    with cell_with(tmp_path) as (bus, cell):
+        checks = check_cell(bus, cell.workcell, Manner(arm=False, patience_s=0.1))
+    assert [check.name for check in checks] == [
+        "liveliness token of camera", "left image", "right image", "stereo pair", "messages as the contract says",
+    ]  # fmt: skip
+    assert not fails(checks)
+
+
 def test_the_table_shows_found_and_mend(found: Callable[..., list[Any]]) -> None:
     checks = found(PLANTED["size against calibration"][0], LEVEL)
     table = table_of("mistaken", checks)

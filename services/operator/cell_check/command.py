@@ -56,17 +56,17 @@ def _some_session(speed: str | None) -> Iterator[Session]:
 def check(
     cell: Annotated[Path | None, typer.Option(help="The cell's file; that of CROSSPIH_CELL when left out.")] = None,
     speed: Annotated[str | None, typer.Option(help="realtime or max, of a cell that is started for it.")] = None,
-    camera_alone: Annotated[
-        bool, typer.Option("--camera-alone", help="Look at the cameras alone: nothing moves, no arm need be there.")
+    camera: Annotated[
+        bool, typer.Option("--camera", help="Look at the cameras alone: nothing moves, no arm need be there.")
     ] = False,
-    camera: Annotated[bool, typer.Option(help="Whether the cell has cameras; --no-camera: it goes by force.")] = True,
+    no_camera: Annotated[bool, typer.Option("--no-camera", help="The cell has none: it goes by force alone.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """What is wrong with a cell, and how to mend it: moves little and gently. Status 1 when something fails."""
     console = Console(stderr=as_json)
     with told(console), using_cell(cell):
         with _some_session(speed) as session, console.status("looking at the cell") as status:
-            manner = Manner(arm=not camera_alone, camera_needed=camera)
+            manner = Manner(arm=not camera, camera_needed=not no_camera)
             checks = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))
             name = session.bus.cell
         wrong = fails(checks)

@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass
 
 from crosspih_common.aravis import Library
-from crosspih_common.errors import CommandRefused
+from crosspih_common.errors import CommandRefused, ConfigError
 from crosspih_common.messages import CameraCalibration
 from services.hardware.drivers.genicam.camera import CameraAway, GenicamCamera, IncompletePicture, Picture
 from services.hardware.drivers.genicam.config import GenicamConfig
@@ -18,6 +18,12 @@ from services.hardware.protocols import StereoCapture
 
 SHARED_UNCERTAIN_NS = 1_000  # PTP, or one clock for both
 CLOSE_S = 5.0
+LOSS_MEND = (
+    f"a larger receive buffer (sysctl net.core.rmem_max), jumbo frames, {FIELD}.packet_size or packet_delay_ns mend it "
+    "(docs/hardware/genicam.md)"
+)
+APART_MEND = f"wire the cameras ({FIELD}.trigger: wire), or raise skew_most_s where nothing moves in the picture"
+CLOCK_MEND = f"the two clocks may not be one (then {FIELD}.clock: own), or wire the cameras ({FIELD}.trigger: wire)"
 AGAIN_S = 0.2  # between two attempts to find a camera that is away
 
 
@@ -58,17 +64,15 @@ class GenicamPair:
             if not camera.is_open:
                 camera.open()
                 try:
-                    self._lamps.set_up(camera.side, camera.features)
-                except BaseException:
-                    camera.give_up()
+                    with camera.answering() as features:
+                        self._lamps.set_up(camera.side, features)
+                        warmth_c = features.temperature_c()
+                except ConfigError:
+                    camera.close()
                     raise
                 self._exposure_set_s = 0.0  # it is to be set anew
-                print(f"{camera.who}: {camera.description}{self._warmth(camera)}", file=sys.stderr, flush=True)
-
-    @staticmethod
-    def _warmth(camera: GenicamCamera) -> str:
-        warmth_c = camera.features.temperature_c()
-        return "" if warmth_c is None else f", {warmth_c:.1f} degrees C"
+                warmth = "" if warmth_c is None else f", {warmth_c:.1f} degrees C"
+                print(f"{camera.who}: {camera.description}{warmth}", file=sys.stderr, flush=True)
 
     def capture(self, exposure_scale: float, lamp: int) -> StereoCapture:
         """A pair. A camera that is away is waited for, a pair with losses or exposed apart is taken again.
@@ -77,21 +81,24 @@ class GenicamPair:
         """
         with self._lock:
             until_s = time.monotonic() + self._config.patience_s
-            taken_again = {"incomplete_picture": 0, "exposed_apart": 0}
+            lost = apart = 0
             while True:
                 try:
                     self.connect()
                     return self._take(exposure_scale, lamp)
                 except CameraAway as away:
-                    code, text = "camera_away", str(away)
                     if time.monotonic() >= until_s or self._stop.wait(AGAIN_S):
-                        raise CommandRefused(code, f"{text}; waited {self._config.patience_s:g} s") from None
-                except (IncompletePicture, ExposedApart) as fault:
-                    code = "exposed_apart" if isinstance(fault, ExposedApart) else "incomplete_picture"
-                    taken_again[code] += 1
-                    if taken_again[code] > self._config.retries:
-                        mend = _mend(code, self._config.clock)
-                        raise CommandRefused(code, f"{fault}; so {taken_again[code]} times{mend}") from None
+                        text = f"{away}; waited {self._config.patience_s:g} s"
+                        raise CommandRefused("camera_away", text) from None
+                except IncompletePicture as fault:
+                    lost += 1
+                    if lost > self._config.retries:
+                        raise CommandRefused("incomplete_picture", f"{fault}; so {lost} times; {LOSS_MEND}") from None
+                except ExposedApart as fault:
+                    apart += 1
+                    if apart > self._config.retries:
+                        mend = APART_MEND if self._config.clock == "own" else CLOCK_MEND
+                        raise CommandRefused("exposed_apart", f"{fault}; so {apart} times; {mend}") from None
 
     def _take(self, exposure_scale: float, lamp: int) -> StereoCapture:
         config, left, right = self._config, self.left, self.right
@@ -180,14 +187,3 @@ class GenicamPair:
                 thread.start()
             for thread in closing:  # one that is away takes some seconds
                 thread.join(CLOSE_S)
-
-
-def _mend(code: str, clock: str) -> str:
-    if code == "exposed_apart" and clock != "own":
-        return f"; the two clocks may not be one (then {FIELD}.clock: own), or wire the cameras ({FIELD}.trigger: wire)"
-    if code == "exposed_apart":
-        return f"; wire the cameras ({FIELD}.trigger: wire), or raise skew_most_s where nothing moves in the picture"
-    return (
-        f"; a larger receive buffer (sysctl net.core.rmem_max), jumbo frames, {FIELD}.packet_size or packet_delay_ns "
-        "mend it (docs/hardware/genicam.md)"
-    )

@@ -239,7 +239,7 @@ def main() -> int:
     parser.add_argument("--right", default="127.0.0.3", help="address of the right camera")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--pictures", type=Path, help="folder with left*.png and right*.png")
-    source.add_argument("--from-cell", help="name of the cell whose cameras render: crosspih/NAME/camera/capture")
+    source.add_argument("--from-cell", help="name of the cell whose cameras render, on the same router")
     parser.add_argument("--endpoint", default="tcp/127.0.0.1:7447", help="of the router of --from-cell")
     parser.add_argument("--size", default="640x480", help="width x height, pixels")
     parser.add_argument("--exposure", type=float, default=0.02, help="exposure of the pictures as they are, s")
