@@ -61,7 +61,7 @@ class RosCamera:
             while len(found) <= self._config.skip_pairs:
                 left_s = self._config.wait_s - (time.monotonic() - began_s)
                 if left_s <= 0.0:
-                    raise DeviceLost(self._silent(counts))
+                    raise DeviceLost(self._silent(counts, len(found)))
                 self._images[1 if len(lefts) > len(rights) else 0].wait_until(bool, min(left_s, 0.05))
                 for heard, kept in zip(self._images, (lefts, rights), strict=True):
                     for sample in heard.taken():
@@ -86,9 +86,15 @@ class RosCamera:
             return None
         return nearest
 
-    def _silent(self, counts: list[int]) -> str:
+    def _silent(self, counts: list[int], pairs: int) -> str:
         came = [heard.count - before for heard, before in zip(self._images, counts, strict=True)]
         names = [heard.name for heard in self._images]
+        if pairs:
+            return (
+                f"{pairs} pairs came on {names[0]} and {names[1]} in {self._config.wait_s:g} s, and the first "
+                f"{self._config.skip_pairs} may be from before they were asked for: a longer {FIELD}.wait_s, or a "
+                "faster camera"
+            )
         if all(came):
             return (
                 f"{came[0]} and {came[1]} pictures came on {names[0]} and {names[1]} in {self._config.wait_s:g} s, and "
