@@ -14,7 +14,7 @@ from contextlib import suppress
 import numpy as np
 
 from crosspih_common.arm import ArmModel
-from crosspih_common.errors import CommandRefused, ConfigError
+from crosspih_common.errors import DeviceLost, ConfigError
 from crosspih_common.geometry.pose import Array
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.protocols import Devices, JointReading, WrenchSamples
@@ -45,7 +45,7 @@ class LineArm:
         self.period_s = int(words[3]) * 1e-6
 
     def read(self) -> JointReading:
-        """The next line; CommandRefused `device_lost` while there is none."""
+        """The next line; DeviceLost while there is none."""
         try:
             if self._socket.fileno() < 0:
                 self._connect()
@@ -57,7 +57,7 @@ class LineArm:
             self.close()
             time.sleep(RETRY_S)  # the loop asks again at once
             text = f"the arm at {self._address[0]} is away ({error}); switch it on, mind its cable"
-            raise CommandRefused("device_lost", text) from None
+            raise DeviceLost(text) from None
         joints = self.model.joints
         self.samples.append((stamp_ns, values[2 * joints :]))
         return JointReading(stamp_ns, values[:joints], values[joints : 2 * joints])

@@ -25,15 +25,22 @@ class Losable(Joints):
     """The example's joints; `away` is the reason for which they do not answer."""
 
     away = ""
+    breaks = False
+    halted = 0
     told: Array | None = None
     cycles = 0
 
     def read(self) -> JointReading:
         self.cycles += 1
+        if self.breaks:
+            raise ZeroDivisionError("a driver's own fault")
         if self.away:
             time.sleep(PERIOD_S)
             raise DeviceLost(self.away)
         return super().read()
+
+    def halt(self) -> None:
+        self.halted += 1
 
     def was_told(self) -> Array | None:
         return self.told
@@ -116,5 +123,26 @@ def test_the_arm_is_held_while_a_command_is_judged(monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(arm._collisions, "check_path", judge)
         outcome = arm.follow(turned(arm, 0.01))
         assert waited.is_set() and outcome.stop_reason.value == "completed"
+    finally:
+        arm.close()
+
+
+def test_a_fault_of_a_driver_ends_the_loop_loudly_and_nothing_moves_after_it() -> None:
+    arm, joints = arm_of(realtime=True)
+    told = threading.Event()
+    reasons: list[str] = []
+
+    def on_broken(why: str) -> None:
+        reasons.append(why)
+        told.set()
+
+    arm.on_broken = on_broken
+    try:
+        joints.breaks = True
+        assert told.wait(DEADLINE_S)
+        assert "ZeroDivisionError" in reasons[0] and joints.halted
+        joints.breaks = False
+        with pytest.raises(DeviceLost, match="ZeroDivisionError"):
+            arm.dwell(Dwell(duration_s=0.1))
     finally:
         arm.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from crosspih_common.collision import CollisionModel
 from crosspih_common.config import Workcell
-from crosspih_common.errors import CommandRefused
+from crosspih_common.errors import CommandRefused, DeviceLost
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import (
     AdmittanceMove,
@@ -79,6 +80,8 @@ class ArmController:
         self._execution = Execution(self._runner, config, self.holder, self._effort)
         self._closing = threading.Event()
         self._idler: threading.Thread | None = None
+        self.on_broken: Callable[[str], object] = lambda why: None  # the loop between the motions has ended by a fault
+        self.broken = ""
         if realtime:
             self._idler = threading.Thread(target=self._idle, name="arm-loop", daemon=True)
             self._idler.start()
@@ -291,6 +294,17 @@ class ArmController:
             self._joints.halt()
 
     def _idle(self) -> None:
+        try:
+            self._hold_until_closed()
+        except Exception as error:
+            # nobody reads arm and sensor between motions any more: no service is better than one that looks healthy
+            traceback.print_exc()
+            self.broken = f"the arm's loop ended by {type(error).__name__}: {error}; the arm is halted"
+            with suppress(Exception):
+                self._joints.halt()
+            self.on_broken(self.broken)
+
+    def _hold_until_closed(self) -> None:
         while not self._closing.is_set():
             with self._turn.idle():
                 # a device that refuses where it is to go, backing off from what it felt, holds on where it is
@@ -304,6 +318,8 @@ class ArmController:
     def _command(self) -> Iterator[None]:
         """One command at a time. It is judged while the idle loop goes on: an arm in real time waits for nobody."""
         with self._alone():
+            if self.broken:
+                raise DeviceLost(self.broken)
             with self._turn.taken():
                 self._runner.recover()
                 self._execution.accept()

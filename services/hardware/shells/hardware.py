@@ -22,6 +22,9 @@ class HardwareShell:
         bus = context.bus
         if cell.has_arm:
             arm = self._arm = ArmShell(cell.arm, bus, cell.realtime, cell.has_simulation)
+            cell.arm.on_broken = context.fail
+            if cell.arm.broken:  # before anybody listened
+                context.fail(cell.arm.broken)
             if cell.has_simulation:
                 SimulationShell(cell.simulation, cell.arm, arm, bus)
             for name in cell.assumed:
