@@ -14,7 +14,7 @@ from contextlib import suppress
 import numpy as np
 
 from crosspih_common.arm import ArmModel
-from crosspih_common.errors import DeviceLost, ConfigError
+from crosspih_common.errors import ConfigError, DeviceLost
 from crosspih_common.geometry.pose import Array
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.protocols import Devices, JointReading, WrenchSamples
