@@ -16,8 +16,8 @@ from typing import Any
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Severity
-from services.hardware.cell_time import CellStampedWrench, TimedJoints
 from services.hardware.config import DEVICES, HardwareConfig
+from services.hardware.on_arms_clock import CellStampedWrench, TimedJoints
 from services.hardware.protocols import Devices
 
 GROUP = "crosspih.drivers"  # of entry points, of third-party packages

@@ -4,12 +4,13 @@ It publishes /joint_states and /force_torque_sensor_broadcaster/wrench once a cy
 /forward_position_controller/commands, as joint_state_broadcaster, force_torque_sensor_broadcaster and
 forward_position_controller do; with `--devices camera`, a process of its own, two Image topics with camera_infos. The
 cell's file names the arm, `hardware.simulated` and its seed; `hardware.ros2` the topics. Stamps are the simulated
-cell's time, begun at this machine's.
+cell's time, begun at this machine's. The lines `truth` and `state` on standard input are answered by one line of JSON.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import sys
@@ -39,6 +40,7 @@ from services.hardware.protocols import CameraDevice, Devices, JointReading
 
 PICTURES_HZ = 4.0
 SERVO_RAD_S, WINDOW = 50.0, 6
+LATE = 1.5  # cycles of wall time from one to the next
 
 
 class Servo:
@@ -75,6 +77,7 @@ class PeerArm:
         topic, self._kind = COMMANDS[config.arm.interface]
         self._newest: RosSample | None = None
         self._began_ns = 0
+        self.cycles = self.late_cycles = 0
         node.subscribe(config.arm.commands or topic, self._kind, self._hear, RosQos())
 
     def _hear(self, sample: RosSample) -> None:
@@ -86,7 +89,12 @@ class PeerArm:
         self._began_ns = time.time_ns() - reading.stamp_ns
         goal = np.array(reading.positions_rad)
         servo = Servo(goal, self._joints.period_s)
+        late_s, before_s = LATE * self._joints.period_s, time.monotonic()
         while not stop.is_set():
+            now_s = time.monotonic()
+            self.cycles += 1
+            self.late_cycles += now_s - before_s > late_s
+            before_s = now_s
             self._tell(reading)
             sample, self._newest = self._newest, None
             if sample is not None:
@@ -112,6 +120,17 @@ class PeerArm:
             make("sensor_msgs/msg/JointState", header=header, name=list(self._names), position=reading.positions_rad,
                  velocity=reading.speeds_rad_s, effort=np.zeros(0))
         )  # fmt: skip
+
+
+def answer(arm: PeerArm, devices: Devices) -> None:
+    """What standard input asks: for who started it, to score by."""
+    for line in sys.stdin:
+        if line.strip() == "truth" and devices.simulation is not None:
+            print(devices.simulation.truth().model_dump_json(), flush=True)
+        elif line.strip() == "state":
+            print(json.dumps({"cycles": arm.cycles, "late_cycles": arm.late_cycles}), flush=True)
+        else:
+            print(f"no such thing as {line.strip()}: truth, state", flush=True)
 
 
 def show(node: RosNode, config: Ros2Config, camera: CameraDevice, stop: threading.Event) -> None:
@@ -174,7 +193,9 @@ def run(
         ) as node:
             print(f"peer: {', '.join(wanted)} in domain {node.domain_id} at {endpoint}", flush=True)
             if "arm" in wanted:
-                PeerArm(node, config, joint_names(request, config), devices).run(stop)
+                arm = PeerArm(node, config, joint_names(request, config), devices)
+                threading.Thread(target=answer, args=(arm, devices), name="answers", daemon=True).start()
+                arm.run(stop)
             else:
                 assert devices.camera is not None
                 show(node, config, devices.camera, stop)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import subprocess
 import sys
@@ -29,7 +30,8 @@ class Peer:
         )  # fmt: skip
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._said: deque[str] = deque(maxlen=_LAST_LINES)
-        threading.Thread(target=self._read, name=f"peer:{name}", daemon=True).start()
+        self._reader = threading.Thread(target=self._read, name=f"peer:{name}", daemon=True)
+        self._reader.start()
 
     def _read(self) -> None:
         assert self._process.stdout is not None
@@ -62,6 +64,8 @@ class Peer:
 
     def last_words(self) -> str:
         """What it wrote last."""
+        if self._log.closed:
+            return " / ".join(self._said)
         self._log.seek(0)
         return " / ".join([*self._said, *self._log.read().strip().splitlines()[-_LAST_LINES:]])
 
@@ -74,6 +78,11 @@ class Peer:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+        self._reader.join()
+        assert self._process.stdin is not None and self._process.stdout is not None
+        with contextlib.suppress(OSError):  # what was not yet written goes nowhere
+            self._process.stdin.close()
+        self._process.stdout.close()
         self._log.close()
 
     def __enter__(self) -> Peer:

@@ -127,9 +127,15 @@ def _open_ur(stack: ExitStack, seed: int, folder: Path, endpoint: str, environme
         {
             "driver": "ur",
             "drivers": {"force_torque": "ati", "camera": "genicam"},
-            "ur": {"host": UR_HOST},
+            "ur": {"host": UR_HOST, "silence_s": 0.5},
             "ati": {"host": "127.0.0.1", "http_port": ports[0], "rdt_port": ports[1]},
-            "genicam": {"left": LEFT, "right": RIGHT, "calibration": calibration, "exposure_s": EXPOSURE_S},
+            "genicam": {
+                "left": LEFT,
+                "right": RIGHT,
+                "calibration": calibration,
+                "exposure_s": EXPOSURE_S,
+                "frame_wait_s": 30.0,
+            },
             "limits": {
                 "moved_mass_kg": 7.3,
                 "contact_stiffness_n_m": 7.3e6,

@@ -11,7 +11,7 @@ import pytest
 from crosspih_common.arm import ArmModel
 from crosspih_common.config import Workcell
 from crosspih_common.geometry.pose import Array
-from services.hardware.cell_time import CellStampedWrench, TimedJoints
+from services.hardware.on_arms_clock import CellStampedWrench, TimedJoints
 from services.hardware.protocols import JointReading, WrenchSamples
 
 DRIFT = 1.0 + 40e-6
