@@ -40,8 +40,12 @@ WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_stack.py",
     "tests/hardware/test_ati.py",
-    "tests/hardware/test_robotiq.py",
     "tests/hardware/test_genicam.py",
+    "tests/hardware/test_genicam_rendered.py",
+    "tests/hardware/test_robotiq.py",
+    "tests/hardware/test_ur_driver.py",
+    "tests/hardware/test_ur_with_a_cell.py",
+    "tests/hardware/test_ur_witness.py",
     "tests/holding/test_lease.py",
     "tests/operator/test_bench_pool.py",
     "tests/ros2/test_arm_driver.py",
@@ -53,6 +57,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_commands.py",
     "tests/system/test_examples.py",
     "tests/system/test_genicam_from_cell.py",
+    "tests/system/test_line_arm.py",
     "tests/system/test_lost_services.py",
     "tests/system/test_one_assembly.py",
     "tests/system/test_plain_zenoh_client.py",
@@ -60,7 +65,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
-STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks", "there"])
+STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks", "sdk_arm"])
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types

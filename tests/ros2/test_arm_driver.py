@@ -33,7 +33,7 @@ DOMAIN = 5
 
 
 @pytest.fixture(scope="module")
-def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, SdkProcess]]:
+def sdk_arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, SdkProcess]]:
     """A router, and the arm of most tests in a domain of its own: (endpoint, the SDK's process)."""
     pytest.importorskip("zenoh_ros2_sdk")
     router, endpoint = started_router()
@@ -76,9 +76,9 @@ def moved(cell: HostedCell, goal: Array) -> None:
     assert np.abs(np.array(outcome.joints_rad) - goal).max() < 0.02
 
 
-def test_the_arm_follows_by_either_controller_and_the_sensor_tells_the_weight(there: tuple[str, SdkProcess]) -> None:
+def test_the_arm_follows_by_either_controller_and_the_sensor_tells_the_weight(sdk_arm: tuple[str, SdkProcess]) -> None:
     for interface, goal in (("positions", HOME + 0.1 * AWAY), ("trajectory", HOME)):
-        with cell_of(config_of(there[0], {"interface": interface}, domain_id=DOMAIN)) as cell:
+        with cell_of(config_of(sdk_arm[0], {"interface": interface}, domain_id=DOMAIN)) as cell:
             moved(cell, goal)
             dwelt = cell.arm.dwell(Dwell(duration_s=0.3))
             assert dwelt.stop_reason is StopReason.COMPLETED, dwelt.detail
@@ -89,9 +89,9 @@ def test_the_arm_follows_by_either_controller_and_the_sensor_tells_the_weight(th
 
 
 def test_an_arm_that_its_own_safety_stopped_is_not_pulled_along_and_does_not_jump(
-    there: tuple[str, SdkProcess],
+    sdk_arm: tuple[str, SdkProcess],
 ) -> None:
-    endpoint, arm = there
+    endpoint, arm = sdk_arm
     with cell_of(config_of(endpoint, domain_id=DOMAIN)) as cell:
         moved(cell, HOME)
         arm.process.send_signal(signal.SIGUSR1)
@@ -123,25 +123,25 @@ def test_an_arm_that_its_own_safety_stopped_is_not_pulled_along_and_does_not_jum
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_setting(
-    there: tuple[str, SdkProcess], arm: dict[str, object], others: dict[str, object], said: str
+    sdk_arm: tuple[str, SdkProcess], arm: dict[str, object], others: dict[str, object], said: str
 ) -> None:
-    config = config_of(there[0], arm, **{"connect_s": 1.0, "domain_id": DOMAIN, **others})
+    config = config_of(sdk_arm[0], arm, **{"connect_s": 1.0, "domain_id": DOMAIN, **others})
     with pytest.raises(ConfigError, match=said):
         open_cell(Workcell(), config, True, WANTED)
 
 
-def test_two_arms_are_not_followed_by_turns(there: tuple[str, SdkProcess]) -> None:
-    with RosNode(there[0], DOMAIN, RosTypes(), "second_arm") as node:
+def test_two_arms_are_not_followed_by_turns(sdk_arm: tuple[str, SdkProcess]) -> None:
+    with RosNode(sdk_arm[0], DOMAIN, RosTypes(), "second_arm") as node:
         node.publisher("/joint_states", "sensor_msgs/msg/JointState")
         with pytest.raises(ConfigError, match=r"2 publishers of /joint_states: joint_state_broadcaster, second_arm"):
-            open_cell(Workcell(), config_of(there[0], domain_id=DOMAIN), True, WANTED)
+            open_cell(Workcell(), config_of(sdk_arm[0], domain_id=DOMAIN), True, WANTED)
 
 
 def test_an_arm_that_was_away_is_found_again_where_it_stands_and_does_not_move(
-    there: tuple[str, SdkProcess], tmp_path: Path
+    sdk_arm: tuple[str, SdkProcess], tmp_path: Path
 ) -> None:
     with contextlib.ExitStack() as stack:
-        away_and_back(there[0], tmp_path, stack)
+        away_and_back(sdk_arm[0], tmp_path, stack)
 
 
 def away_and_back(endpoint: str, folder: Path, stack: contextlib.ExitStack) -> None:
