@@ -5,8 +5,8 @@ so the scatter of the single residuals says too little. The covariance here is t
 form, CR3 of Bell and McCaffrey (2002, Survey Methodology 28, 169): each group is left out in turn, and how far the
 answer moves is how sure it is. It errs on the side of caution.
 
-Unknowns are `shared` by all groups, or `own` of one group (the pose of the board in one picture); the own ones are
-eliminated group by group (Schur complement), so that many pictures cost no more than their sum.
+Unknowns are `shared` by all groups, or `own` of one group (the pose of the board in one picture); for the covariance
+the own ones are projected out, group by group.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry.pose import Array
 
 Residual = Callable[[Array, Array], Array]
-STEPS, DONE, WORST_DAMPING = 60, 1e-9, 1e8
+EVALUATIONS, DONE = 80, 1e-10
 LEAST_EIGENVALUE = 1e-14
 
 
@@ -86,65 +87,41 @@ def fit_groups(
     residual: Residual, shared: Array, own: Array, group: NDArray[np.int64], steps: Array, own_steps: Array,
     prior_sd: Array | None = None,
 ) -> Fit:  # fmt: skip
-    """Levenberg and Marquardt from a start.
+    """SciPy's trust-region least squares from a start, then the covariance by groups.
 
     `residual(shared (p,), own (n, k))` is (m,), each row of the group (m,) it belongs to and independent of the own
     unknowns of other groups. `steps` (p,) and `own_steps` (k,) are small changes of the unknowns, by which it is
     differenced. `prior_sd` (p,) holds shared unknowns near their start, where it is finite. Raises CalibrationRefused
     when the data leave a combination of unknowns wholly open.
     """
-    shared, own = np.array(shared, float), np.array(own, float)
-    start = shared.copy()
-    weight = np.zeros(len(shared)) if prior_sd is None else np.where(np.isfinite(prior_sd), prior_sd, np.inf) ** -2.0
-    groups = int(group.max()) + 1
-    rows = [np.flatnonzero(group == index) for index in range(groups)]
-    damping = 1e-3
-    now = residual(shared, own)
-    cost = float(now @ now) + float(weight @ (shared - start) ** 2)
-    for _ in range(STEPS):
-        by_shared, by_own = _jacobians(residual, shared, own, steps, own_steps)
-        while True:
-            step, own_step = _step(now, by_shared, by_own, rows, damping, weight, shared - start)
-            tried = residual(shared + step, own + own_step)
-            tried_cost = float(tried @ tried) + float(weight @ (shared + step - start) ** 2)
-            if np.isfinite(tried_cost) and tried_cost <= cost:
-                break
-            damping *= 10.0
-            if damping > WORST_DAMPING:
-                return _finished(now, shared, own, group, rows, by_shared, by_own, weight)
-        gained = cost - tried_cost
-        shared, own, now, cost = shared + step, own + own_step, tried, tried_cost
-        damping = max(damping / 10.0, 1e-12)
-        if gained <= DONE * max(cost, 1e-300):
-            break
+    start, own = np.array(shared, float), np.array(own, float)
+    width, own_shape = len(start), own.shape
+    prior = np.zeros(width) if prior_sd is None else np.where(np.isfinite(prior_sd), prior_sd, np.inf) ** -1.0
+    rows = [np.flatnonzero(group == index) for index in range(int(group.max()) + 1)]
+
+    def parts(unknown: Array) -> tuple[Array, Array]:
+        return unknown[:width], unknown[width:].reshape(own_shape)
+
+    def with_prior(unknown: Array) -> Array:
+        return np.concatenate([residual(*parts(unknown)), prior * (unknown[:width] - start)])
+
+    def jacobian(unknown: Array) -> Array:
+        by_shared, by_own = _jacobians(residual, *parts(unknown), steps, own_steps)
+        whole = np.zeros((len(by_shared) + width, len(unknown)))
+        whole[: len(by_shared), :width] = by_shared
+        for index, row in enumerate(rows):
+            first = width + index * by_own.shape[1]
+            whole[row, first : first + by_own.shape[1]] = by_own[row]
+        whole[len(by_shared) :, :width] = np.diag(prior)
+        return whole
+
+    unknown = np.concatenate([start, own.ravel()])
+    found = least_squares(
+        with_prior, unknown, jac=jacobian, x_scale="jac", max_nfev=EVALUATIONS, ftol=DONE, xtol=DONE, gtol=DONE
+    )
+    shared, own = parts(found.x)
     by_shared, by_own = _jacobians(residual, shared, own, steps, own_steps)
-    return _finished(now, shared, own, group, rows, by_shared, by_own, weight)
-
-
-def _step(
-    now: Array, by_shared: Array, by_own: Array, rows: list[NDArray[np.int64]], damping: float, weight: Array,
-    off: Array,
-) -> tuple[Array, Array]:  # fmt: skip
-    width, own_width = by_shared.shape[1], by_own.shape[1]
-    scale = np.einsum("ij,ij->j", by_shared, by_shared) + weight
-    normal = np.diag(weight + damping * np.maximum(scale, 1e-30))
-    pull = -weight * off
-    kept = []
-    for row in rows:
-        shared_block, own_block, part = by_shared[row], by_own[row], now[row]
-        normal += shared_block.T @ shared_block
-        pull -= shared_block.T @ part
-        if own_width:
-            own_normal = own_block.T @ own_block
-            own_normal += np.diag(damping * np.maximum(np.diag(own_normal), 1e-30))
-            cross = shared_block.T @ own_block
-            solved = np.linalg.solve(own_normal, np.column_stack([cross.T, -own_block.T @ part]))
-            normal -= cross @ solved[:, :width]
-            pull -= cross @ solved[:, width]
-            kept.append(solved)
-    step = np.linalg.lstsq(normal, pull, rcond=None)[0] if width else np.zeros(0)
-    own_step = np.array([solved[:, width] - solved[:, :width] @ step for solved in kept])
-    return np.asarray(step, float), np.asarray(own_step, float) if own_width else np.zeros((len(rows), 0))
+    return _finished(residual(shared, own), shared, own, group, rows, by_shared, by_own, prior**2)
 
 
 def _finished(

@@ -193,7 +193,7 @@ def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
         )
     return MountFit(
         pose, fit.shared[:3], fit.shared[3:6], sd[:3], sd[3:6], half[:3], half[3:6], float(np.linalg.norm(weight)),
-        float(np.sqrt(np.mean((data.forces - forces) ** 2))), float(np.sqrt(np.mean((data.moments - moments) ** 2))),
+        _rms(data.forces - forces), _rms(data.moments - moments),
         out_n, out_nm, fit, tuple(missing), tuple(doubts),
     )  # fmt: skip
 
@@ -206,4 +206,8 @@ def _held_out(data: _Data, before: Pose, fit: Fit, folds: int) -> tuple[float, f
         forces, moments = _expected(held_fit.shared, data, before)
         off_n.append((data.forces - forces)[np.isin(data.group[:count], left_out)].ravel())
         off_nm.append((data.moments - moments)[np.isin(data.group[count:], left_out)].ravel())
-    return tuple(float(np.sqrt(np.mean(np.concatenate(off) ** 2))) for off in (off_n, off_nm))  # type: ignore[return-value]
+    return _rms(np.concatenate(off_n)), _rms(np.concatenate(off_nm))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

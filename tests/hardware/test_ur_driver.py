@@ -173,7 +173,8 @@ def test_an_arm_that_was_moved_while_it_was_away_stays_where_it_is(cell: Running
     cell.peer.tell("nudge 5 0.2")  # somebody turned the wrist by hand
     there = np.asarray(cell.state("target_q"))
     until(cell.follows)
-    time.sleep(0.2)
+    since = cell.state("cycles")
+    until(lambda: cell.state("cycles") > since + 100)
     assert np.asarray(cell.state("target_q")) == pytest.approx(there, abs=2e-3)
     assert cell.arm.joint_state().joints_rad == pytest.approx(there, abs=2e-3)
     assert cell.retreat(0.002).stop_reason.value == "completed"

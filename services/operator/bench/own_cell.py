@@ -55,8 +55,9 @@ class CellTask:
         )  # fmt: skip
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
+def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port of 127.0.0.1 that nobody has now."""
+    with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
@@ -101,7 +102,7 @@ class OwnCell:
         # what the file says wrong is said here, not by five services
         load_cell(path)
         root = str(Path(deploy.__file__).resolve().parent.parent)
-        endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
         os.environ.update(CROSSPIH_CELL=str(path), CROSSPIH_ENDPOINT=endpoint, CROSSPIH_SPEED=self._task.speed)
         # where the work finds the stack's state
         os.environ["CROSSPIH_RUN_DIR"] = str(self._folder / "run")

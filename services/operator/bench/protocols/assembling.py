@@ -6,6 +6,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Annotated
@@ -85,16 +86,25 @@ class CycleCount:
         return len(gaps_ms) + 1, late, (usual, float(np.quantile(gaps_ms, 0.999)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Asked:
+    plant: Plant
+    seed: int
+    strategy: Strategy
+    began_s: float
+
+
 def assembled(way: Way, seed: int, strategy: Strategy) -> ProtocolTrial:
     """One assembly in a cell of its own: everything is started for it and ended after it."""
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="crosspih-protocols-") as folder:
         try:
             with open_plant(way, seed, Path(folder)) as plant:
-                cell = OwnCell(0, CellTask("", plant.content, _unused, None, NEEDED, calibrate=False, speed="realtime"))
+                asked = _Asked(plant, seed, strategy, began_s)
+                task = CellTask(f"seed {seed}", plant.content, _trial, asked, NEEDED, calibrate=False, speed="realtime")
+                cell = OwnCell(0, task)
                 try:
-                    session = cell.start()
-                    return _trial(session, plant, seed, strategy, began_s)
+                    return _trial(cell.start(), asked)
                 except (CrosspihError, LauncherError) as error:
                     raise CrosspihError(f"{error}; {cell.last_words()}") from None
                 finally:
@@ -106,20 +116,18 @@ def assembled(way: Way, seed: int, strategy: Strategy) -> ProtocolTrial:
             )  # fmt: skip
 
 
-def _unused(session: Session, payload: object) -> None:
-    raise NotImplementedError("the bench does the work itself")
-
-
-def _trial(session: Session, plant: Plant, seed: int, strategy: Strategy, began_s: float) -> ProtocolTrial:
+def _trial(session: Session, asked: _Asked) -> ProtocolTrial:
     session.calibrate_ft(CALIBRATION_DWELL_S)
     count = CycleCount()
     session.bus.subscribe(JOINT_STATE, count.hear)
-    _, result = session.trial(None, strategy, False)
+    _, result = session.trial(None, asked.strategy, False)
     states, late_states, cycle_ms = count.counted()
-    cycles, late_cycles = plant.cycles()
-    figures = score(session.cell.workcell, result, plant.truth(), wall_s=time.monotonic() - began_s, recording=None)
+    cycles, late_cycles = asked.plant.cycles()
+    figures = score(
+        session.cell.workcell, result, asked.plant.truth(), wall_s=time.monotonic() - asked.began_s, recording=None
+    )
     return ProtocolTrial(
-        seed=seed, inserted=figures.inserted, failure=figures.failure, detail=figures.failure_detail,
+        seed=asked.seed, inserted=figures.inserted, failure=figures.failure, detail=figures.failure_detail,
         motion_s=figures.motion_s, duration_s=figures.duration_s, peak_force_n=figures.peak_force_n,
         vision_error_mm=figures.vision_error_mm, final_error_mm=figures.final_error_mm,
         final_error_deg=figures.final_error_deg, wall_s=figures.wall_s, cycles=cycles, late_cycles=late_cycles,

@@ -25,7 +25,7 @@ from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import NoService
 from crosspih_common.keys import CAMERA_CALIBRATION
 from crosspih_common.messages import SimulationTruth
-from services.operator.bench.protocols.addresses import free_port
+from services.operator.bench.own_cell import free_port
 from services.operator.bench.protocols.peers import READY_S, Peer
 
 LEFT, RIGHT = "127.0.0.2", "127.0.0.3"
@@ -136,6 +136,7 @@ def _open_ur(stack: ExitStack, seed: int, folder: Path, endpoint: str, environme
                 "exposure_s": EXPOSURE_S,
                 "frame_wait_s": 30.0,
             },
+            # mass and stiffness of the simulated cell behind it: what one would measure there (docs/safety.md)
             "limits": {
                 "moved_mass_kg": 7.3,
                 "contact_stiffness_n_m": 7.3e6,
