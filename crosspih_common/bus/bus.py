@@ -11,6 +11,8 @@ from typing import Any, Generic, TypeVar
 
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import (
+    MOST_BYTES,
+    check_size,
     decode,
     decode_refusal,
     encode,
@@ -32,8 +34,6 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 
 # how many samples a publisher keeps for unlucky readers; a late one is given the newest alone
 HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}
-# a request is read whole before anything of it is judged: what is larger than any sensible one is refused unread
-MAX_REQUEST_BYTES = 4_000_000
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
 
@@ -185,6 +185,11 @@ class Bus:
             if name != expected:
                 self._reject(key, f"{key}: got {name[:80] or 'no type name'}, want {expected}")
                 return
+            try:
+                check_size(topic.type, payload, key)
+            except ContractError as error:
+                self._reject(key, str(error))
+                return
             self.traffic.count(key, "received")
             handler(key, payload, label)
 
@@ -258,9 +263,9 @@ class Bus:
         def handle(query: Query) -> Answer:
             number = -1
             try:
-                if len(query.payload) > MAX_REQUEST_BYTES:
+                if len(query.payload) > MOST_BYTES:
                     raise CommandRefused(
-                        "size", f"{key}: the request has {len(query.payload)} bytes, {MAX_REQUEST_BYTES} are allowed"
+                        "size", f"{key}: the request has {len(query.payload)} bytes, {MOST_BYTES} are allowed"
                     )
                 try:
                     request = decode(command.request, query.payload, query.label, key)

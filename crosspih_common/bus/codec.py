@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 PayloadT = TypeVar("PayloadT", bound="Payload")
 
+SEQ_DIGITS = 16  # below 2**53: exact in every language's JSON
+MOST_BYTES = 4_000_000
+MOST_IMAGE_BYTES = 64_000_000  # 2448 x 2048 in three colours is 15 MB
+
 
 def label_of(kind: type[Any]) -> str:
     """What travels beside the payload: type name, slash, version."""
@@ -39,9 +43,17 @@ def label_with_seq(kind: type[Any], seq: int) -> str:
 
 
 def split_label(label: str) -> tuple[str, int]:
-    """(type/version, seq) of a label; seq is -1 where none travels."""
+    """(type/version, seq) of a label; seq is -1 where none travels, or one that no publisher can have reached."""
     name, _, seq = label.partition(" ")
-    return name, int(seq) if seq.isdigit() else -1
+    counted = len(seq) <= SEQ_DIGITS and seq.isascii() and seq.isdigit()
+    return name, int(seq) if counted else -1
+
+
+def check_size(kind: type[Any], payload: bytes, key: str) -> None:
+    """Raises ContractError for a payload that is larger than any sensible one, before anything of it is read."""
+    most = MOST_IMAGE_BYTES if issubclass(kind, Image) else MOST_BYTES
+    if len(payload) > most:
+        raise ContractError(f"{key}: got {len(payload)} bytes, {most} are allowed")
 
 
 def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> PayloadT:
@@ -52,6 +64,7 @@ def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> Payloa
         raise ContractError(
             f"{key}: got {name[:80] or 'no type name'}, want {expected}; run the same crosspih on both ends"
         )
+    check_size(kind, payload, key)
     try:
         if issubclass(kind, Image):
             return _decode_image(payload, seq)  # type: ignore[return-value]
@@ -61,7 +74,7 @@ def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> Payloa
             f"{'.'.join(str(part) for part in problem['loc']) or 'payload'}: {problem['msg']}"
             for problem in error.errors()[:4]
         )
-        raise ContractError(f"{key}: {label} does not validate as {expected}: {problems}") from None
+        raise ContractError(f"{key}: does not validate as {expected}: {problems}") from None
 
 
 def encode_refusal(refusal: CommandRefused) -> bytes:

@@ -95,6 +95,11 @@ def _open_session(
         ) from None
 
 
+def _label(attachment: zenoh.ZBytes | None) -> str:
+    """The label beside a payload; what is no UTF-8 is no label of ours, and is rejected as such."""
+    return attachment.to_bytes().decode(errors="replace") if attachment is not None else ""
+
+
 class _Declared:
     def __init__(self, entity: Any) -> None:
         self._entity = entity
@@ -117,7 +122,7 @@ class _ZenohQuery:
         self._query: zenoh.Query | None = query
         self._key = str(query.key_expr)
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
-        self.label = query.attachment.to_string() if query.attachment is not None else ""
+        self.label = _label(query.attachment)
 
     def answer(self, answer: Answer) -> None:
         query, self._query = self._query, None
@@ -173,8 +178,7 @@ class ZenohTransport:
         """Call the handler with every sample. See Transport."""
 
         def receive(sample: zenoh.Sample) -> None:
-            label = sample.attachment.to_string() if sample.attachment is not None else ""
-            handler(str(sample.key_expr), sample.payload.to_bytes(), label)
+            handler(str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment))
 
         if not recover:
             return _Declared(self._session.declare_subscriber(key_expression, receive))
@@ -213,8 +217,7 @@ class ZenohTransport:
         for reply in replies:
             if reply.ok is not None:
                 sample = reply.ok
-                attachment = sample.attachment.to_string() if sample.attachment is not None else ""
-                return Answer(sample.payload.to_bytes(), attachment, is_error=False)
+                return Answer(sample.payload.to_bytes(), _label(sample.attachment), is_error=False)
             if reply.err is not None:
                 return Answer(reply.err.payload.to_bytes(), "", is_error=True)
         raise NoService(f"{key}: nobody answers; is the service that serves it up? (`crosspih ps`)")

@@ -6,23 +6,87 @@ from 0 without gaps: both are filled by the bus when left at their defaults.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from enum import Enum
 from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
-Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[tuple[float, ...], Field(min_length=4, max_length=4)]
-Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+# No length, angle, force or count that a cell can have is larger; what is, would overflow in the first square of it.
+MOST = 1e12
+MOST_STAMP_NS = 2**62
+MOST_SEQ = 2**53 - 1  # exact in every language's JSON
+UNIT_TOLERANCE = 0.01  # quaternions are often sent with three decimals
+SYMMETRY = 1e-6  # of an entry, times the two standard deviations
+NEGATIVE = -1e-9  # an eigenvalue of a correlation may round to
+SINGULAR = 1e-12  # one below says that a direction is known exactly
+
+
+def _unit(quaternion_xyzw: tuple[float, ...]) -> tuple[float, ...]:
+    length = math.hypot(*quaternion_xyzw)
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        raise ValueError(f"has length {length:.3g}; give a unit quaternion (x, y, z, w)")
+    return quaternion_xyzw
+
+
+def _direction(vector: tuple[float, ...]) -> tuple[float, ...]:
+    if math.hypot(*vector) < SINGULAR:
+        raise ValueError("has no length; give the way to go in the base frame, any length")
+    return vector
+
+
+def _deviations(values: tuple[float, ...]) -> tuple[float, ...]:
+    if min(values) < 0.0:
+        raise ValueError(f"{min(values):.3g} is below 0; give standard deviations")
+    return values
+
+
+def _least_eigenvalue(values: tuple[float, ...]) -> float:
+    """Of the correlation (6, 6). Raises ValueError where the variances or the symmetry are not a covariance's."""
+    covariance = np.asarray(values).reshape(6, 6)
+    variances = np.diag(covariance)
+    if (variances < 0.0).any():
+        raise ValueError(f"variance {int(np.argmin(variances))} on its diagonal is {variances.min():.3g}, below 0")
+    scales = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    correlation = covariance / np.outer(scales, scales)
+    if np.abs(correlation - correlation.T).max() > SYMMETRY:
+        raise ValueError("is not symmetric; give it row by row, order x, y, z, rx, ry, rz")
+    return float(np.linalg.eigvalsh(correlation)[0])
+
+
+def _covariance(values: tuple[float, ...]) -> tuple[float, ...]:
+    if _least_eigenvalue(values) < NEGATIVE:
+        raise ValueError("has a negative eigenvalue: no covariance is so")
+    return values
+
+
+def _definite(values: tuple[float, ...]) -> tuple[float, ...]:
+    if _least_eigenvalue(values) < SINGULAR or min(values[::7]) <= 0.0:
+        raise ValueError("is singular: nothing is known exactly; give each direction a variance above 0")
+    return values
+
+
+Number = Annotated[float, Field(ge=-MOST, le=MOST)]
+Vector3 = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3)]
+MOST_PLACE_M = 100.0  # from any frame of one cell to another
+Position3 = Annotated[
+    tuple[Annotated[float, Field(ge=-MOST_PLACE_M, le=MOST_PLACE_M)], ...], Field(min_length=3, max_length=3)
+]
+Direction = Annotated[Vector3, AfterValidator(_direction)]  # of any length but none
+Quaternion = Annotated[tuple[Number, ...], Field(min_length=4, max_length=4), AfterValidator(_unit)]
+Vector6 = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6)]
+Deviations6 = Annotated[Vector6, AfterValidator(_deviations)]
 # One number a joint: as many as the cell's arm has.
-Joints = Annotated[tuple[float, ...], Field(min_length=6, max_length=7)]
+Joints = Annotated[tuple[Number, ...], Field(min_length=6, max_length=7)]
 # Row-major (6, 6) of a pose: order x, y, z, rx, ry, rz in the pose's own (child) frame, m and rad.
-Covariance6 = Annotated[tuple[float, ...], Field(min_length=36, max_length=36)]
+Covariance6 = Annotated[tuple[Number, ...], Field(min_length=36, max_length=36), AfterValidator(_covariance)]
+# As what an estimate starts from: no direction may be known exactly.
+PriorCovariance6 = Annotated[Covariance6, AfterValidator(_definite)]
 
 
 class Frame(str, Enum):
@@ -48,8 +112,10 @@ class Message(Part):
 
     VERSION: ClassVar[int] = 1
 
-    stamp_ns: int = Field(default=-1, ge=-1, description="cell clock; -1 until the bus stamps it")
-    seq: int = Field(default=-1, ge=-1, description="counts one publisher's samples on one key; -1 until sent")
+    stamp_ns: int = Field(default=-1, ge=-1, le=MOST_STAMP_NS, description="cell clock; -1 until the bus stamps it")
+    seq: int = Field(
+        default=-1, ge=-1, le=MOST_SEQ, description="counts one publisher's samples on one key; -1 until sent"
+    )
 
     @classmethod
     def type_name(cls) -> str:
@@ -60,7 +126,7 @@ class Message(Part):
 class PoseData(Part):
     """A pose on the wire; the field that holds it names both frames (`pose_base_hole`: hole in base)."""
 
-    position_m: Vector3
+    position_m: Position3
     quaternion_xyzw: Quaternion
 
     @classmethod

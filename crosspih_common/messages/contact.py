@@ -6,7 +6,7 @@ from enum import Enum
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Frame, Message, Vector6
+from crosspih_common.messages.base import Deviations6, Frame, Message, Vector6
 
 
 class ContactClassifier(str, Enum):
@@ -35,7 +35,7 @@ class ClassifyContacts(Message):
 
     frame: Frame = Frame.PEG
     wrenches: tuple[Vector6, ...] = Field(min_length=1, max_length=1000)
-    wrench_sds: tuple[Vector6, ...]
+    wrench_sds: tuple[Deviations6, ...]
     classifier: ContactClassifier | None = None
 
 

@@ -4,22 +4,35 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Covariance6, Frame, Joints, Message, Part, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import (
+    Covariance6,
+    Direction,
+    Frame,
+    Joints,
+    Message,
+    Part,
+    PoseData,
+    PriorCovariance6,
+    Vector3,
+    Vector6,
+)
 from crosspih_common.messages.touch import Touch
+
+MOST_TOUCHES = 100
 
 
 class PosePrior(Part):
     """Where the hole is believed to be before any touch (covariance as in HoleEstimate)."""
 
     pose_base_hole: PoseData
-    covariance: Covariance6
+    covariance: PriorCovariance6
 
 
 class EstimatePose(Message):
     """Fuse all touches of one assembly; the request holds all that the answer depends on."""
 
     prior: PosePrior
-    touches: tuple[Touch, ...] = Field(min_length=1)
+    touches: tuple[Touch, ...] = Field(min_length=1, max_length=MOST_TOUCHES)
 
 
 class TouchUse(Part):
@@ -65,7 +78,7 @@ class TouchPlan(Message):
 
     frame: Frame = Frame.BASE
     pose_base_peg_start: PoseData
-    direction_base: Vector3
+    direction_base: Direction
     idea: str
 
 
@@ -80,7 +93,7 @@ class EstimateBySequence(Message):
     """A learned way: all touches so far, in their order, through a recurrent network to the pose."""
 
     prior: PosePrior
-    touches: tuple[Touch, ...] = Field(min_length=1)
+    touches: tuple[Touch, ...] = Field(min_length=1, max_length=MOST_TOUCHES)
 
 
 class EstimateSeated(Message):

@@ -3,11 +3,32 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from crosspih_common.messages.base import Frame, Joints, Message, Part, PoseData, Vector3, Vector6, same_length
+from crosspih_common.messages.base import (
+    MOST,
+    Deviations6,
+    Direction,
+    Frame,
+    Joints,
+    Message,
+    Part,
+    PoseData,
+    Vector3,
+    Vector6,
+    same_length,
+)
+
+# Below these nothing moves, and is felt, that a wrist sensor or an encoder could tell from rest.
+LEAST_SPEED_M_S = 1e-6
+LEAST_SPEED_RAD_S = 1e-6
+LEAST_TRAVEL_M = 1e-6
+LEAST_TIME_S = 1e-3
+LEAST_FORCE_N = 1e-3
+LEAST_MOMENT_NM = 1e-5
+LEAST_DAMPING = 1e-3  # N s / m, Nm s / rad
 
 
 class StopReason(str, Enum):
@@ -29,6 +50,12 @@ class StopReason(str, Enum):
 
 # the arm stopped by itself, and not because of what it touched: whoever sent the motion can no longer rely on it
 BROKEN_OFF = (StopReason.HOLDER_LOST, StopReason.LATE_CYCLES, StopReason.SENSOR_LOST)
+
+
+# of a search about the hole, and of the point on or before the peg about which it yields
+SmallOffset = Annotated[tuple[Annotated[float, Field(ge=-0.2, le=0.2)], ...], Field(min_length=3, max_length=3)]
+SmallTurn = Annotated[tuple[Annotated[float, Field(ge=-3.2, le=3.2)], ...], Field(min_length=3, max_length=3)]
+NearPeg = Annotated[tuple[Annotated[float, Field(ge=-2.0, le=2.0)], ...], Field(min_length=3, max_length=3)]
 
 
 class Held(Part):
@@ -72,25 +99,25 @@ class GuardedMove(Held, Message):
     retreats by `retreat_m` along the way it came.
     """
 
-    direction_base: Vector3
-    speed_m_s: float = Field(gt=0.0, le=0.25)
-    creep_speed_m_s: float = Field(default=0.001, gt=0.0, le=0.05)
-    force_threshold_n: float = Field(default=5.0, gt=0.0)
-    moment_threshold_nm: float = Field(default=1.0, gt=0.0)
-    travel_limit_m: float = Field(gt=0.0, le=0.3)
-    observe_s: float = Field(default=0.1, gt=0.0, le=2.0)
-    average_s: float = Field(default=0.025, gt=0.0, le=2.0, description="at the end of the creep")
+    direction_base: Direction
+    speed_m_s: float = Field(ge=LEAST_SPEED_M_S, le=0.25)
+    creep_speed_m_s: float = Field(default=0.001, ge=LEAST_SPEED_M_S, le=0.05)
+    force_threshold_n: float = Field(default=5.0, ge=LEAST_FORCE_N, le=MOST)
+    moment_threshold_nm: float = Field(default=1.0, ge=LEAST_MOMENT_NM, le=MOST)
+    travel_limit_m: float = Field(ge=LEAST_TRAVEL_M, le=0.3)
+    observe_s: float = Field(default=0.1, ge=LEAST_TIME_S, le=2.0)
+    average_s: float = Field(default=0.025, ge=LEAST_TIME_S, le=2.0, description="at the end of the creep")
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
 
 
 class PathKnot(Part):
     """A place of a path that is moved along while pushing, about where the move began, in the peg frame of then."""
 
-    time_s: float = Field(gt=0.0, le=60.0)
-    offset_m: Vector3 = Field(
+    time_s: float = Field(ge=LEAST_TIME_S, le=60.0)
+    offset_m: SmallOffset = Field(
         default=(0.0, 0.0, 0.0), description="of the centre; what of it is along the push is left"
     )
-    turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector, about the centre")
+    turn_rad: SmallTurn = Field(default=(0.0, 0.0, 0.0), description="rotation vector, about the centre")
 
 
 class AdmittanceMove(Held, Message):
@@ -105,17 +132,17 @@ class AdmittanceMove(Held, Message):
     0 s) is moved along on top of the yielding, and the move ends when the path does (completed) instead of stalling.
     """
 
-    direction_base: Vector3
-    speed_m_s: float = Field(gt=0.0, le=0.1)
-    travel_m: float = Field(gt=0.0, le=0.2)
-    axial_force_n: float = Field(default=20.0, gt=0.0)
-    lateral_damping_n_s_m: float = Field(default=2000.0, gt=0.0)
-    rotational_damping_nm_s_rad: float = Field(default=20.0, gt=0.0)
-    centre_peg_m: Vector3 = (0.0, 0.0, 0.057)
-    lateral_speed_limit_m_s: float = Field(default=0.003, gt=0.0)
-    rotational_speed_limit_rad_s: float = Field(default=0.05, gt=0.0)
-    stall_s: float = Field(default=0.6, gt=0.0, le=60.0)
-    timeout_s: float = Field(default=8.0, gt=0.0, le=60.0)
+    direction_base: Direction
+    speed_m_s: float = Field(ge=LEAST_SPEED_M_S, le=0.1)
+    travel_m: float = Field(ge=LEAST_TRAVEL_M, le=0.2)
+    axial_force_n: float = Field(default=20.0, ge=LEAST_FORCE_N, le=MOST)
+    lateral_damping_n_s_m: float = Field(default=2000.0, ge=LEAST_DAMPING, le=MOST)
+    rotational_damping_nm_s_rad: float = Field(default=20.0, ge=LEAST_DAMPING, le=MOST)
+    centre_peg_m: NearPeg = (0.0, 0.0, 0.057)
+    lateral_speed_limit_m_s: float = Field(default=0.003, ge=LEAST_SPEED_M_S, le=0.5)
+    rotational_speed_limit_rad_s: float = Field(default=0.05, ge=LEAST_SPEED_RAD_S, le=3.0)
+    stall_s: float = Field(default=0.6, ge=LEAST_TIME_S, le=60.0)
+    timeout_s: float = Field(default=8.0, ge=LEAST_TIME_S, le=60.0)
     path: tuple[PathKnot, ...] = Field(default=(), max_length=20000)
 
 
@@ -123,14 +150,14 @@ class MoveLinear(Held, Message):
     """Move the peg frame in a straight line, orientation turned along, to a pose in the base frame."""
 
     pose_base_peg: PoseData
-    speed_m_s: float = Field(default=0.05, gt=0.0, le=0.5)
-    rotational_speed_rad_s: float = Field(default=0.5, gt=0.0, le=3.0)
+    speed_m_s: float = Field(default=0.05, ge=LEAST_SPEED_M_S, le=0.5)
+    rotational_speed_rad_s: float = Field(default=0.5, ge=LEAST_SPEED_RAD_S, le=3.0)
 
 
 class Dwell(Held, Message):
     """Hold still and average the sensor."""
 
-    duration_s: float = Field(gt=0.0, le=10.0)
+    duration_s: float = Field(ge=LEAST_TIME_S, le=10.0)
 
 
 class StopMotion(Message):
@@ -167,7 +194,7 @@ class MotionOutcome(Message):
     pose_base_peg: PoseData
     frame: Frame = Frame.FT
     wrench_raw: Vector6
-    wrench_sd: Vector6
+    wrench_sd: Deviations6
     peak_force_n: float
     peak_moment_nm: float
     # what scoring sums up; a driver that does not know them leaves them out
@@ -186,13 +213,13 @@ class GuardedMoveOutcome(MotionOutcome):
     `travel_first_contact_m` is the travel at which the force first left the noise (onset, not threshold).
     """
 
-    direction_base: Vector3
+    direction_base: Direction
     travel_first_contact_m: float | None = None
     pose_base_peg_first_contact: PoseData | None = None
     pose_base_peg_observed: PoseData | None = None
     joints_observed_rad: Joints | None = None
     wrench_observed_raw: Vector6 | None = None
-    wrench_observed_sd: Vector6 | None = None
+    wrench_observed_sd: Deviations6 | None = None
     wrench_free_raw: Vector6 | None = Field(
         default=None, description="the sensor's mean at the start of the move, before any contact"
     )

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
+
+# m and rad; the hole stays within the arm's reach, or is told to be outside it
+Offset6 = Annotated[tuple[Annotated[float, Field(ge=-3.2, le=3.2)], ...], Field(min_length=6, max_length=6)]
 
 
 class SceneFaults(Part):
@@ -29,7 +34,7 @@ class ResetCell(Message):
     """
 
     seed: int = Field(ge=0)
-    offset_hole: Vector6 | None = None
+    offset_hole: Offset6 | None = None
     place_peg: PoseData | None = None
     scene: SceneFaults | None = None
 

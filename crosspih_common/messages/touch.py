@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Frame, Joints, Message, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Deviations6, Direction, Frame, Joints, Message, PoseData, Vector6
 from crosspih_common.messages.contact import ContactState
 
 
@@ -17,8 +17,8 @@ class Touch(Message):
     pose_base_peg: PoseData = Field(description="mean pose over the samples of the wrench")
     pose_base_peg_first_contact: PoseData | None = None
     travel_first_contact_m: float | None = None
-    direction_base: Vector3
+    direction_base: Direction
     joints_rad: Joints
     wrench: Vector6
-    wrench_sd: Vector6
+    wrench_sd: Deviations6
     state: ContactState

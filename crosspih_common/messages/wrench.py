@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Frame, Message, Part, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Deviations6, Frame, Message, Part, PoseData, Vector3, Vector6
 from crosspih_common.messages.contact import ContactState
 
 
@@ -16,8 +16,8 @@ class RawWrenchBatch(Message):
     """
 
     frame: Frame = Frame.FT
-    period_ns: int = Field(gt=0)
-    samples: tuple[Vector6, ...] = Field(min_length=1)
+    period_ns: int = Field(gt=0, le=10**9)
+    samples: tuple[Vector6, ...] = Field(min_length=1, max_length=10_000)
 
 
 class WrenchMemory(Part):
@@ -57,7 +57,7 @@ class CompensateWrench(Message):
 
     pose_base_peg: PoseData
     wrench_raw: Vector6
-    wrench_sd: Vector6
+    wrench_sd: Deviations6
     wrench_free_raw: Vector6 | None = None
     pose_base_peg_free: PoseData | None = None
 
@@ -67,7 +67,7 @@ class ContactReading(Message):
 
     frame: Frame = Frame.PEG
     wrench: Vector6
-    wrench_sd: Vector6
+    wrench_sd: Deviations6
     free_residual: Vector6 | None = None
     state: ContactState
 
@@ -78,13 +78,13 @@ class RawReading(Message):
     frame: Frame = Frame.FT
     pose_base_peg: PoseData
     wrench_raw: Vector6
-    wrench_sd: Vector6
+    wrench_sd: Deviations6
 
 
 class IdentifyPayload(Message):
     """Six or more dwells, to find bias, weight and centroid from (the paper's Eqs. 14-16)."""
 
-    readings: tuple[RawReading, ...]
+    readings: tuple[RawReading, ...] = Field(max_length=1000)
     save: bool = True
     temperature_c: float | None = Field(default=None, description="now; kept with the calibration")
 

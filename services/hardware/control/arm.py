@@ -196,6 +196,7 @@ class ArmController:
             search = SearchPath(command.path, start.rotation, direction, runner.period_s)
             stretch = path_stretch(search.fastest_m_s, command.axial_force_n, limits)
             if stretch > 1.0:
+                refuse_longer("path", command.path[-1].time_s * stretch, self._config.motion_s)
                 search = SearchPath(command.path, start.rotation, direction, runner.period_s, stretch)
             asked, (command, notes) = command, judged_admittance(command, limits, search.fastest_m_s)
             if stretch > 1.0:

@@ -10,6 +10,7 @@ from services.operator.bench.cell import cell
 from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
 from services.operator.bench.engines import engines
+from services.operator.bench.fuzz.command import fuzz
 from services.operator.bench.kills.command import kills
 from services.operator.bench.pictures.command import make_pictures
 from services.operator.bench.protocols.assembling import protocols
@@ -35,5 +36,6 @@ app.command()(protocols)
 app.command()(cell)
 app.command()(for_cell(caps))
 app.command()(for_cell(kills))
+app.command()(for_cell(fuzz))
 app.command()(for_cell(busy))
 app.command()(for_cell(calibrations))

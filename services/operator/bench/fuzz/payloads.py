@@ -1,0 +1,169 @@
+"""Payloads drawn from a message's own JSON schema: sound ones, absurd ones that still fit it, and broken ones."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+# numbers that arithmetic does not like, each of which JSON can say
+EXTREMES = (0.0, -0.0, 5e-324, 1e-30, -1e-9, 1.0, -1.0, 1e3, -1e6, 1e12, -1e30, 1e154, 1.7e308, -1.7e308)
+WHOLE_EXTREMES = (0, -1, 1, 2**31, -(2**31), 2**53, 2**63 - 1, -(2**63), 2**64, 10**30, 10**400)
+WORDS = ("", "a", "../../etc/passwd", "\x00", "é漢🦾", "%s%n", "crosspih/*/**", "'; --", "\u202e", "x" * 3000)
+# how often a value is an extreme one, a payload at a time
+WILD = (0.0, 0.03, 0.3, 1.0)
+DEPTH = 3000
+MOST_ITEMS = 12
+COVARIANCE = 36  # numbers of a (6, 6)
+
+
+class Sort(str, Enum):
+    """What is done to a payload."""
+
+    FITTING = "fitting"  # fits the schema, with numbers as absurd as it allows
+    MISFIT = "misfit"  # JSON, but a field is missing, strange, of another type or out of its range
+    BROKEN = "broken"  # bytes flipped, cut, doubled; not JSON, not UTF-8, nested without end
+
+
+class PayloadMaker:
+    """Draws payloads for one JSON schema (as pydantic's `model_json_schema` gives it) from a seed."""
+
+    def __init__(self, schema: dict[str, Any], seed: int) -> None:
+        self._schema, self._definitions = schema, schema.get("$defs", {})
+        self._rng = random.Random(seed)
+        self._wild = 0.0
+
+    def payload(self, sort: Sort) -> bytes:
+        """One payload."""
+        self._wild = self._rng.choice(WILD)
+        value = self._value(self._schema)
+        if sort is Sort.FITTING:
+            return json.dumps(value).encode()
+        if sort is Sort.MISFIT:
+            return json.dumps(self._misfit(value)).encode("utf-8", "surrogatepass")
+        return self._broken(json.dumps(value).encode())
+
+    # ------------------------------------------------------------------------------------------------------ fitting
+
+    def _value(self, schema: dict[str, Any]) -> Any:
+        if "$ref" in schema:
+            return self._value(self._definitions[schema["$ref"].rsplit("/", 1)[1]])
+        for several in ("anyOf", "oneOf"):
+            if several in schema:
+                return self._value(self._one_of(schema[several]))
+        if "const" in schema:
+            return schema["const"]
+        if "enum" in schema:
+            return self._one_of(schema["enum"])
+        makers: dict[str, Callable[[dict[str, Any]], Any]] = {
+            "object": self._object,
+            "array": self._array,
+            "number": self._number,
+            "integer": self._whole,
+            "string": self._word,
+            "boolean": lambda _: self._rng.random() < 0.5,
+            "null": lambda _: None,
+        }
+        return makers[schema.get("type", "null")](schema)
+
+    def _one_of(self, choices: Any) -> Any:
+        return self._rng.choice(choices)
+
+    def _object(self, schema: dict[str, Any]) -> dict[str, Any]:
+        required = schema.get("required", ())
+        value = {
+            name: self._value(of)
+            for name, of in schema.get("properties", {}).items()
+            if name in required or self._rng.random() < 0.5
+        }
+        others = schema.get("additionalProperties")
+        if isinstance(others, dict):
+            value |= {self._word({}): self._value(others) for _ in range(self._rng.randrange(4))}
+        return value
+
+    def _array(self, schema: dict[str, Any]) -> list[Any]:
+        least = schema.get("minItems", 0)
+        most = min(schema.get("maxItems", least + MOST_ITEMS), least + MOST_ITEMS)
+        # six or seven joints: as many in every field
+        count = least if most == least + 1 else self._rng.randint(least, most)
+        of = schema.get("items", {})
+        if count == COVARIANCE and self._rng.random() < 0.5:
+            # one that is a covariance
+            return [self._rng.uniform(0.1, 1.0) if at % 7 == 0 else 0.0 for at in range(count)]
+        if of.get("type") == "number" and self._rng.random() < 0.5:
+            # directions and quaternions as they should be
+            vector = [self._rng.gauss(0.0, 1.0) for _ in range(count)]
+            return [one / math.hypot(*vector) for one in vector]
+        return [self._value(of) for _ in range(count)]
+
+    def _number(self, schema: dict[str, Any]) -> float:
+        least = schema.get("minimum", schema.get("exclusiveMinimum"))
+        most = schema.get("maximum", schema.get("exclusiveMaximum"))
+        if self._rng.random() < self._wild:
+            inside = [
+                one for one in EXTREMES if (least is None or one > least) and (most is None or one < most)
+            ] or [1e-9 if most is None else most]  # fmt: skip
+            return float(self._one_of(inside))
+        low, high = (-1.0 if least is None else least), (1.0 if most is None else most)
+        return float(low + (max(high, low) - low or 1.0) * self._rng.uniform(1e-6, 1.0))
+
+    def _whole(self, schema: dict[str, Any]) -> int:
+        least, most = schema.get("minimum", schema.get("exclusiveMinimum", -1)), schema.get("maximum")
+        if self._rng.random() < self._wild:
+            inside = [one for one in WHOLE_EXTREMES if one > least and (most is None or one <= most)]
+            return int(self._one_of(inside or [least + 1]))
+        return int(least) + 1 + self._rng.randrange(5 if most is None else max(int(most) - int(least), 1))
+
+    def _word(self, schema: dict[str, Any]) -> str:
+        word = str(self._one_of(WORDS)) if self._rng.random() < max(self._wild, 0.1) else "word"
+        word = word.ljust(schema.get("minLength", 0), "w")
+        return word[: schema.get("maxLength", len(word))]
+
+    # ------------------------------------------------------------------------------------------------ not fitting
+
+    def _misfit(self, value: Any) -> Any:
+        """A value with one thing in it replaced, left out or added."""
+        strange = self._one_of(
+            (None, True, -1, 10**4000, "", "\ud800", [], [[]], {}, {"a": {}}, float("nan"), float("inf"), "NaN", 1e308)
+        )
+        place, holder = value, None
+        path: Any = None
+        while isinstance(place, dict | list) and place and self._rng.random() < 0.8:
+            path = self._one_of(list(place)) if isinstance(place, dict) else self._rng.randrange(len(place))
+            holder, place = place, place[path]
+        if holder is None:
+            return strange if self._rng.random() < 0.1 else {**value, f"not a field {len(value)}": strange}
+        what = self._rng.randrange(3)
+        if what == 0 or isinstance(holder, list):
+            holder[path] = strange
+        elif what == 1:
+            del holder[path]
+        else:
+            holder["not_a_field"] = strange
+        return value
+
+    def _broken(self, payload: bytes) -> bytes:
+        whole = bytearray(payload)
+        what = self._rng.randrange(8)
+        at = self._rng.randrange(max(len(whole), 1))
+        if what == 0:
+            return bytes(whole[:at])
+        if what == 1:
+            for _ in range(self._rng.randrange(1, 9)):
+                if whole:
+                    whole[self._rng.randrange(len(whole))] ^= 1 << self._rng.randrange(8)
+            return bytes(whole)
+        if what == 2:
+            return self._rng.randbytes(self._rng.randrange(300))
+        if what == 3:
+            return bytes(whole[:at] + whole)
+        if what == 4:
+            return b"[" * DEPTH if at % 2 else b'{"a":' * DEPTH
+        if what == 5:
+            return bytes(whole).replace(b":", b":" + b"9" * DEPTH, 1)
+        if what == 6:
+            return b"\xff\xfe" + payload
+        return b'{"knots":' + b"[" * DEPTH + b"]" * DEPTH + b"}"
