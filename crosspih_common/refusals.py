@@ -19,6 +19,7 @@ REFUSALS: dict[str, str] = {
     "bad_answer": "a service that was asked in turn answered with something that is not what its key promises",
     "bus_unreachable": "the router was lost while another service was asked",
     "config": "the cell's file says something that cannot be",
+    "implausible": "numbers that no such cell can have; the text names the field and the most that is taken",
     # arm
     "not_finite": "a number is not finite, or a quaternion is zero",
     "direction": "a direction has no length",

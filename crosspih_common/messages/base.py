@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from enum import Enum
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -71,6 +71,11 @@ def _definite(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
+def _said(what: str) -> Any:
+    """What pydantic cannot say in a JSON schema by itself: as its `format`."""
+    return Field(json_schema_extra={"format": what})
+
+
 Number = Annotated[float, Field(ge=-MOST, le=MOST)]
 Vector3 = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3)]
 MOST_PLACE_M = 100.0  # from any frame of one cell to another
@@ -78,13 +83,20 @@ Position3 = Annotated[
     tuple[Annotated[float, Field(ge=-MOST_PLACE_M, le=MOST_PLACE_M)], ...], Field(min_length=3, max_length=3)
 ]
 Direction = Annotated[Vector3, AfterValidator(_direction)]  # of any length but none
-Quaternion = Annotated[tuple[Number, ...], Field(min_length=4, max_length=4), AfterValidator(_unit)]
+Quaternion = Annotated[
+    tuple[Number, ...], Field(min_length=4, max_length=4), AfterValidator(_unit), _said("unit_quaternion")
+]
 Vector6 = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6)]
-Deviations6 = Annotated[Vector6, AfterValidator(_deviations)]
+# A sensor's own numbers, counts among them; what is made of them stays within MOST.
+RawNumber = Annotated[float, Field(ge=-1e9, le=1e9)]
+RawVector6 = Annotated[tuple[RawNumber, ...], Field(min_length=6, max_length=6)]
+Deviations6 = Annotated[RawVector6, AfterValidator(_deviations), _said("standard_deviations")]
 # One number a joint: as many as the cell's arm has.
 Joints = Annotated[tuple[Number, ...], Field(min_length=6, max_length=7)]
 # Row-major (6, 6) of a pose: order x, y, z, rx, ry, rz in the pose's own (child) frame, m and rad.
-Covariance6 = Annotated[tuple[Number, ...], Field(min_length=36, max_length=36), AfterValidator(_covariance)]
+Covariance6 = Annotated[
+    tuple[Number, ...], Field(min_length=36, max_length=36), AfterValidator(_covariance), _said("covariance")
+]
 # As what an estimate starts from: no direction may be known exactly.
 PriorCovariance6 = Annotated[Covariance6, AfterValidator(_definite)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Deviations6, Frame, Message, Part, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import Deviations6, Frame, Message, Part, PoseData, RawVector6, Vector3, Vector6
 from crosspih_common.messages.contact import ContactState
 
 
@@ -17,7 +17,7 @@ class RawWrenchBatch(Message):
 
     frame: Frame = Frame.FT
     period_ns: int = Field(gt=0, le=10**9)
-    samples: tuple[Vector6, ...] = Field(min_length=1, max_length=10_000)
+    samples: tuple[RawVector6, ...] = Field(min_length=1, max_length=10_000)
 
 
 class WrenchMemory(Part):
@@ -56,9 +56,9 @@ class CompensateWrench(Message):
     """
 
     pose_base_peg: PoseData
-    wrench_raw: Vector6
+    wrench_raw: RawVector6
     wrench_sd: Deviations6
-    wrench_free_raw: Vector6 | None = None
+    wrench_free_raw: RawVector6 | None = None
     pose_base_peg_free: PoseData | None = None
 
 
@@ -77,7 +77,7 @@ class RawReading(Message):
 
     frame: Frame = Frame.FT
     pose_base_peg: PoseData
-    wrench_raw: Vector6
+    wrench_raw: RawVector6
     wrench_sd: Deviations6
 
 

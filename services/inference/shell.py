@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -45,6 +46,12 @@ from services.inference.mechanics import PairTables
 from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
 from services.inference.network.shell import SequenceShell
 from services.inference.next_touch import next_touch
+from services.inference.plausible import (
+    refuse_implausible_peg,
+    refuse_implausible_prior,
+    refuse_implausible_touches,
+    refuse_implausible_wrench,
+)
 
 
 class InferenceShell:
@@ -102,6 +109,7 @@ class InferenceShell:
 
     def _estimate(self, request: EstimatePose) -> PoseErrorEstimate:
         started = time.perf_counter()
+        refuse_implausible_touches(request.prior, request.touches, self._peg.tip_m)
         observations = [self._observation(touch) for touch in request.touches]
         if all(touch.seated for touch in request.touches):
             return self._pressed(request, observations, started)
@@ -157,6 +165,7 @@ class InferenceShell:
         )
 
     def _next_touch(self, request: NextTouch) -> TouchPlan:
+        refuse_implausible_prior(request.belief, "belief")
         belief, covariance = request.belief.pose_base_hole.pose(), np.asarray(request.belief.covariance).reshape(6, 6)
         if self._config.next_touch == "information":
             plan, _ = informed_touch(
@@ -185,6 +194,7 @@ class InferenceShell:
 
     def _seated(self, request: EstimateSeated) -> PoseErrorEstimate:
         started = time.perf_counter()
+        self._refuse_implausible(request.prior, "prior", request.pose_base_peg.pose(), request.wrench)
         pose_base_peg = request.pose_base_peg.pose()
         pose, covariance = final_estimate(
             self._peg,
@@ -208,7 +218,13 @@ class InferenceShell:
             compute_s=time.perf_counter() - started,
         )
 
+    def _refuse_implausible(self, prior: PriorMessage, name: str, pose_base_peg: Pose, wrench: Sequence[float]) -> None:
+        refuse_implausible_prior(prior, name)
+        refuse_implausible_peg(pose_base_peg, self._peg.tip_m, prior.pose_base_hole.pose(), "pose_base_peg")
+        refuse_implausible_wrench(wrench, "wrench")
+
     def _advise(self, request: AdviseInsertion) -> InsertionAdvice:
+        self._refuse_implausible(request.belief, "belief", request.pose_base_peg.pose(), request.wrench)
         advice = advise_insertion(
             self._peg,
             self._hole,
@@ -240,12 +256,12 @@ class InferenceShell:
         if self._network is None:
             raise CommandRefused("no_weights", "the network has no weights; make some with `crosspih train`")
         started = time.perf_counter()
-        touch = request.touch
+        touch, believed = request.touch, request.pose_base_hole_believed.pose()
+        refuse_implausible_peg(touch.pose_base_peg.pose(), self._peg.tip_m, believed, "touch.pose_base_peg")
+        refuse_implausible_wrench(touch.wrench, "touch.wrench")
         observation = self._observation(touch)
         pose_base_peg = observation.deflected_pose_base_peg()
-        found = self._network.pose_peg_hole(
-            observation.wrench_peg, pose_base_peg.inverse() @ request.pose_base_hole_believed.pose()
-        )
+        found = self._network.pose_peg_hole(observation.wrench_peg, pose_base_peg.inverse() @ believed)
         pose_base_hole = pose_base_peg @ found
         # one wrench fixes two numbers; the paper gives no covariance, so none better than the prior's is claimed
         half_ranges = self._workcell.hole_prior.half_ranges()

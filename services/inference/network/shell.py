@@ -24,6 +24,7 @@ from crosspih_common.messages import (
 from crosspih_common.service import ServiceContext
 from services.inference.estimator import TouchObservation
 from services.inference.network.estimator import TORCH_MEND
+from services.inference.plausible import refuse_implausible_touches
 
 SHIPPED_WEIGHTS = Path(__file__).with_name("sequence.safetensors")
 # below this share of the prior's variance a direction counts as narrowed, as the estimator counts
@@ -55,6 +56,7 @@ class SequenceShell:
         except ImportError as error:
             raise CommandRefused("no_torch", f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
         started = time.perf_counter()
+        refuse_implausible_touches(request.prior, request.touches, self._workcell.peg.shape().tip_m)
         if self._network is None:
             try:
                 self._network = SequenceNetwork.load(self._path, self._workcell.peg.shape())

@@ -17,7 +17,6 @@ WORDS = ("", "a", "../../etc/passwd", "\x00", "é漢🦾", "%s%n", "crosspih/*/*
 WILD = (0.0, 0.03, 0.3, 1.0)
 DEPTH = 3000
 MOST_ITEMS = 12
-COVARIANCE = 36  # numbers of a (6, 6)
 
 
 class Sort(str, Enum):
@@ -90,13 +89,15 @@ class PayloadMaker:
         # six or seven joints: as many in every field
         count = least if most == least + 1 else self._rng.randint(least, most)
         of = schema.get("items", {})
-        if count == COVARIANCE and self._rng.random() < 0.5:
-            # one that is a covariance
-            return [self._rng.uniform(0.1, 1.0) if at % 7 == 0 else 0.0 for at in range(count)]
-        if of.get("type") == "number" and self._rng.random() < 0.5:
-            # directions and quaternions as they should be
-            vector = [self._rng.gauss(0.0, 1.0) for _ in range(count)]
-            return [one / math.hypot(*vector) for one in vector]
+        meant = schema.get("format", "")
+        if self._rng.random() < 0.95:
+            if meant == "covariance":
+                return [self._rng.uniform(1e-8, 1e-2) if at % 7 == 0 else 0.0 for at in range(count)]
+            if meant == "standard_deviations":
+                return [abs(self._value(of)) for _ in range(count)]
+            if meant == "unit_quaternion":
+                vector = [self._rng.gauss(0.0, 1.0) for _ in range(count)]
+                return [one / math.hypot(*vector) for one in vector]
         return [self._value(of) for _ in range(count)]
 
     def _number(self, schema: dict[str, Any]) -> float:
