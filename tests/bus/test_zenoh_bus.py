@@ -139,6 +139,27 @@ with Bus(open_zenoh(sys.argv[1]), "c", "vision") as bus:
 """
 
 
+def test_a_label_that_is_no_text_is_rejected_and_counted(pair: tuple[Bus, Bus], endpoint: str) -> None:
+    """On a topic and in a request: an attachment that is not UTF-8, and none at all."""
+    hardware, planning = pair
+    states = planning.latest(JOINT_STATE)
+    hardware.serve(STOP, lambda request: StopAccepted(was_moving=False))
+    ask_until_there(planning)
+    with open_zenoh(endpoint) as stranger:
+        for attachment in (b"\xff\xfe\x80", None):
+            before = planning.traffic.total("rejected")
+
+            def put_one(attachment: bytes | None = attachment, before: int = before) -> bool:
+                stranger.session.put(JOINT_STATE.key("c"), b"{}", attachment=attachment)
+                return planning.traffic.total("rejected") > before
+
+            wait_until(put_one, "the sample is rejected")
+            replies = list(stranger.session.get(STOP.key("c"), payload=b"{}", attachment=attachment))
+            assert [reply.err.payload.to_bytes().split(b"\n")[0] for reply in replies if reply.err] == [b"contract"]
+    assert states.value() is None
+    assert not ask_until_there(planning).was_moving
+
+
 def test_a_server_killed_while_it_thinks_ends_the_wait(pair: tuple[Bus, Bus], endpoint: str) -> None:
     _, planning = pair
     alive: set[str] = set()
