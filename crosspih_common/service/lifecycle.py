@@ -1,13 +1,15 @@
 """Start a service, keep it visible, end it cleanly.
 
-`python -m services.<name>` calls `run_service(name, build)`. `build` gets a context with the configuration and the bus,
-binds the service's core to its keys, and returns what must be closed at the end (or None).
+`python -m services.<name>` calls `run_service(name, Config, build)`. `build` gets a context with the bus, and the
+service's own section of the cell's file as a `Config`; it binds the service's core to its keys, and returns what must
+be closed at the end (or None).
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import signal
 import sys
@@ -17,17 +19,18 @@ import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import FrameType
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
-from crosspih_common.config import CellFile, load_cell
-from crosspih_common.errors import BusError, CrosspihError
+from crosspih_common.config import CellFile, Section, load_cell
+from crosspih_common.errors import BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
 from crosspih_common.service import notify
 
 STATUS_PERIOD_S = 1.0
 DEFAULT_CELL = "deploy/cells/default.yaml"
+SectionT = TypeVar("SectionT", bound=Section)
 
 
 class Closeable(Protocol):
@@ -90,16 +93,39 @@ def _arguments(name: str, argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--endpoint", default=os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT, help="the router"
     )
+    parser.add_argument(
+        "--check-config", action="store_true",
+        help="only say, as JSON, whether the service's section of the cell's file can be read, and its settings",
+    )  # fmt: skip
     return parser.parse_args(argv)
+
+
+def check_config(path: str, section: str, model: type[Section]) -> int:
+    """Print {"ok": true, "settings": the section with its defaults} or {"ok": false, "wrong": why}; the exit status."""
+    try:
+        settings = load_cell(path).section(section, model)
+    except ConfigError as error:
+        print(json.dumps({"ok": False, "wrong": str(error)}))
+        return 1
+    print(json.dumps({"ok": True, "settings": settings.model_dump(mode="json")}))
+    return 0
 
 
 def run_service(
     name: str,
-    build: Callable[[ServiceContext], Closeable | None],
+    model: type[SectionT],
+    build: Callable[[ServiceContext, SectionT], Closeable | None],
     argv: Sequence[str] | None = None,
+    section: str | None = None,
 ) -> int:
-    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status."""
+    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status.
+
+    Its section of the cell's file has its name where `section` gives no other. `--check-config`: see `check_config`.
+    """
     arguments = _arguments(name, argv)
+    section = section or name
+    if arguments.check_config:
+        return check_config(arguments.cell, section, model)
     stop = threading.Event()
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -120,7 +146,7 @@ def run_service(
         status.publish(context.status())
         opened: Closeable | None = None
         try:
-            opened = build(context)
+            opened = build(context, cell.section(section, model))
             if not stop.is_set():
                 context.state = ServiceState.READY
                 bus.declare_alive()

@@ -9,10 +9,10 @@ from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
 
 
-def build(context: ServiceContext) -> ForceTorqueShell:
+def build(context: ServiceContext, config: ForceTorqueConfig) -> ForceTorqueShell:
     """Bind the core to its keys."""
-    return ForceTorqueShell(context, context.cell.section("force_torque", ForceTorqueConfig))
+    return ForceTorqueShell(context, config)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("force_torque", build))
+    sys.exit(run_service("force_torque", ForceTorqueConfig, build))

@@ -33,9 +33,8 @@ def wanted_devices(text: str) -> frozenset[str]:
     return frozenset(names)
 
 
-def build(context: ServiceContext, wanted: frozenset[str] | None) -> HardwareShell:
+def build(context: ServiceContext, config: HardwareConfig, wanted: frozenset[str] | None) -> HardwareShell:
     """Open the wanted devices, or without any those that the configuration names, and bind them to their keys."""
-    config = context.cell.section("hardware", HardwareConfig)
     if wanted is None:
         wanted = wanted_devices(",".join(config.devices))
     speed = os.environ.get("CROSSPIH_SPEED") or config.simulated.speed
@@ -72,7 +71,9 @@ def main() -> int:
     # the loop must not wait 5 ms for a thread that only formats messages
     sys.setswitchinterval(0.001)
     name = "hardware" if wanted is None or "arm" in wanted else "camera"
-    return run_service(name, lambda context: build(context, wanted), others)
+    return run_service(
+        name, HardwareConfig, lambda context, config: build(context, config, wanted), others, section="hardware"
+    )
 
 
 if __name__ == "__main__":

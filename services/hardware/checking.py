@@ -33,7 +33,7 @@ def check_devices(cell: CellFile, wanted: frozenset[str] | None, realtime: bool)
     try:
         config = cell.section("hardware", HardwareConfig)
     except ConfigError as error:
-        return [_row("hardware section", "wrong", str(error), "mend the setting that it names")]
+        return [_row("section hardware", "wrong", str(error), "mend the setting that it names")]
     devices = [name for name in DEVICES if name in (config.devices if wanted is None else wanted)]
     rows: list[Row] = []
     try:

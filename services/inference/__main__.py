@@ -9,10 +9,10 @@ from services.inference.config import InferenceConfig
 from services.inference.shell import InferenceShell
 
 
-def build(context: ServiceContext) -> InferenceShell:
+def build(context: ServiceContext, config: InferenceConfig) -> InferenceShell:
     """Bind the core to its keys."""
-    return InferenceShell(context, context.cell.section("inference", InferenceConfig))
+    return InferenceShell(context, config)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("inference", build))
+    sys.exit(run_service("inference", InferenceConfig, build))

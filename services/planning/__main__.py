@@ -9,10 +9,10 @@ from services.planning.config import PlanningConfig
 from services.planning.shell import PlanningShell
 
 
-def build(context: ServiceContext) -> PlanningShell:
+def build(context: ServiceContext, config: PlanningConfig) -> PlanningShell:
     """Bind the core to its keys."""
-    return PlanningShell(context, context.cell.section("planning", PlanningConfig))
+    return PlanningShell(context, config)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("planning", build))
+    sys.exit(run_service("planning", PlanningConfig, build))

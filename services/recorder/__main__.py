@@ -9,10 +9,10 @@ from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
 
 
-def build(context: ServiceContext) -> RecorderShell:
+def build(context: ServiceContext, config: RecorderConfig) -> RecorderShell:
     """Tap every key and serve start and stop."""
-    return RecorderShell(context, context.cell.section("recorder", RecorderConfig))
+    return RecorderShell(context, config)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("recorder", build))
+    sys.exit(run_service("recorder", RecorderConfig, build))

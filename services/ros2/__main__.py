@@ -9,10 +9,10 @@ from services.ros2.config import BridgeConfig
 from services.ros2.shell import BridgeShell
 
 
-def build(context: ServiceContext) -> BridgeShell:
+def build(context: ServiceContext, config: BridgeConfig) -> BridgeShell:
     """Open the node and bind it to the bus."""
-    return BridgeShell(context, context.cell.section("ros2", BridgeConfig))
+    return BridgeShell(context, config)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("ros2", build))
+    sys.exit(run_service("ros2", BridgeConfig, build))

@@ -9,10 +9,10 @@ from services.vision.config import VisionConfig
 from services.vision.shell import VisionShell
 
 
-def build(context: ServiceContext) -> VisionShell:
+def build(context: ServiceContext, config: VisionConfig) -> VisionShell:
     """Bind the core to its keys."""
-    return VisionShell(context, context.cell.section("vision", VisionConfig))
+    return VisionShell(context, config)
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("vision", build))
+    sys.exit(run_service("vision", VisionConfig, build))

@@ -16,7 +16,7 @@ from crosspih_common.messages import Dwell
 from services.operator.cell_check.command import table_of
 from services.operator.cell_check.first import FILE, check_before_first
 from services.operator.cell_check.measuring import Manner, check_cell
-from services.operator.cell_check.verdict import Verdict, fails
+from services.operator.rows import Verdict, wrong_ones
 from tests.operator.mistaken_cells import (
     cell_with,
     deaf,
@@ -91,14 +91,14 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[Any]]:
 
 def test_a_sound_cell_passes_all(found: Callable[..., list[Any]]) -> None:
     checks = found({})
-    assert [check for check in checks if check.verdict is not Verdict.PASS] == []
+    assert [check for check in checks if check.verdict is not Verdict.OK] == []
     assert len({check.name for check in checks}) >= 24
 
 
 @pytest.mark.parametrize("mistake", PLANTED)
 def test_each_planted_mistake_is_named_with_its_mend(found: Callable[..., list[Any]], mistake: str) -> None:
     planted, name, said, mend = PLANTED[mistake]
-    wrong = {check.name: check for check in fails(found(planted, QUICK if name in OF_THE_TILT else LEVEL))}
+    wrong = {check.name: check for check in wrong_ones(found(planted, QUICK if name in OF_THE_TILT else LEVEL))}
     assert name in wrong, wrong
     assert said in wrong[name].found and mend in wrong[name].mend, wrong[name]
     # and nothing is blamed that is sound: the exception is what one mistake brings with it
@@ -119,7 +119,7 @@ def test_the_cameras_alone_need_no_arm_to_hold(tmp_path: Path) -> None:
     assert [check.name for check in checks] == [
         "liveliness token of camera", "left image", "right image", "stereo pair", "messages as the contract says",
     ]  # fmt: skip
-    assert not fails(checks)
+    assert not wrong_ones(checks)
 
 
 def test_the_table_shows_found_and_mend(found: Callable[..., list[Any]]) -> None:

@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from crosspih_common.bus import Bus, MemoryHub
+from crosspih_common.config import load_cell
 from crosspih_common.keys import CAMERA_CALIBRATION, CLOCK
 from crosspih_common.messages import (
     CameraCalibration,
@@ -19,31 +20,25 @@ from crosspih_common.messages import (
     CellClock,
     PoseData,
 )
-from services.force_torque.config import ForceTorqueConfig
 from services.hardware.control.config import LimitsConfig
 from services.operator.__main__ import app
 from services.operator.doctor import (
     addresses,
-    calibrations,
     clocks,
     devices,
-    drawing,
     examination,
     machine,
     network,
+    sections,
     software,
 )
-from services.operator.doctor.row import Row, Verdict, looked
-from services.planning.config import PlanningConfig
-from services.recorder.config import RecorderConfig
+from services.operator.rows import Row, Verdict, looked
 from tests.operator.doctor_rows import ROOT, every_bad_row_has_a_mend, verdicts
 
 
 def test_what_the_doctor_knows_of_other_services_is_what_they_have() -> None:
-    assert ForceTorqueConfig().calibration_file == calibrations.FT_FILE
-    assert str(RecorderConfig().directory) == examination.RECORDINGS
     assert LimitsConfig().holder_timeout_s == examination.HOLDER_TIMEOUT_S
-    assert PlanningConfig().approach_m == drawing.APPROACH_M
+    assert set(sections.NEEDED) == set(examination.COMMANDS_NEED)
 
 
 # ------------------------------------------------------------------------------------------------------------- software
@@ -120,7 +115,11 @@ def test_which_services_live_and_whether_one_cell_is_on_the_keys(monkeypatch: py
         assert verdicts(network.service_rows(bus, set(), needed)) == {"services": "ok"}
         silent = list(network.service_rows(bus, {"hardware"}, needed))
         assert verdicts(silent) == {"services": "wrong", "one cell on its keys": "wrong"}
-        assert "planning not" in silent[0].found and "does not tick" in silent[1].found
+        assert (
+            "planning not" in silent[0].found
+            and "crosspih logs planning" in silent[0].mend
+            and "does not tick" in silent[1].found
+        )
         tick = CellClock(stamp_ns=1, boot_id="one", realtime=True, simulated=False)
         hardware.publisher(CLOCK).publish(tick)
         assert verdicts(network.service_rows(bus, set(needed), needed)) == {
@@ -169,6 +168,11 @@ def test_the_folder_of_recordings_can_be_written_and_has_room(tmp_path: Path) ->
     assert verdicts(machine.disk_rows(tmp_path / "new" / "recordings", 1, 1)) == {"disk": "ok"}
     (tmp_path / "file").write_text("")
     assert verdicts(machine.disk_rows(tmp_path / "file" / "recordings")) == {"disk": "wrong"}
+    assert list(machine.state_rows(tmp_path / "run")) == []
+    if Path("/proc/self").exists():  # nobody may write there, whatever its bits say to root
+        told = [*machine.disk_rows(Path("/proc/self/recordings")), *machine.state_rows(Path("/proc/self"))]
+        assert verdicts(told) == {"disk": "wrong", "state of stacks": "wrong"} and every_bad_row_has_a_mend(told)
+        assert "CROSSPIH_RUN_DIR" in told[1].mend
     assert verdicts(machine.disk_rows(tmp_path, 1 << 62, 1 << 62)) == {"disk": "wrong"}
     assert verdicts(machine.disk_rows(tmp_path, 1, 1 << 62)) == {"disk": "warning"}
 
@@ -227,7 +231,7 @@ def test_devices_are_opened_by_their_driver_or_what_keeps_them_is_named(tmp_path
     broken = tmp_path / "cell.yaml"
     broken.write_text("hardware: {dirver: simulated}")
     rows = list(devices.opened_rows(broken))
-    assert verdicts(rows) == {"hardware section": "wrong"} and "hardware.dirver: no such setting" in rows[0].found
+    assert verdicts(rows) == {"section hardware": "wrong"} and "hardware.dirver: no such setting" in rows[0].found
 
 
 def test_a_running_hardware_service_is_asked_on_the_bus(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -257,6 +261,57 @@ def test_a_look_that_fails_itself_is_a_row() -> None:
     assert looked("timer", broken)[0].found == "could not be looked at: ZeroDivisionError: 1 / 0"
 
 
+def test_devices_are_left_alone_where_a_hardware_service_may_hold_them() -> None:
+    row = devices.not_opened_row({"planning", "vision"})
+    assert row.verdict is Verdict.WARNING and "planning, vision live" in row.found and "logs hardware" in row.mend
+
+
+# ------------------------------------------------------------------------------------------------------------- sections
+
+
+BROKEN = """
+hardware: {limits: {force_cap_n: -1}}
+vision: {looks: 99}
+force_torque: {filter_hz: fast}
+inference: {samples: 3}
+planning: {max_attempts: none}
+recorder: {direktory: here}
+ros2: {distro: noetic}
+operator: {board: {pattern: a board}}
+router: {port: 7447}
+"""
+
+
+def test_each_service_reads_its_own_section_and_names_what_is_wrong_in_it(tmp_path: Path) -> None:
+    file = tmp_path / "cell.yaml"
+    file.write_text(BROKEN)
+    read = sections.read_sections(file, load_cell(file))
+    found = {row.name: row for row in read.rows}
+    named = {
+        "section hardware": "hardware.limits.force_cap_n", "section vision": "vision.looks",
+        "section force_torque": "force_torque.filter_hz", "section inference": "inference.samples",
+        "section planning": "planning.max_attempts", "section recorder": "recorder.direktory: no such setting",
+        "section ros2": "ros2.distro", "section operator": "operator.board.pattern", "section router": "router: port",
+    }  # fmt: skip
+    assert found.keys() == named.keys() and read.settings == {}
+    assert not [name for name, words in named.items() if words not in found[name].found]
+    no_assembly = {name for name, row in found.items() if row.verdict is Verdict.WRONG}
+    assert no_assembly == {f"section {name}" for name in sections.NEEDED} and every_bad_row_has_a_mend(list(read.rows))
+
+
+def test_a_service_that_cannot_be_loaded_is_named_with_what_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sections, "NEEDED", ("recorder", "no_such_service"))
+    file = tmp_path / "cell.yaml"
+    file.write_text("recorder: {directory: elsewhere}")
+    read = sections.read_sections(file, load_cell(file))
+    assert verdicts(list(read.rows)) == {"sections": "ok", "section no_such_service": "wrong"}
+    assert "does not start" in read.rows[1].found and "crosspih[no_such_service]" in read.rows[1].mend
+    assert read.filled(load_cell(file)).sections["recorder"] == read.settings["recorder"]
+    assert read.settings["recorder"]["directory"] == "elsewhere" and read.settings["recorder"]["flush_s"] > 0.0
+
+
 # -------------------------------------------------------------------------------------------------------------- command
 
 
@@ -264,13 +319,15 @@ def test_the_exit_status_says_whether_an_assembly_could_start(tmp_path: Path, mo
     monkeypatch.setenv("CROSSPIH_ENDPOINT", f"tcp/127.0.0.1:{free_port()}")
     monkeypatch.chdir(tmp_path)
     cell = tmp_path / "cell.yaml"
-    cell.write_text("cell: {name: doctored, hole: {clearance_m: 0.00002}}")
+    cell.write_text("cell: {name: doctored, hole: {clearance_m: 0.00002}}\nplanning: {no_such: 1}")
     result = CliRunner().invoke(app, ["doctor", "--cell", str(cell), "--no-devices", "--json"])
     said = json.loads(result.stdout)
     named = {row["name"]: row for row in said["rows"]}
     assert result.exit_code == 1 and not said["ok"]
     assert named["peg in hole"]["verdict"] == "wrong" and named["cell file"]["verdict"] == "ok"
-    sound = ("python", "wheels", "router", "reach", "clock of all processes")
+    # what rests on a section that cannot be read is left out
+    assert named["section planning"]["verdict"] == "wrong" and "reach" not in named
+    sound = ("python", "wheels", "sections", "router", "insertion depth", "clock of all processes")
     assert {name: row["verdict"] for name, row in named.items() if name in sound} == dict.fromkeys(sound, "ok")
     assert {"timer", "timer of beats", "wall clock", "real-time priority", "disk"} <= named.keys()
     assert all(row["mend"] for row in named.values() if row["verdict"] != "ok")

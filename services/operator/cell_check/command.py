@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,32 +9,15 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from crosspih_common.errors import BusUnreachable
 from services.operator.bench.options import AsJson, told
 from services.operator.cell_check.measuring import Manner, check_cell
-from services.operator.cell_check.verdict import Check, Verdict, fails
+from services.operator.rows import tell, wrong_ones
 from services.operator.session import Session, using_cell
 from services.operator.stack import cell_session
 
-COLOURS = {Verdict.PASS: "green", Verdict.FAIL: "bold red", Verdict.SKIPPED: "yellow"}
-
 cell_app = typer.Typer(no_args_is_help=True, help="The cell itself.")
-
-
-def table_of(cell: str, checks: list[Check]) -> Table:
-    """One row a check."""
-    table = Table(title=f"cell {cell}", show_lines=bool(fails(checks)))
-    for heading in ("check", "verdict", "found", "mend"):
-        table.add_column(heading, overflow="fold")
-    for check in checks:
-        colour = COLOURS[check.verdict]
-        table.add_row(
-            check.name, f"[{colour}]{check.verdict.value}[/{colour}]", escape(check.found), escape(check.mend)
-        )
-    return table
 
 
 @contextmanager
@@ -62,19 +43,13 @@ def check(
     no_camera: Annotated[bool, typer.Option("--no-camera", help="The cell has none: it goes by force alone.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """What is wrong with a cell, and how to mend it: moves little and gently. Status 1 when something fails."""
+    """What is wrong with a cell, and how to mend it: moves little and gently. Status 1 when something is wrong."""
     console = Console(stderr=as_json)
     with told(console), using_cell(cell):
         with _some_session(speed) as session, console.status("looking at the cell") as status:
             manner = Manner(arm=not camera, camera_needed=not no_camera)
-            checks = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))
+            rows = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))
             name = session.bus.cell
-        wrong = fails(checks)
-        if as_json:
-            said = {"cell": name, "ok": not wrong, "checks": [one.model_dump(mode="json") for one in checks]}
-            sys.stdout.write(json.dumps(said) + "\n")
-        else:
-            console.print(table_of(name, checks))
-            console.print(f"{len(wrong)} of {len(checks)} fail" if wrong else "nothing fails", highlight=False)
-        if wrong:
-            raise typer.Exit(1)
+        wrong = len(wrong_ones(rows))
+        tell(rows, name, console, as_json, f"{wrong} of {len(rows)} wrong" if wrong else "nothing is wrong",
+             f"cell {name}")  # fmt: skip

@@ -11,7 +11,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding.soundness import UNFIT
 from services.operator.cell_check.measuring import Manner, check_cell
-from services.operator.cell_check.verdict import fails
+from services.operator.rows import wrong_ones
 
 FILE = "cell-check.json"
 
@@ -34,7 +34,7 @@ def check_before_first(
     file = folder / FILE
     if _passed_boot(file) == boot_id:
         return False
-    wrong = fails(check_cell(bus, workcell, manner, say))
+    wrong = wrong_ones(check_cell(bus, workcell, manner, say))
     if wrong:
         listed = "; ".join(f"{one.name}: {one.found} -> {one.mend}" for one in wrong)
         raise CommandRefused(UNFIT, f"{listed}. `crosspih cell check` shows all")

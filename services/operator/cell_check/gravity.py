@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.config import Workcell
 from crosspih_common.config.force_torque import FORCE_UNITS, Reports, SensorSection
 from crosspih_common.geometry.pose import Array
-from services.operator.cell_check.verdict import Check, failed, passed, skipped
+from services.operator.rows import Row, ok, skipped, wrong
 
 SIGN, RANGE, UNIT, MOMENT = "sensor's sign and axes", "sensor within its range", "unit of force", "unit of moment"
 TURN_LIMIT_RAD = 0.1
@@ -86,16 +86,16 @@ def _angle(rotation: Array) -> float:
     return float(Rotation.from_matrix(rotation).magnitude())
 
 
-def check_range(raw: ArrayLike, workcell: Workcell) -> Check:
+def check_range(raw: ArrayLike, workcell: Workcell) -> Row:
     """At rest no sensor reads beyond its range; before anything is moved by what it says."""
     section = workcell.force_torque
     wrench = workcell.sensor_mounting().sensor(raw)
     force, moment = float(np.abs(wrench[:3]).max()), float(np.abs(wrench[3:]).max())
     if not np.all(np.isfinite(wrench)):
-        return failed(RANGE, "it reads what is no number", "mend the sensor's driver")
+        return wrong(RANGE, "it reads what is no number", "mend the sensor's driver")
     if force <= section.range_n and moment <= section.range_nm:
-        return passed(RANGE, f"{force:.3g} N and {moment:.3g} Nm at rest")
-    return failed(
+        return ok(RANGE, f"{force:.3g} N and {moment:.3g} Nm at rest")
+    return wrong(
         RANGE,
         f"at rest it reads {force:.4g} N and {moment:.4g} Nm, its range is {section.range_n:g} N and "
         f"{section.range_nm:g} Nm",
@@ -104,14 +104,14 @@ def check_range(raw: ArrayLike, workcell: Workcell) -> Check:
     )
 
 
-def check_sign(felt: Felt | None, workcell: Workcell) -> Check:
+def check_sign(felt: Felt | None, workcell: Workcell) -> Row:
     """Whether the felt weight hangs down, along the axes that the cell's file says."""
     if felt is None:
         return skipped(SIGN, "the wrist could not be tilted in two directions")
     if felt.weight_n < 1e-6:
-        return failed(SIGN, "no force changes with the tilt", "is the sensor connected, and does its driver read it?")
+        return wrong(SIGN, "no force changes with the tilt", "is the sensor connected, and does its driver read it?")
     if felt.residual > RESIDUAL_SHARE:
-        return failed(
+        return wrong(
             SIGN,
             f"{felt.residual:.0%} of the change of force is no turned weight",
             "something pulls or presses (a cable, a contact), an axis has a gain of its own, or the sensor drifts: "
@@ -119,13 +119,13 @@ def check_sign(felt: Felt | None, workcell: Workcell) -> Check:
         )
     angle = float(np.linalg.norm(felt.turn_rad))
     if felt.sign > 0 and angle <= TURN_LIMIT_RAD:
-        return passed(SIGN, f"the weight hangs down, {np.rad2deg(angle):.1f} degrees from the file's axes")
+        return ok(SIGN, f"the weight hangs down, {np.rad2deg(angle):.1f} degrees from the file's axes")
     reversed_sign = "its sign is reversed: the weight points up" if felt.sign < 0 else ""
     turned = ""
     if angle > TURN_LIMIT_RAD:
         axis = ", ".join(f"{value / angle:+.2f}" for value in felt.turn_rad)
         turned = f"it is turned by {np.rad2deg(angle):.0f} degrees about ({axis}) of its own frame"
-    return failed(SIGN, "; ".join(text for text in (reversed_sign, turned) if text), _mend_mounting(felt, workcell))
+    return wrong(SIGN, "; ".join(text for text in (reversed_sign, turned) if text), _mend_mounting(felt, workcell))
 
 
 def _mend_mounting(felt: Felt, workcell: Workcell) -> str:
@@ -155,33 +155,33 @@ def _axes(felt: Felt, section: SensorSection, workcell: Workcell) -> tuple[str, 
     return tuple(("-" if row[column] < 0 else "") + "xyz"[column] for row, column in zip(rounded, columns, strict=True))
 
 
-def check_unit(felt: Felt | None, workcell: Workcell, known_n: float | None, known_from: str) -> Check:
+def check_unit(felt: Felt | None, workcell: Workcell, known_n: float | None, known_from: str) -> Row:
     """The weight as read against one that is known; without one only what cannot be."""
     if felt is None:
         return skipped(UNIT, "the wrist could not be tilted in two directions")
     section, read = workcell.force_torque, felt.weight_n
     if known_n is None:
         if read > section.range_n or read < LEAST_WEIGHT_N:
-            return failed(
+            return wrong(
                 UNIT,
                 f"a weight of {read:.3g} N hangs on a sensor of {section.range_n:g} N",
                 f"cell.force_torque.force_unit is {section.force_unit}: want {_unit_for(read, section)}; or nothing "
                 "hangs on the sensor",
             )
-        return passed(
+        return ok(
             UNIT, f"weight {read:.2f} N; hold it against scales (cell.force_torque.weighed_n): lbf looks no different"
         )
     if abs(read / known_n - 1.0) <= UNIT_TOLERANCE:
-        return passed(UNIT, f"weight {read:.2f} N, {known_n:.2f} N by {known_from}")
+        return ok(UNIT, f"weight {read:.2f} N, {known_n:.2f} N by {known_from}")
     now = FORCE_UNITS[section.force_unit]
     for unit, n_per_unit in FORCE_UNITS.items():
         if abs(read * n_per_unit / now / known_n - 1.0) <= UNIT_TOLERANCE and unit != section.force_unit:
-            return failed(
+            return wrong(
                 UNIT,
                 f"weight {read:.4g} N as read, {known_n:.4g} N by {known_from}: the driver tells {unit}",
                 f"cell.force_torque.force_unit: {unit}, and moment_unit to match",
             )
-    return failed(
+    return wrong(
         UNIT,
         f"weight {read:.4g} N as read, {known_n:.4g} N by {known_from}",
         "weigh the tool again (cell.force_torque.weighed_n), or calibrate the sensor anew (`crosspih calibrate ft`)",
@@ -194,14 +194,14 @@ def _unit_for(read_n: float, section: SensorSection) -> str:
     return order[min(max(index, 0), len(order) - 1)] if section.force_unit != "N" else ("mN" if read_n > 1 else "kN")
 
 
-def check_moment(felt: Felt | None) -> Check:
+def check_moment(felt: Felt | None) -> Row:
     """How far from the sensor the weight would have to hang for the moments that change with it."""
     if felt is None:
         return skipped(MOMENT, "the wrist could not be tilted in two directions")
     if felt.lever_m > LEVER_M:
-        return failed(
+        return wrong(
             MOMENT,
             f"the weight would hang {felt.lever_m:.3g} m from the sensor",
             "if the driver tells mNm or Nmm say so: cell.force_torque.moment_unit",
         )
-    return passed(MOMENT, f"the weight hangs at least {felt.lever_m * 1e3:.0f} mm from the sensor")
+    return ok(MOMENT, f"the weight hangs at least {felt.lever_m * 1e3:.0f} mm from the sensor")

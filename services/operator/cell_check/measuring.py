@@ -52,7 +52,7 @@ from crosspih_common.messages import (
 from services.operator.cell_check import gravity, images, presence, streams
 from services.operator.cell_check.commands import check_held_still, check_stop
 from services.operator.cell_check.provoking import provoke
-from services.operator.cell_check.verdict import Check, failed, fails, skipped
+from services.operator.rows import Row, skipped, wrong, wrong_ones
 
 ASK_S = 120.0  # a move at the speed of a busy machine
 TICKS, STATES, BATCHES = 512, 8192, 4096
@@ -101,14 +101,14 @@ class Measurer:
         self._rejected: list[str] = []
         self._calibration: Latest[FtCalibration] = bus.latest(FT_CALIBRATION)
         bus.watch_alive(self._on_alive)
-        self.checks: list[Check] = []
+        self.checks: list[Row] = []
 
     def _on_alive(self, service: str, alive: bool) -> None:
         with self._changed:
             (self._alive.add if alive else self._alive.discard)(service)
             self._changed.notify_all()
 
-    def run(self) -> list[Check]:
+    def run(self) -> list[Row]:
         """All checks, in order. Nothing raises: what cannot be asked is a line of the table."""
         before, self._bus.on_reject = self._bus.on_reject, self._rejected.append
         try:
@@ -133,7 +133,7 @@ class Measurer:
                 with hold_arm(self._bus, "cell check") as lease:
                     self._held(lease, ticks)
             except CrosspihError as error:
-                self.checks.append(failed("arm", str(error), "see docs/wire.md for what the arm serves"))
+                self.checks.append(wrong("arm", str(error), "see docs/wire.md for what the arm serves"))
 
     # ----------------------------------------------------------------------------------------------------- listening
 
@@ -153,7 +153,7 @@ class Measurer:
         self.checks.append(presence.check_one_cell(self._bus.cell, ticks))
         if not ticks:
             self.checks.append(presence.check_clock(ticks))
-        return ticks, not fails(self.checks[1:])
+        return ticks, not wrong_ones(self.checks[1:])
 
     def _during(self, motion: Callable[[], MotionOutcome]) -> _Heard:
         with (
@@ -175,10 +175,10 @@ class Measurer:
         for _ in range(STILL_TRIES):
             still = self._during(lambda: lease.ask(DWELL, Dwell(duration_s=self._manner.dwell_s), ASK_S))
             judged = self._judged_still(still)
-            if not fails(judged):
+            if not wrong_ones(judged):
                 break  # a stream drops samples where a machine is too busy: once is no verdict
         self.checks += judged
-        if fails(judged):
+        if wrong_ones(judged):
             self.checks.append(skipped("motion", "nothing is moved before the lines above are mended"))
             return
         peg = still.outcome.pose_base_peg.pose()
@@ -207,13 +207,13 @@ class Measurer:
             self._say("tilting the wrist")
             self._tilt(lease, peg)
 
-    def _judged_still(self, still: _Heard) -> list[Check]:
-        checks: list[Check] = []
+    def _judged_still(self, still: _Heard) -> list[Row]:
+        checks: list[Row] = []
         outcome, states, batches = still.outcome, still.states, still.batches
         start, end = outcome.start_stamp_ns, outcome.stamp_ns
         stamps = [tick.stamp_ns for tick in still.ticks]
         within = [tick for tick, stamp in zip(still.ticks, stamps, strict=True) if stamp >= start]
-        checks += fails([presence.check_one_cell(self._bus.cell, still.ticks)])  # passed once, while listening
+        checks += wrong_ones([presence.check_one_cell(self._bus.cell, still.ticks)])  # passed once, while listening
         checks.append(streams.check_joint_units(outcome.joints_rad, self._arm))
         if outcome.stop_reason is not StopReason.COMPLETED:
             checks.append(gravity.check_range(outcome.wrench_raw, self._workcell))
@@ -225,15 +225,15 @@ class Measurer:
         checks.append(streams.check_joint_outcome(states, outcome))
         on_clock = streams.check_stamps(WRENCH_RAW.path, [one.stamp_ns for one in batches], start, end)
         checks += [on_clock, streams.check_wrench_period(batches)]
-        if not fails([on_clock]):
+        if not wrong_ones([on_clock]):
             checks.append(streams.check_wrench_outcome(batches, outcome))
         checks.append(gravity.check_range(outcome.wrench_raw, self._workcell))
         return checks
 
-    def _stop(self, lease: ArmLease, peg: Pose, realtime: bool) -> Check:
+    def _stop(self, lease: ArmLease, peg: Pose, realtime: bool) -> Row:
         away = PoseData.of(peg @ Pose.from_translation([0.0, 0.0, -STOP_MOVE_M]))
         slow = MoveLinear(pose_base_peg=away, speed_m_s=STOP_SPEED_M_S)
-        best: Check | None = None
+        best: Row | None = None
         for _ in range(STOP_TRIES if realtime else 1):
             with ThreadPoolExecutor(1) as asking, self._bus.hearing(JOINT_STATE, 4):
                 moving = asking.submit(lease.ask, MOVE_LINEAR, slow, ASK_S)
@@ -247,7 +247,7 @@ class Measurer:
             latency_s = (outcome.stamp_ns - sent_ns) * 1e-9
             best = check_stop(outcome, heard, latency_s, realtime)
             self._go(lease, peg)
-            if not fails([best]):
+            if not wrong_ones([best]):
                 break
         assert best is not None
         return best
@@ -279,7 +279,7 @@ class Measurer:
                     continue
                 if heard.outcome.stop_reason is not StopReason.COMPLETED:
                     self.checks.append(
-                        failed(
+                        wrong(
                             gravity.SIGN,
                             f"a tilt in free air was ended: {heard.outcome.stop_reason.value} {heard.outcome.detail}",
                             "free the tool; or the sensor reads more than there is (its units), or the cap is too low",
@@ -335,7 +335,7 @@ class Measurer:
                     self.checks.append(skipped("capture", "no camera is there"))
                     return
                 self.checks.append(presence.check_token(CAMERA_ALIVE, alive, answers=False))
-                self.checks.append(failed("capture", str(error), "serve camera/capture (docs/wire.md)"))
+                self.checks.append(wrong("capture", str(error), "serve camera/capture (docs/wire.md)"))
                 return
             self.checks.append(presence.check_token(CAMERA_ALIVE, alive, answers=True))
             pictures = []
@@ -363,6 +363,6 @@ def tilt_axes(rotation_base_peg: Array, gravity_base: Array) -> tuple[Array, Arr
 
 def check_cell(
     bus: Bus, workcell: Workcell, manner: Manner | None = None, say: Callable[[str], None] = lambda text: None
-) -> list[Check]:
+) -> list[Row]:
     """All checks of a running cell; `say` is told what is done."""
     return Measurer(bus, workcell, manner or Manner(), say).run()

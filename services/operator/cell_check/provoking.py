@@ -32,7 +32,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.wrench import IMPLAUSIBLE, SensorMounting
 from services.operator.cell_check.commands import Answer, check_refused
-from services.operator.cell_check.verdict import Check, fails, skipped
+from services.operator.rows import Row, skipped, wrong_ones
 
 ASK_S = 120.0
 LIMIT, START = "joint limit refused", "wrong start refused"
@@ -61,7 +61,7 @@ def provoke(
     mounting: SensorMounting,
     still: MotionOutcome,
     calibration: FtCalibration | None,
-) -> list[Check]:
+) -> list[Row]:
     """The four refusals; `still` is the outcome of a dwell just now."""
     here = np.asarray(still.joints_rad, float)
     out = (
@@ -77,7 +77,7 @@ def provoke(
             "refuse a trajectory that leaves a joint's range, before anything moves",
         )
     ]
-    if fails(checks):
+    if wrong_ones(checks):
         said = "not asked of an arm that does not heed its limits"
         return [*checks, *(skipped(name, said) for name in (START, CAP, PAYLOAD))]
     jumped = here.copy()
@@ -107,7 +107,7 @@ def provoke(
     return checks
 
 
-def _payload(lease: ArmLease, at_rest: Array, calibration: FtCalibration | None) -> Check:
+def _payload(lease: ArmLease, at_rest: Array, calibration: FtCalibration | None) -> Row:
     """`at_rest` (6,): what the sensor reads, N and Nm, in its own frame."""
     bias = at_rest.copy()
     bias[0] += HIDDEN_N

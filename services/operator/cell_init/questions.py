@@ -17,7 +17,7 @@ from crosspih_common.geometry import Pose
 from services.operator.cell_init import answers as of
 from services.operator.cell_init.answers import NONE, SAME, Refused
 from services.operator.doctor.drawing import reach_rows
-from services.operator.doctor.row import Verdict
+from services.operator.rows import Verdict
 
 CELLS = Path(deploy.__file__).resolve().parent / "cells"
 SIMULATED = "simulated"

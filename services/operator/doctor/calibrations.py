@@ -11,10 +11,8 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import CameraSection, CellFile
-from services.operator.doctor.row import Row, ok, warning, wrong
+from services.operator.rows import Row, ok, warning, wrong
 
-# as services/force_torque/config.py has it; tests/operator/test_doctor.py holds both to each other
-FT_FILE = "run/{cell}/ft-calibration.yaml"
 OLD_DAYS = 30.0
 WARMER_K = 5.0
 DATED = ("calibrated_at", "date", "made_at")
@@ -24,9 +22,8 @@ HAVE_NO_CAMERA_OF_THE_CELL = ("simulated", "recorded", "pictures")
 
 
 def ft_file(cell: CellFile) -> Path:
-    """Where the force_torque service keeps its calibration."""
-    named = str(cell.sections.get("force_torque", {}).get("calibration_file", FT_FILE))
-    return Path(named.format(cell=cell.workcell.name))
+    """Where the force_torque service keeps its calibration, by its section with all settings."""
+    return Path(str(cell.sections["force_torque"]["calibration_file"]).format(cell=cell.workcell.name))
 
 
 def ft_rows(cell: CellFile, now: datetime, temperature_c: float | None) -> Iterator[Row]:

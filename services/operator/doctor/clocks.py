@@ -16,7 +16,7 @@ from typing import Any
 
 from crosspih_common.service.urgency import be_urgent
 from services.operator.beside import module_says
-from services.operator.doctor.row import Row, ok, warning, wrong
+from services.operator.rows import Row, ok, warning, wrong
 
 MEASURE_S = 0.6
 TIMER_S = 0.001

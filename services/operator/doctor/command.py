@@ -2,37 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from crosspih_common.messages import Strategy
 from services.operator.bench.options import AsJson, told
 from services.operator.doctor.examination import Wish, examine
-from services.operator.doctor.row import Row, Verdict
 from services.operator.for_cell import CELL_HELP
+from services.operator.rows import Verdict, tell, wrong_ones
 from services.operator.session import cell_path, endpoint
-
-COLOURS = {Verdict.OK: "green", Verdict.WARNING: "yellow", Verdict.WRONG: "bold red"}
-
-
-def table_of(rows: list[Row]) -> Table:
-    """One line each."""
-    table = Table()
-    for heading in ("what", "is", "found", "mend"):
-        table.add_column(heading, overflow="fold")
-    for row in rows:
-        colour = COLOURS[row.verdict]
-        table.add_row(
-            escape(row.name), f"[{colour}]{row.verdict.value}[/{colour}]", escape(row.found), escape(row.mend)
-        )
-    return table
 
 
 def doctor(
@@ -52,14 +33,6 @@ def doctor(
         wish = Wish(Path(cell or cell_path()), endpoint(), strategy, devices, temperature)
         with console.status("looking") as status:
             rows = examine(wish, say=lambda text: status.update(f"looking at: {text}"))
-        wrong = [row for row in rows if row.verdict is Verdict.WRONG]
-        warned = [row for row in rows if row.verdict is Verdict.WARNING]
-        if as_json:
-            said = {"ok": not wrong, "cell": str(wish.cell), "rows": [row.model_dump(mode="json") for row in rows]}
-            sys.stdout.write(json.dumps(said) + "\n")
-        else:
-            console.print(table_of(rows))
-            could = "an assembly could start" if not wrong else "no assembly could start"
-            console.print(f"{len(wrong)} wrong, {len(warned)} warnings: {could}", highlight=False)
-        if wrong:
-            raise typer.Exit(1)
+        wrong, warned = len(wrong_ones(rows)), sum(row.verdict is Verdict.WARNING for row in rows)
+        could = "no assembly could start" if wrong else "an assembly could start"
+        tell(rows, str(wish.cell), console, as_json, f"{wrong} wrong, {warned} warnings: {could}")

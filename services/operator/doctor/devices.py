@@ -10,7 +10,7 @@ from crosspih_common.config import CellFile
 from crosspih_common.keys import CAMERA_CALIBRATION, CLOCK, JOINT_STATE, WRENCH_RAW
 from crosspih_common.messages import CameraCalibration
 from services.operator.beside import module_says
-from services.operator.doctor.row import Row, ok, wrong
+from services.operator.rows import Row, ok, warning, wrong
 
 HEAR_S = 2.0
 OPEN_S = 60.0
@@ -18,8 +18,8 @@ DEVICES = ("arm", "force_torque", "camera")
 
 
 def hosted(cell: CellFile) -> tuple[str, ...]:
-    """What `hardware.devices` of the file says; all where it says nothing."""
-    named = cell.sections.get("hardware", {}).get("devices", DEVICES)
+    """What `hardware.devices` says; all where it says nothing."""
+    named = cell.sections["hardware"].get("devices", DEVICES)
     return tuple(name for name in DEVICES if name in named)
 
 
@@ -60,6 +60,14 @@ def calibration_of(bus: Bus) -> CameraCalibration | None:
     """As the running cameras tell it."""
     with bus.hearing(CAMERA_CALIBRATION) as told:
         return told.wait_for(lambda _: True, HEAR_S)
+
+
+def not_opened_row(alive: set[str]) -> Row:
+    """Where services of the cell live and its hardware service does not: it may hold the devices all the same."""
+    return warning(
+        "devices", f"not opened: {', '.join(sorted(alive))} live, and a hardware service that hangs would hold them",
+        "crosspih logs hardware says what keeps it; or crosspih down, then crosspih doctor",
+    )  # fmt: skip
 
 
 def opened_rows(path: Path) -> Iterator[Row]:

@@ -12,9 +12,8 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel
-from services.operator.doctor.row import Row, ok, warning, wrong
+from services.operator.rows import Row, ok, warning, wrong
 
-APPROACH_M = 0.06  # where the straight way to the hole begins, as services/planning/config.py has it
 NEAR_LIMIT_RAD = 0.05
 SMALL_PX = 40.0
 MARGIN_PX = 5.0
@@ -52,10 +51,10 @@ def poses_of_prior(cell: Workcell) -> list[Pose]:
     return [nominal, *corners]
 
 
-def reach_rows(cell: Workcell) -> Iterator[Row]:
-    """Before the hole and seated in it, at the nominal pose and at every corner of the prior."""
+def reach_rows(cell: Workcell, approach_m: float) -> Iterator[Row]:
+    """Before the hole, where the straight way begins, and seated: at the nominal pose and every corner of the prior."""
     peg, back = cell.peg.shape(), cell.pose_flange_peg().inverse()
-    before = Pose.from_translation([0.0, 0.0, -(peg.tip_m + APPROACH_M)])
+    before = Pose.from_translation([0.0, 0.0, -(peg.tip_m + approach_m)])
     seated = Pose.from_translation([0.0, 0.0, cell.insertion_depth_m + cell.hole.chamfer_m - peg.taper_start_m])
     arm, seed = cell.arm(), np.asarray(cell.home_joints_rad, dtype=float)
     reached, lost = [], []

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import stat
+import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from services.operator.doctor.row import Row, ok, warning, wrong
+from deploy.launcher.state import RUN_DIR_VARIABLE
+from services.operator.rows import Row, ok, warning, wrong
 
 LEAST_BYTES, FEW_BYTES = 200_000_000, 2_000_000_000  # an assembly's recording and page take some 5 MB
 RECEIVE_BUFFER = Path("/proc/sys/net/core/rmem_max")
@@ -19,24 +21,48 @@ GROUPS = {"tty": "dialout", "video": "video"}
 
 def disk_rows(folder: Path, least: int = LEAST_BYTES, few: int = FEW_BYTES) -> Iterator[Row]:
     """The folder of recordings: can it be made and written, and is there room?"""
-    name = "disk"
-    there = folder.resolve()
-    while not there.exists():
-        there = there.parent
-    if not there.is_dir():
-        yield wrong(name, f"{folder} cannot be made: {there} is a file", "set recorder.directory in the cell's file")
-        return
-    if not os.access(there, os.W_OK | os.X_OK):
-        yield wrong(name, f"{there} may not be written", f"chown it, or set recorder.directory: {folder} goes there")
+    name, setting = "disk", "recorder.directory in the cell's file"
+    try:
+        there = written_at(folder)
+    except OSError as error:
+        found = f"{error.filename or folder}: {error.strerror}; recordings go to {folder}"
+        yield wrong(name, found, f"chown or mount it so that it can be written, or set {setting} to another folder")
         return
     free = shutil.disk_usage(there).free
     found = f"{free / 1e9:.1f} GB free for {folder}; an assembly takes some 5 MB"
     if free < least:
-        yield wrong(name, found, "make room, or set recorder.directory to another disk")
+        yield wrong(name, found, f"make room, or set {setting} to another disk")
     elif free < few:
-        yield warning(name, found, "make room, or set recorder.directory to another disk")
+        yield warning(name, found, f"make room, or set {setting} to another disk")
     else:
         yield ok(name, found)
+
+
+def state_rows(folder: Path) -> Iterator[Row]:
+    """The folder in which a stack keeps its state and logs; nothing is said where it can be written."""
+    try:
+        written_at(folder)
+    except OSError as error:
+        found = f"{error.filename or folder}: {error.strerror}; a stack keeps its state and logs in {folder}"
+        yield wrong("state of stacks", found, f"chown it, or set {RUN_DIR_VARIABLE} to another folder")
+
+
+def written_at(folder: Path) -> Path:
+    """The folder, or the nearest one above that is there, after a file without a name was written in it and let go.
+
+    Raises OSError: it is a file, is read-only, is full, may not be entered. Permission bits alone do not tell.
+    """
+    there = folder.resolve()
+    while not there.exists():
+        there = there.parent
+    try:
+        with tempfile.TemporaryFile(dir=there) as file:
+            file.write(b"crosspih doctor")
+            file.flush()
+    except OSError as error:
+        error.filename = str(there)
+        raise
+    return there
 
 
 def device_file_rows(files: Sequence[tuple[str, str]]) -> Iterator[Row]:

@@ -13,7 +13,7 @@ from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import BusError
 from crosspih_common.holding.soundness import TICKS_KEPT, boots
 from crosspih_common.keys import CLOCK
-from services.operator.doctor.row import Row, ok, wrong
+from services.operator.rows import Row, ok, wrong
 
 ENDPOINT = re.compile(r"(?P<kind>tcp|tls|ws|quic|udp)/(?P<host>\[[^\]]+\]|[^:/]+):(?P<port>\d{1,5})")
 CONNECT_S = 1.0
@@ -103,7 +103,8 @@ def service_rows(bus: Bus, alive: set[str], needed: tuple[str, ...]) -> Iterator
         yield ok("services", f"none of the cell {bus.cell} runs; a command that needs them starts them")
         return
     if missing:
-        mend = "crosspih ps, crosspih logs; start them, or stop the rest with crosspih down"
+        logs = f"crosspih logs {' '.join(missing)}"
+        mend = f"{logs} says why; start what is missing, or stop the rest with crosspih down and start anew"
         yield wrong("services", f"{', '.join(sorted(alive))} live, {', '.join(missing)} not", mend)
     else:
         yield ok("services", f"{', '.join(sorted(alive))} live")

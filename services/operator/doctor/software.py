@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from packaging.requirements import InvalidRequirement, Requirement
 
 from services.operator.beside import module_says
-from services.operator.doctor.row import Row, ok, warning, wrong
+from services.operator.rows import Row, ok, warning, wrong
 
 OLDEST, NEWEST_TRIED = (3, 10), (3, 13)
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")

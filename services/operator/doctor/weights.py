@@ -9,7 +9,7 @@ from typing import Any
 
 from crosspih_common.messages import Strategy
 from services.operator.beside import ROOT
-from services.operator.doctor.row import Row, ok, wrong
+from services.operator.rows import Row, ok, wrong
 
 SHIPPED = ROOT / "services" / "inference" / "network"
 # the setting of the section `inference`, and the shipped file, of each strategy that asks a network

@@ -6,8 +6,8 @@ it serves.
 
 The wrench that it measures is fed to it: UDP datagrams to the feed port of 48 bytes each, six little-endian doubles,
 Fx Fy Fz in N, Tx Ty Tz in Nm; the last one stands until the next. A simulated cell sends one a step (docs/examples/
-sensor_behind_ati.py); `--wrench` is what it feels before. As the real box it samples what it feels by its own clock,
-which is wrong by `--drift-ppm`, so that who feeds and who reads need not go at the same rate. Up to 7 kHz either way.
+sensor_behind_protocol.py); `--wrench` is what it feels before. As the real box it samples that by its own clock, which
+is wrong by `--drift-ppm`, so that who feeds and who reads need not go at the same rate. Up to 7 kHz either way.
 
 On standard input it takes one command a line:
 

@@ -1,5 +1,5 @@
-"""The simulated cell with its sensor behind a real protocol: what it feels is fed to a peer that speaks ATI's Net F/T
-protocol, and comes back through the driver `ati`, as from the box on a bench.
+"""The simulated cell with its sensor behind a real protocol: what it feels is fed to a peer that speaks it, ATI's Net
+F/T or Robotiq's FT 300, and comes back through the driver `ati` or `robotiq`, as from the sensor on a bench.
 
     python -m services.operator.bench.protocols.ati --stay &
     CROSSPIH_CELL=docs/examples/sensor-behind-ati.yaml crosspih assemble

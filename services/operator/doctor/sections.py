@@ -1,0 +1,69 @@
+"""The sections of the cell's file, each read by the service whose it is: `python -m services.NAME --check-config`."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from crosspih_common.config import CellFile
+from crosspih_common.errors import ConfigError
+from services.operator.beside import Said, module_says
+from services.operator.config import OperatorConfig
+from services.operator.rows import Row, ok, warning, wrong
+
+NEEDED = ("hardware", "vision", "force_torque", "inference", "planning", "recorder")
+BRIDGE = "ros2"  # not needed for an assembly
+MEND = "mend what it names, or leave it out for its default"
+
+
+@dataclass(frozen=True)
+class Sections:
+    """What the services read: `settings` of those that could, defaults filled in; the others are not there."""
+
+    rows: tuple[Row, ...] = ()
+    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def filled(self, cell: CellFile) -> CellFile:
+        """The cell's file, its sections with all their settings."""
+        return replace(cell, sections={**cell.sections, **self.settings})
+
+
+def read_sections(path: Path, cell: CellFile) -> Sections:
+    """Every section of the file at `path`, in processes beside, as many at once as there are cores."""
+    names = (*NEEDED, BRIDGE) if cell.sections[BRIDGE] else NEEDED
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        said = list(
+            pool.map(lambda name: module_says(f"services.{name}", "--check-config", "--cell", str(path)), names)
+        )
+    rows: list[Row] = []
+    settings: dict[str, dict[str, Any]] = {}
+    for name, answer in zip(names, said, strict=True):
+        if isinstance(answer.value, dict) and answer.value.get("ok"):
+            settings[name] = answer.value["settings"]
+        else:
+            rows.append(_refused(name, answer))
+    try:
+        cell.section("operator", OperatorConfig)
+    except ConfigError as error:
+        rows.append(warning("section operator", f"{error}: crosspih calibrate refuses it", MEND))
+    if cell.sections["router"]:
+        found = f"router: {', '.join(cell.sections['router'])}: the router reads no settings"
+        rows.append(warning("section router", found, "remove the section; its address is CROSSPIH_ENDPOINT"))
+    if settings:
+        rows.insert(0, ok("sections", f"{', '.join(settings)}: each service reads its own"))
+    return Sections(tuple(rows), settings)
+
+
+def _refused(name: str, answer: Said) -> Row:
+    where = f"section {name}"
+    if isinstance(answer.value, dict) and "wrong" in answer.value:
+        found, mend = str(answer.value["wrong"]), MEND
+    else:
+        extra = f"pip install 'crosspih[{name}]'"
+        found, mend = f"the service does not start: {answer.words}", f"mend what it names; {extra} for what it needs"
+    if name == BRIDGE:
+        return warning(where, f"{found}: the cell does not appear in ROS 2", mend)
+    return wrong(where, found, mend)
