@@ -48,6 +48,7 @@ WITH_PROCESSES = frozenset([
     "tests/hardware/test_ur_witness.py",
     "tests/holding/test_lease.py",
     "tests/operator/test_bench_pool.py",
+    "tests/ros2/test_action.py",
     "tests/ros2/test_arm_driver.py",
     "tests/ros2/test_bridge.py",
     "tests/ros2/test_camera_driver.py",

@@ -93,16 +93,22 @@ class Converter:
             ),
         )  # fmt: skip
 
-    def pose_with_covariance(self, pose: Pose, covariance: Sequence[float], frame: str, stamp_ns: int) -> Any:
-        """geometry_msgs/PoseWithCovarianceStamped of a pose in `frame` with its covariance (36,) in its own frame."""
-        posed = self._make(
+    def _pose(self, pose: Pose) -> Any:
+        return self._make(
             "geometry_msgs/msg/Pose",
             position=self._vector(pose.translation_m, "geometry_msgs/msg/Point"), orientation=self._quaternion(pose),
         )  # fmt: skip
+
+    def pose_stamped(self, pose: Pose, frame: str, stamp_ns: int) -> Any:
+        """geometry_msgs/PoseStamped of a pose in `frame`."""
+        return self._make("geometry_msgs/msg/PoseStamped", header=self.header(stamp_ns, frame), pose=self._pose(pose))
+
+    def pose_with_covariance(self, pose: Pose, covariance: Sequence[float], frame: str, stamp_ns: int) -> Any:
+        """geometry_msgs/PoseWithCovarianceStamped of a pose in `frame` with its covariance (36,) in its own frame."""
         return self._make(
             "geometry_msgs/msg/PoseWithCovarianceStamped", header=self.header(stamp_ns, frame),
             pose=self._make(
-                "geometry_msgs/msg/PoseWithCovariance", pose=posed,
+                "geometry_msgs/msg/PoseWithCovariance", pose=self._pose(pose),
                 covariance=covariance_in_parent(pose, covariance).ravel(),
             ),
         )  # fmt: skip

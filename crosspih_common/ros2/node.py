@@ -152,24 +152,31 @@ class RosNode:
         They are answered on a thread of this service's own, or on the given lane; a request that finds the lane at
         work is queued, or answered by `when_busy` where that is given. A handler must not raise.
         """
-        endpoint = self._endpoint(Entity.SERVICE, name, ros_type, RELIABLE)
-        key = self._key(endpoint)
         if lane is None:
             lane = Lane(f"ros2:{name}")
             self._lanes.append(lane)
 
-        def answer(query: zenoh.Query, attached: Attachment, message: Any) -> Callable[[], None]:
-            reply = self.types.encode(message)
-            back = Attachment(attached.sequence, time.time_ns(), attached.gid).to_bytes()
+        def accept(request: bytes, reply: Callable[[Any], None]) -> None:
+            def job() -> Callable[[], None]:
+                message = handler(request)
+                return lambda: reply(message)
 
-            def say() -> None:
-                with contextlib.suppress(zenoh.ZError):  # the caller may be gone
-                    query.reply(key, reply, attachment=back)
-                query.drop()
+            if not lane.offer(job, only_when_idle=when_busy is not None):
+                reply(when_busy)
 
-            return say
+        return self.serve_later(name, ros_type, accept)
 
-        def accept(query: zenoh.Query) -> None:
+    def serve_later(
+        self, name: str, ros_type: str, accept: Callable[[bytes, Callable[[Any], None]], None]
+    ) -> Endpoint:  # fmt: skip
+        """Give a service's requests (CDR) away, each with what is called with the response: at once or later, once.
+
+        `accept` is called on Zenoh's own thread: it must only enqueue.
+        """
+        endpoint = self._endpoint(Entity.SERVICE, name, ros_type, RELIABLE)
+        key = self._key(endpoint)
+
+        def receive(query: zenoh.Query) -> None:
             try:
                 attached = Attachment.of(query.attachment.to_bytes() if query.attachment is not None else b"")
             except ValueError as error:
@@ -177,11 +184,16 @@ class RosNode:
                     query.reply_err(str(error).encode())
                 query.drop()
                 return
-            request = query.payload.to_bytes() if query.payload is not None else b""
-            if not lane.offer(lambda: answer(query, attached, handler(request)), only_when_idle=when_busy is not None):
-                answer(query, attached, when_busy)()
 
-        self._declared.append(self._session.declare_queryable(key, accept, complete=True))
+            def reply(message: Any) -> None:
+                back = Attachment(attached.sequence, time.time_ns(), attached.gid).to_bytes()
+                with contextlib.suppress(zenoh.ZError):  # the caller may be gone
+                    query.reply(key, self.types.encode(message), attachment=back)
+                query.drop()
+
+            accept(query.payload.to_bytes() if query.payload is not None else b"", reply)
+
+        self._declared.append(self._session.declare_queryable(key, receive, complete=True))
         self._declare_token(endpoint)
         return endpoint
 

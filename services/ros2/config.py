@@ -35,5 +35,8 @@ class BridgeConfig(RosNetwork):
     stamps: Literal["wall", "cell"] = Field(
         default="wall", description="the cell's clock mapped to the wall's, or as it is"
     )
-    commands: bool = Field(default=True, description="whether the services assemble, withdraw and abort are offered")
+    commands: bool = Field(
+        default=True,
+        description="whether ROS may ask for an assembly, a withdrawal, and their end",
+    )
     strategy: Strategy = Field(default=Strategy.FUSED, description="of an assembly that ROS asks for")

@@ -45,7 +45,7 @@ class BridgeShell:
             self._node, arm, workcell, time.time_ns, stamps=config.stamps, tf_hz=config.tf_hz, has=has
         )
         self._listen(bus, has)
-        self._commands = Commands(self._node, bus, config.strategy) if config.commands else None
+        self._commands = Commands(self._node, bus, config.strategy, arm.frames.base) if config.commands else None
         self._closing = threading.Event()
         self._diagnosing = threading.Thread(target=self._diagnose, name="diagnostics", daemon=True)
         self._diagnosing.start()

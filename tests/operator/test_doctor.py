@@ -26,6 +26,7 @@ from services.operator.doctor import (
     addresses,
     clocks,
     devices,
+    drawing,
     examination,
     machine,
     network,
@@ -33,11 +34,13 @@ from services.operator.doctor import (
     software,
 )
 from services.operator.rows import Row, Verdict, looked
+from services.planning.config import PlanningConfig
 from tests.operator.doctor_rows import ROOT, every_bad_row_has_a_mend, verdicts
 
 
 def test_what_the_doctor_knows_of_other_services_is_what_they_have() -> None:
     assert LimitsConfig().holder_timeout_s == examination.HOLDER_TIMEOUT_S
+    assert PlanningConfig().approach_m == drawing.APPROACH_M
     assert set(sections.NEEDED) == set(examination.COMMANDS_NEED)
 
 

@@ -130,12 +130,12 @@ def test_peg_and_hole_fit_by_their_drawings(fields: dict[str, Any], bad: dict[st
     ],
 )
 def test_the_arm_reaches_wherever_the_hole_may_be(fields: dict[str, Any], expected: dict[str, str]) -> None:
-    found = verdicts(drawing.reach_rows(workcell(**fields), 0.06))
+    found = verdicts(drawing.reach_rows(workcell(**fields)))
     assert expected.items() <= found.items()
 
 
 def test_a_joint_near_its_limit_at_the_hole_is_named() -> None:
-    sound = next(row for row in drawing.reach_rows(workcell(), 0.06) if row.name == "joints at the hole")
+    sound = next(row for row in drawing.reach_rows(workcell()) if row.name == "joints at the hole")
     joint = int(sound.found.split()[1])
     least = float(sound.found.split("within ")[1].split()[0])
     arm = workcell().arm()
@@ -145,7 +145,7 @@ def test_a_joint_near_its_limit_at_the_hole_is_named() -> None:
     upper[joint - 1] -= least - 0.02
     lower[joint - 1] += least - 0.02
     narrow = workcell(arm={"name": "xb4", "upper_rad": upper.tolist(), "lower_rad": lower.tolist()})
-    row = next(row for row in drawing.reach_rows(narrow, 0.06) if row.name == "joints at the hole")
+    row = next(row for row in drawing.reach_rows(narrow) if row.name == "joints at the hole")
     assert row.verdict is Verdict.WARNING and f"joint {joint} comes within 0.0" in row.found
 
 

@@ -3,6 +3,7 @@
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR listen /joint_states sensor_msgs/msg/JointState
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR graph
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR call /assemble
+    python -m tests.peers.ros2_sdk --port 7447 --definitions DIR act --hashes JSON --cancel
     python -m tests.peers.ros2_sdk --port 7447 --definitions DIR arm --rate-hz 250
 
 It imports nothing of crosspih but the arm's kinematics, for a plant. The message definitions are given as files, made
@@ -109,6 +110,65 @@ def call(given: argparse.Namespace) -> int:
     if answer is None:
         return 1
     say(success=bool(answer.success), message=str(answer.message))
+    return 0
+
+
+# the action's parts as flat messages: CDR puts nothing between a message and one that it is in
+ACTION = "crosspih_interfaces/action/Assemble"
+SEND = "uint8[16] goal_id\nstring strategy\n", "bool accepted\nint32 sec\nuint32 nanosec\n"
+_POSED = "int32 {0}_sec\nuint32 {0}_nanosec\nstring {0}_frame\nfloat64[7] {0}\n"
+RESULT = (
+    "uint8[16] goal_id\n",
+    "int8 status\nbool inserted\nstring failure\nstring text\n" + _POSED.format("hole") + _POSED.format("peg")
+    + "float64 insertion_depth_m\nfloat64 duration_s\nfloat64 peak_force_n\n",
+)  # fmt: skip
+CANCEL = (
+    "uint8[16] goal_id\nint32 sec\nuint32 nanosec\n",
+    "int8 return_code\nuint32 count\n",  # the sequence's length; what follows is not read
+)
+FEEDBACK = "uint8[16] goal_id\nstring phase\nstring text\n"
+
+
+def act(given: argparse.Namespace) -> int:
+    """A goal of the action /assemble: sent, its feedback heard, cancelled if so asked, its result waited for."""
+    from zenoh_ros2_sdk import ROS2ServiceClient, ROS2Subscriber
+
+    hashes = json.loads(given.hashes)
+    at = {"domain_id": given.domain, "router_port": given.port}
+
+    def client(what: str, kind: str, parts: tuple[str, str]) -> Any:
+        return ROS2ServiceClient(
+            f"/assemble/_action/{what}", kind, request_definition=parts[0], response_definition=parts[1],
+            type_hash=hashes[kind], timeout=given.wait_s, **at,
+        )  # fmt: skip
+
+    send, result = client("send_goal", f"{ACTION}_SendGoal", SEND), client("get_result", f"{ACTION}_GetResult", RESULT)
+    cancel = client("cancel_goal", "action_msgs/srv/CancelGoal", CANCEL)
+    felt = threading.Event()
+
+    def feedback(message: Any) -> None:
+        say(feedback=[message.phase, message.text], goal=bytes(message.goal_id).hex())
+        felt.set()
+
+    heard = ROS2Subscriber(
+        "/assemble/_action/feedback", f"{ACTION}_FeedbackMessage", feedback, msg_definition=FEEDBACK,
+        type_hash=hashes[f"{ACTION}_FeedbackMessage"], **at,
+    )  # fmt: skip
+    say(key=send.keyexpr, listens=heard.keyexpr)
+    goal_id = np.frombuffer(os.urandom(16), dtype=np.uint8)
+    sent = send.call(goal_id=goal_id, strategy=given.strategy)
+    say(accepted=bool(sent.accepted), goal=bytes(goal_id).hex())
+    if not sent.accepted:
+        return 0
+    if given.cancel:
+        felt.wait(given.wait_s)
+        asked = cancel.call(goal_id=goal_id, sec=0, nanosec=0)
+        say(cancelled=int(asked.return_code), goals=int(asked.count))
+    ended = result.call(goal_id=goal_id)
+    say(
+        status=int(ended.status), inserted=bool(ended.inserted), failure=ended.failure, text=ended.text,
+        frame=ended.hole_frame, hole=np.asarray(ended.hole).tolist(), depth=ended.insertion_depth_m,
+    )  # fmt: skip
     return 0
 
 
@@ -244,6 +304,11 @@ def main() -> int:
     mode = modes.add_parser("call")
     mode.add_argument("service")
     mode.add_argument("--wait-s", type=float, default=20.0)
+    mode = modes.add_parser("act")
+    mode.add_argument("--hashes", required=True, help="JSON: type to hash")
+    mode.add_argument("--strategy", default="")
+    mode.add_argument("--cancel", action="store_true")
+    mode.add_argument("--wait-s", type=float, default=30.0)
     mode = modes.add_parser("arm")
     mode.add_argument("--rate-hz", type=float, default=250.0)
     mode.add_argument("--shuffled", action="store_true")
@@ -255,7 +320,7 @@ def main() -> int:
     session = ZenohSession.get_instance("127.0.0.1", given.port)
     get_registry(str(given.definitions))
     try:
-        return {"listen": listen, "graph": graph, "call": call, "arm": arm}[given.mode](given)
+        return {"listen": listen, "graph": graph, "call": call, "act": act, "arm": arm}[given.mode](given)
     finally:
         session.close()
 

@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from zenoh import ext
 from zenoh.ext import Int64
 
-from crosspih_common.ros2 import Attachment, Endpoint, Entity, RosQos, RosTypes, dds_type, topic_key
+from crosspih_common.ros2 import Attachment, Endpoint, Entity, RosQos, RosTypes, actions, dds_type, topic_key
 from crosspih_common.ros2.names import graph_expression, resolved, ros_type
 from crosspih_common.ros2.stamps import WallOfCell
 
@@ -124,6 +124,25 @@ def test_the_hashes_of_services_are_ros_own() -> None:
     types.register({f"{name}_Request": [("names", request)], f"{name}_Response": [("values", values)]})
     types.describe_service(name)
     assert types.hash(name) == "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc"
+
+
+FIBONACCI = "int32 order\n---\nint32[] sequence\n---\nint32[] sequence\n"
+
+
+def test_the_hashes_of_an_actions_parts_are_ros_own() -> None:
+    """Known answers: what rosidl generated for example_interfaces/action/Fibonacci and action_msgs/srv/CancelGoal."""
+    types, name = RosTypes(), "example_interfaces/action/Fibonacci"
+    actions.add_action(types, name, FIBONACCI)
+    known = {
+        f"{name}_Goal": "226cb437e4355dcd3e914f930382a3b0cc1da81545bd319ed554e95a03255f51",
+        f"{name}_FeedbackMessage": "c1de71afd52e49a89c53d8262366884185bc0a02f78ce051c4e46b0a7fe59bb2",
+        f"{name}_SendGoal": "d1a57fb2a4afe8c21e34fb10db206f16ce6729b28531141472df92277c55b557",
+        f"{name}_GetResult": "1b0de0d5d29dc955d92f546706568428632771db13ec84c15ec1c1a59f424a57",
+        actions.CANCEL: "573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a",
+    }
+    assert {kind: types.hash(kind) for kind in known} == {kind: f"RIHS01_{digest}" for kind, digest in known.items()}
+    with pytest.raises(ValueError, match="1 parts"):
+        actions.add_action(types, name, "int32 order")
 
 
 def test_the_hashes_are_the_sdks() -> None:

@@ -14,6 +14,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel
 from services.operator.rows import Row, ok, warning, wrong
 
+APPROACH_M = 0.06  # where the straight way to the hole begins, as services/planning/config.py has it by default
 NEAR_LIMIT_RAD = 0.05
 SMALL_PX = 40.0
 MARGIN_PX = 5.0
@@ -51,7 +52,7 @@ def poses_of_prior(cell: Workcell) -> list[Pose]:
     return [nominal, *corners]
 
 
-def reach_rows(cell: Workcell, approach_m: float) -> Iterator[Row]:
+def reach_rows(cell: Workcell, approach_m: float = APPROACH_M) -> Iterator[Row]:
     """Before the hole, where the straight way begins, and seated: at the nominal pose and every corner of the prior."""
     peg, back = cell.peg.shape(), cell.pose_flange_peg().inverse()
     before = Pose.from_translation([0.0, 0.0, -(peg.tip_m + approach_m)])

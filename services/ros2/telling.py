@@ -1,0 +1,27 @@
+"""Results of planning in a line for people, and how long they may take."""
+
+from __future__ import annotations
+
+from crosspih_common.messages import AssemblyResult, WithdrawResult
+
+ASSEMBLY_DEADLINE_S = 900.0
+WITHDRAW_DEADLINE_S = 300.0
+ABORT_DEADLINE_S = 5.0
+Said = tuple[bool, str]
+
+
+def told_assembly(result: AssemblyResult) -> Said:
+    """Whether the peg is in, and a line for people."""
+    if not result.inserted:
+        why = result.failure.value if result.failure is not None else "not inserted"
+        return False, f"{why}: {result.failure_detail}" if result.failure_detail else why
+    depth_mm, duration_s = result.insertion_depth_m * 1e3, result.motion_s + result.thinking_s
+    text = f"inserted, {depth_mm:.1f} mm deep, {duration_s:.1f} s, peak {result.peak_force_n:.1f} N"
+    return True, "; ".join([text, *result.warnings])
+
+
+def told_withdrawal(result: WithdrawResult) -> Said:
+    """Whether the peg is out, and a line for people."""
+    if not result.withdrawn:
+        return False, f"{result.failure.value if result.failure else 'not out'}: {result.failure_detail}"
+    return True, f"out, {result.distance_m * 1e3:.1f} mm in {result.motion_s:.1f} s, peak {result.peak_force_n:.1f} N"
