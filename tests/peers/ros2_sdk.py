@@ -124,7 +124,7 @@ RESULT = (
 )  # fmt: skip
 CANCEL = (
     "uint8[16] goal_id\nint32 sec\nuint32 nanosec\n",
-    "int8 return_code\nuint32 count\n",  # the sequence's length; what follows is not read
+    "int8 return_code\nuint32 count\nuint8[16] goal_id\nint32 sec\nuint32 nanosec\n",  # a sequence of one goal
 )
 FEEDBACK = "uint8[16] goal_id\nstring phase\nstring text\n"
 
