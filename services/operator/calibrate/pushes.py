@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from pydantic import ValidationError
 from rich.console import Console
 
 from crosspih_common.calibration.mount import MountFit, fit_mount
@@ -16,9 +15,8 @@ from crosspih_common.calibration.presses import Pressed
 from crosspih_common.calibration.stiffness import StiffnessFit, fit_stiffness
 from crosspih_common.calibration.tcp import TipFit, fit_tip
 from crosspih_common.config import CellFile, load_cell
-from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
-from services.operator.calibrate.folder import new_folder, read_yaml, write_yaml
+from services.operator.calibrate.folder import PRESSED, new_folder, read_pressed, write_yaml
 from services.operator.calibrate.pressing import Manner, take_presses
 from services.operator.calibrate.settings import mount_settings, stiffness_settings, tcp_settings
 from services.operator.calibrate.tables import say_missing, values_table
@@ -28,7 +26,6 @@ from services.operator.session import cell_path, using_cell
 from services.operator.stack import cell_session
 
 NEEDED = ("hardware", "force_torque", "planning")
-PRESSED = "pressed.yaml"
 CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
 FromOption = Annotated[
     Path | None, typer.Option("--from", help="Offline: pressed.yaml of an earlier calibration of any of the three.")
@@ -46,12 +43,7 @@ def _pressed(
 ) -> tuple[Pressed, Path]:  # fmt: skip
     folder = new_folder(cell.workcell.name, what)
     if given is not None:
-        path = given / PRESSED if given.is_dir() else given
-        try:
-            return Pressed.model_validate(read_yaml(path)), folder
-        except ValidationError as error:
-            fault = error.errors()[0]
-            raise ConfigError(f"{path}: {'.'.join(map(str, fault['loc']))}: {fault['msg']}") from None
+        return read_pressed(given), folder
     with cell_session(speed, NEEDED) as (session, _):
         pressed = take_presses(session, console, manner, share, what, weighed)
     write_yaml(folder / PRESSED, pressed.model_dump(mode="json"))
