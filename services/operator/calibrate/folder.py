@@ -77,6 +77,17 @@ def encoding_of(image: Image) -> str | None:
     return image.encoding if image.encoding.startswith("bayer_") else None
 
 
+def write_pair(folder: Path, number: int, left: Image, right: Image, joints_rad: tuple[float, ...] | None) -> TakenPair:
+    """As files pair-<number>-left and -right."""
+    names = []
+    for side, image in (("left", left), ("right", right)):
+        names.append(f"pair-{number:03d}-{side}" + (".ppm" if image.pixels.ndim == 3 else ".pgm"))
+        write_picture(image, folder / names[-1])
+    return TakenPair(
+        left=names[0], right=names[1], encodings=(encoding_of(left), encoding_of(right)), joints_rad=joints_rad
+    )
+
+
 def write_yaml(path: Path, content: dict[str, Any], header: str = "") -> None:
     """Whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
