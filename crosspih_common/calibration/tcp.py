@@ -6,9 +6,9 @@ peg's axis s follows from tilts to different sides; along it from tilts of diffe
 is pressed at two depths, the pose at no force follows by a straight line, whatever the arm's stiffness. What rubs does
 not grow in proportion with what presses, so the bending by the cell file's stiffness is taken off before that.
 
-An edge is never quite sharp: one rounded by r lets the peg come nearer by r (m.n - 1), m the way from the corner to the
-middle of the rounding, and so by more the more it is tilted. In the tip's place along the peg that is some three times r,
-alike in all touches, however many there are; its interval has it.
+An edge is never quite sharp: one rounded by r lets the peg come nearer by r (m.n - 1), m the way from the rounding's
+middle to the corner over r, and so by more the more it is tilted. In the tip's place along the peg that is some three
+times r, alike in all touches, however many there are; its interval has it.
 """
 
 from __future__ import annotations

@@ -35,8 +35,11 @@ def recording_of(folder: Path, said: list[Said], cell_yaml: str = f"cell: {{name
     numbers: Counter[str] = Counter()
     for index, one in enumerate(said):
         key, stamp_ns = one.topic.key(CELL), one.at_ms * MS
-        stamp = {"stamp_ns": stamp_ns, "seq": numbers[key]}
-        value = replace(one.value, **stamp) if isinstance(one.value, Image) else one.value.model_copy(update=stamp)
+        value, number = one.value, numbers[key]
+        if isinstance(value, Image):
+            value = replace(value, stamp_ns=stamp_ns, seq=number)
+        else:
+            value = value.model_copy(update={"stamp_ns": stamp_ns, "seq": number})
         sample = Sample(key, one.topic, encode(value), numbers[key], stamp_ns, WALL_NS + (stamp_ns + index * 1000))
         file.write(sample)
         numbers[key] += 1

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from crosspih_common.calibration.fitting import CalibrationRefused
@@ -183,6 +184,10 @@ def test_the_printed_board_is_in_true_size_and_is_found_again(tmp_path: Path) ->
     assert spacing == pytest.approx(0.018 * 11811.0, abs=1.0)
 
 
+def _read(path: Path) -> NDArray[np.uint8]:
+    return np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), dtype=np.uint8)
+
+
 def test_pictures_from_files_to_the_cameras_file_that_locate_reads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,8 +213,7 @@ def test_pictures_from_files_to_the_cameras_file_that_locate_reads(
     # the same pictures in a recording
     stamps = range(100, 900, 100)
     pictures = [
-        [Image(frame=name, pixels=cv2.imread(str(folder / f"{name}-{number}.png"), cv2.IMREAD_UNCHANGED))
-         for name in ("left", "right")]
+        [Image(frame=name, pixels=_read(folder / f"{name}-{number}.png")) for name in ("left", "right")]
         for number in range(8)
     ]  # fmt: skip
     message = CameraCalibration.model_validate({**content, "pose_base_camera": told.pose_base_camera})

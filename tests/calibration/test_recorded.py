@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from crosspih_common.config import Workcell
+import deploy
+from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.keys import (
     CAPTURE,
@@ -48,6 +49,7 @@ from services.operator.calibrate.recorded_pictures import taken_of
 from tests.calibration.recordings import MS, Said, recording_of
 
 WORKCELL = Workcell()
+PANDA = Path(deploy.__file__).parent / "cells" / "panda.yaml"
 PATTERN = "7x5:0.018:0.012:DICT_4X4_50"
 SOMEWHERE = PoseData(position_m=(0.0, 0.0, 0.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))
 LENS = CameraModel(width_px=16, height_px=12, fx_px=10.0, fy_px=10.0, cx_px=8.0, cy_px=6.0)
@@ -193,7 +195,7 @@ def test_what_a_recording_lacks_is_named(tmp_path: Path) -> None:
         (touch(100, 200), "holds no arm/dwell"),
         (drawn_back, "none of its 1 guarded moves ended in contact and stayed there"),
         (touch(100, 200) + dwell(300, 400, 1.0), "1 times the peg touched and stayed, and none was held"),
-        (push(100) + push(4000, way=(0.0, 1.0, 0.0)), "its 2 pushes go in different directions"),
+        (push(100) + push(4000, way=(0.0, 0.6, -0.8)), "its 2 pushes go in different directions"),
     ):
         with pytest.raises(ConfigError, match=why):
             pressed_of(recording_of(tmp_path, said), WORKCELL)
@@ -203,6 +205,6 @@ def test_what_a_recording_lacks_is_named(tmp_path: Path) -> None:
         taken_of(recording_of(tmp_path, pair(0, 100)), tmp_path, None, WORKCELL)
     with pytest.raises(ConfigError, match="holds neither a calibration of the sensor"):
         readings_of(recording_of(tmp_path, free_way(100, 200)), WORKCELL)
-    seven = Workcell.model_validate({"arm": {"model": "panda"}})
+    seven = load_cell(PANDA).workcell
     with pytest.raises(ConfigError, match="an arm with 6 joints"):
         pressed_of(recording_of(tmp_path, push(100)), seven)

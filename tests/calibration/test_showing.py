@@ -6,6 +6,7 @@ import json
 import urllib.error
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -39,7 +40,7 @@ def test_a_pair_is_drawn_with_its_corners_the_parts_that_are_open_and_the_next_o
         cv2.imwrite(files[name], draw(rng, pose, of, side, board))
     wanted = [[[400.0, 300.0], [600.0, 300.0], [600.0, 450.0], [400.0, 450.0]]] * 2
     out = {name: str(tmp_path / file) for name, file in DRAWN.items()}
-    job = {"do": "see", "board": str(PATTERN), "pair": files, "draw": {**out, "wanted": wanted}}
+    job: dict[str, Any] = {"do": "see", "board": str(PATTERN), "pair": files, "draw": {**out, "wanted": wanted}}
     calibrator = Calibrator()
     seen = calibrator.answer(CalibrationJob.model_validate(job))
     assert seen["left"] > 12 and any("left camera" in line for line in seen["missing"])
@@ -86,7 +87,7 @@ def test_the_page_tells_what_was_seen_and_shows_the_files_that_are_there(tmp_pat
 
 
 def test_numbers_so_far_say_what_is_missing_and_then_how_sure_they_are() -> None:
-    whole = Rig(Machine(), 1).pressed(9)
+    whole = Rig(Machine(), 1).pressed(12)
     console = Console(width=160)
 
     def reckon(pressed: object) -> dict[str, object]:
@@ -95,7 +96,7 @@ def test_numbers_so_far_say_what_is_missing_and_then_how_sure_they_are() -> None
         return {"values": values, "missing": ["more"]}
 
     shower = SoFar(console, "the peg", reckon)
-    for count, said in ((3, "not yet: 3 pushes, want 7"), (9, "the peg, after 9 pushes")):
+    for count, said in ((3, "not yet: 3 pushes, want 7"), (12, "the peg, after 12 pushes")):
         with console.capture() as captured:
             console.print(shower.told(whole.model_copy(update={"presses": whole.presses[:count]})))
         assert said in " ".join(captured.get().split())
