@@ -62,7 +62,8 @@ class Board:
         times = int(np.ceil(FINE_SIDE_PX / min(picture.shape)))
         looked_at = picture
         if times > 1:
-            looked_at = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
+            larger = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
+            looked_at = np.asarray(larger, dtype=np.uint8)
         found, ids, _, _ = self._detector.detectBoard(looked_at)
         if ids is None or len(ids) < LEAST_CORNERS:
             return NONE
