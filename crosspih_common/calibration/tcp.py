@@ -3,7 +3,12 @@
 A touch at no force puts the corner v of the tip on the plane: n . (R (v + s) + t) = d, with R and t of the peg frame by
 the encoders and s how far the peg is from where the cell's file has it. The plane (n, d) is unknown as well. Across the
 peg's axis s follows from tilts to different sides; along it from tilts of different size, and the less surely. Where it
-is pressed at two depths, the pose at no force follows by a straight line, whatever the arm's stiffness.
+is pressed at two depths, the pose at no force follows by a straight line, whatever the arm's stiffness. What rubs does
+not grow in proportion with what presses, so the bending by the cell file's stiffness is taken off before that.
+
+An edge is never quite sharp: one rounded by r lets the peg come nearer by r (m.n - 1), m the way from the rounding's
+middle to the corner over r, and so by more the more it is tilted. In the tip's place along the peg that is some three
+times r, alike in all touches, however many there are; its interval has it.
 """
 
 from __future__ import annotations
@@ -14,7 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.calibration.fitting import CalibrationRefused, Fit, Residual, fit_groups, held_out_folds
-from crosspih_common.calibration.presses import APART_M, Pressed, held, require, touching_corner, wrench_base
+from crosspih_common.calibration.presses import (
+    APART_M,
+    Pressed,
+    held,
+    jacobian_at,
+    require,
+    touching_corner,
+    wrench_base,
+)
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -22,6 +35,7 @@ from crosspih_common.geometry.pose import Array
 LEAST_TILT_SPREAD = 0.1
 UNIT_M = 1e-6
 FLOOR_M = 5e-7  # no touch is believed to be surer: edges are no better, nor are encoders
+EDGE_M = 5e-6  # one sd of how far an edge that is called sharp is rounded
 FAR_M = 0.01
 STEPS = np.array([1e-6] * 3 + [1e-5] * 2 + [1e-6])
 
@@ -51,15 +65,26 @@ def touches_at_no_force(pressed: Pressed, workcell: Workcell) -> tuple[Array, Ar
         levels = held(press, workcell)
         first, last = levels[0], levels[-1]
         corner, apart = touching_corner(peg, first.pose_base_peg.rotation, normal)
-        force = [-float(wrench_base(level, workcell)[:3] @ normal) for level in (first, last)]
+        wrenches = [wrench_base(level, workcell) for level in (first, last)]
+        force = [-float(wrench[:3] @ normal) for wrench in wrenches]
         if apart < APART_M or force[1] - force[0] < 1.0:
             continue
         share = force[0] / (force[1] - force[0])
-        gone = last.pose_base_peg.translation_m - first.pose_base_peg.translation_m
+        ends = [
+            level.pose_base_peg.translation_m + _bent(workcell, level.joints_rad, corner, wrench)
+            for level, wrench in zip((first, last), wrenches, strict=True)
+        ]
         rotations.append(first.pose_base_peg.rotation)
-        places.append(first.pose_base_peg.translation_m - share * gone)
+        places.append(ends[0] - share * (ends[1] - ends[0]))
         corners.append(corner)
     return np.array(rotations).reshape(-1, 3, 3), np.array(places).reshape(-1, 3), np.array(corners).reshape(-1, 3)
+
+
+def _bent(workcell: Workcell, joints_rad: Array, corner: Array, wrench: Array) -> Array:
+    """(3,): how far a wrench (6,) on the peg, in the base about its origin, bends the corner (3,) away, m."""
+    torque = workcell.arm().jacobian(joints_rad, workcell.pose_flange_peg()).T @ wrench
+    give = torque / np.asarray(workcell.joint_stiffness_nm_rad)
+    return np.asarray(jacobian_at(workcell, joints_rad, corner) @ give, dtype=float)
 
 
 def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
@@ -102,8 +127,10 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
     fit = fitted(everything)
     touched = np.einsum("kij,kj->ki", rotations, corners + fit.shared[:3]) + places
     design = np.column_stack([leaning, touched @ across.T, -np.ones(len(rotations))])
-    floor = FLOOR_M**2 * np.linalg.inv(design.T @ design)
-    fit = replace(fit, covariance=fit.covariance + floor)
+    back = np.linalg.inv(design.T @ design)
+    tilted = np.linalg.norm(leaning[:, :2], axis=1)
+    by_edge = EDGE_M * back @ (design.T @ (np.sqrt(2.0) * tilted + leaning[:, 2] - 1.0))  # of a right-angled corner
+    fit = replace(fit, covariance=fit.covariance + FLOOR_M**2 * back + np.outer(by_edge, by_edge))
     squares = 0.0
     for left_out in held_out_folds(len(rotations), folds):
         held_fit = fitted(np.setdiff1d(everything, left_out))

@@ -1,4 +1,4 @@
-"""`crosspih assemble` and `crosspih calibrate ft`."""
+"""`crosspih assemble`, and the commands of `crosspih calibrate` under one name."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from crosspih_common.config.drawing import CROSS, OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from deploy.launcher import LauncherError
+from services.operator.calibrate.ft import ft
 from services.operator.calibrate.pictures import board, hand_eye, stereo
 from services.operator.calibrate.pushes import mount, stiffness, tcp
 from services.operator.for_cell import CELL_HELP
@@ -27,6 +28,7 @@ from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
 
 calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
+calibrate_app.command()(ft)
 calibrate_app.command()(refine)
 calibrate_app.command()(board)
 calibrate_app.command()(stereo)
@@ -137,37 +139,3 @@ def assemble(
         _print(console, done[-1])
     if not done[-1].figures.inserted:
         raise typer.Exit(1)
-
-
-@calibrate_app.command("ft")
-def calibrate_ft(
-    samples_s: Annotated[float, typer.Option(min=0.05, max=5.0, help="Dwell in each pose.")] = 0.25,
-    speed: Annotated[str | None, typer.Option(help="realtime or max.")] = None,
-    cell: Annotated[Path | None, typer.Option(help=CELL_HELP)] = None,
-    temperature: Annotated[
-        float | None, typer.Option(help="Of the sensor now, °C: crosspih doctor compares with it later.")
-    ] = None,
-) -> None:
-    """Drive the calibration poses and find the sensor's bias, the weight and the centroid behind it (Eqs. 14-16)."""
-    console = Console()
-    try:
-        with using_cell(cell), cell_session(speed, ("hardware", "force_torque", "planning")) as (session, _):
-            story = Story(console)
-            session.follow_events(story.phase, story.touch, story.event)
-            story.begin(session.bus.clock.now_ns())
-            found = session.calibrate_ft(samples_s, temperature)
-    except (CrosspihError, LauncherError) as error:
-        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
-    fx, fy, fz, mx, my, mz = found.bias
-    x, y, z = (value * 1e3 for value in found.centroid_m)
-    console.print(
-        f"bias      ({fx:+.4f}, {fy:+.4f}, {fz:+.4f}) N  ({mx:+.4f}, {my:+.4f}, {mz:+.4f}) Nm", highlight=False
-    )
-    console.print(f"weight    {found.weight_n:.4f} N", highlight=False)
-    console.print(f"centroid  ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm ahead of the sensor", highlight=False)
-    console.print(
-        f"residuals {found.residual_force_n:.4f} N, {found.residual_moment_nm:.5f} Nm over {found.poses} poses",
-        highlight=False,
-    )
-    console.print(f"saved     {found.file} ({found.date})", highlight=False)

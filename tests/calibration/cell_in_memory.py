@@ -20,12 +20,14 @@ from services.hardware.shells.hardware import HardwareShell
 from services.operator.session import Session
 from services.planning.config import PlanningConfig
 from services.planning.shell import PlanningShell
+from services.recorder.config import RecorderConfig
+from services.recorder.shell import RecorderShell
 
 
 class CalibratedCell:
-    """Hardware, and with `forces` what calibrates the force/torque sensor; `content` is the cell's file."""
+    """Hardware, what calibrates the force/torque sensor, and the recorder; `content` is the cell's file."""
 
-    def __init__(self, folder: Path, content: dict[str, Any], forces: bool = True) -> None:
+    def __init__(self, folder: Path, content: dict[str, Any]) -> None:
         path = folder / "cell.yaml"
         path.write_text(yaml.safe_dump(content), encoding="utf-8")
         self.hub = MemoryHub()
@@ -35,12 +37,12 @@ class CalibratedCell:
         self._shells: list[Closeable] = [
             HardwareShell(open_cell(self.cell.workcell, config, False), self._context("hardware"))
         ]
-        if forces:
-            file = str(folder / "ft.yaml")
-            self._shells += [
-                ForceTorqueShell(self._context("force_torque"), ForceTorqueConfig(calibration_file=file)),
-                PlanningShell(self._context("planning"), PlanningConfig(service_patience_s=0.5)),
-            ]
+        file = str(folder / "ft.yaml")
+        self._shells += [
+            ForceTorqueShell(self._context("force_torque"), ForceTorqueConfig(calibration_file=file)),
+            PlanningShell(self._context("planning"), PlanningConfig(service_patience_s=0.5)),
+            RecorderShell(self._context("recorder"), RecorderConfig(directory=folder / "recordings")),
+        ]
         self.bus = self._context("operator").bus
 
     def _context(self, service: str) -> ServiceContext:

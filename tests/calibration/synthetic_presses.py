@@ -32,6 +32,7 @@ class Machine:
     noise_n: float = 0.0046  # of 0.1 N a sample over half a second
     noise_nm: float = 0.00023
     friction: float = 0.1
+    edge_m: float = 0.0  # by which the tip's corners, right-angled, are rounded
 
 
 def _cross(vector: Array) -> Array:
@@ -68,7 +69,8 @@ class Rig:
         lean = Rotation.from_rotvec(tilt * np.array([-np.sin(side), np.cos(side), 0.0]))
         rotation = self.plane.rotation @ (lean * Rotation.from_rotvec([0.0, 0.0, spin])).as_matrix()
         corner, _ = touching_corner(peg, rotation, self.normal)
-        real = corner + self.machine.peg_m
+        inwards = -np.array([*np.sign(corner[:2]), 1.0])
+        real = corner + self.machine.peg_m + self.machine.edge_m * (inwards + rotation.T @ self.normal)
         place = self.plane.apply([0.042 * np.cos(at), 0.042 * np.sin(at), 0.0])
         touching = Pose(rotation, place - rotation @ real)
         back = WORKCELL.pose_flange_peg().inverse()

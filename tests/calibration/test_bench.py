@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
-from crosspih_common.calibration.presses import Pressed
 from crosspih_common.calibration.stiffness import fit_stiffness
 from crosspih_common.calibration.tcp import fit_tip
-from crosspih_common.config import load_cell
+from crosspih_common.config import CellFile
+from crosspih_common.config.cell import cell_of_text
+from services.operator.bench.calibrations_scored import hidden, pushes_scored
 from services.operator.calibrate.settings import stiffness_settings, tcp_settings
 from tests.calibration.synthetic_presses import WORKCELL, Machine, Rig
 
@@ -22,19 +23,12 @@ calibrations: Any = importlib.import_module("services.operator.bench.calibration
 CONTENT: dict[str, Any] = {"cell": {"name": "bench"}}
 
 
-class _Session:
-    """Of a session only what the trial asks: the cell, and a reset."""
-
-    def __init__(self, folder: Path, content: dict[str, Any]) -> None:
-        (folder / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-        self.cell = load_cell(folder / "cell.yaml")
-
-    def reset(self, command: object) -> None:
-        """Nothing moves here."""
+def _cell(folder: Path, content: dict[str, Any]) -> CellFile:
+    return cell_of_text(folder / "cell.yaml", yaml.safe_dump(content))
 
 
 def _machine(seed: int) -> tuple[Machine, dict[str, Any]]:
-    truth = calibrations.hidden(seed, 6)["hardware"]["simulated"]["truth"]
+    truth = hidden(seed, 6)["hardware"]["simulated"]["truth"]
     machine = Machine(
         factors=np.array(truth["joint_stiffness_factors"]), turn_rad=np.array(truth["ft_turn_rad"]),
         sensor_m=np.array(truth["ft_shift_m"]), peg_m=np.array(truth["peg_shift_m"]),
@@ -43,19 +37,11 @@ def _machine(seed: int) -> tuple[Machine, dict[str, Any]]:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_tip_mounting_and_stiffness_are_told_against_the_truth(
-    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tip_mounting_and_stiffness_are_told_against_the_truth(seed: int, tmp_path: Path) -> None:
     machine, truth = _machine(seed)
     pressed = Rig(machine, seed).pressed(weighings=10)
 
-    def taken(*_: object, **__: object) -> Pressed:
-        return pressed
-
-    monkeypatch.setattr(calibrations, "take_presses", taken)
-    payload = {"seed": seed, "truth": truth, "content": CONTENT, "presses": 16, "force_n": 12.0}
-    session: Any = _Session(tmp_path, CONTENT)
-    rows = {row["name"]: row for row in calibrations.pushes_trial(session, payload)}
+    rows = {row["name"]: row for row in pushes_scored(pressed, _cell(tmp_path, CONTENT), CONTENT, truth)}
     assert max(map(abs, rows["tcp, tip"]["off"])) < 0.02
     assert np.linalg.norm(rows["mount, place"]["off"]) < 0.2
     assert np.linalg.norm(rows["mount, turn"]["off"]) < 0.1
@@ -69,7 +55,7 @@ def test_a_simulated_cell_stays_the_machine_that_it_was(tmp_path: Path) -> None:
     machine, truth = _machine(4)
     pressed = Rig(machine, 4).pressed()
     content = {"cell": {"name": "bench"}, "hardware": {"simulated": {"truth": truth}}}
-    cell = _Session(tmp_path, content).cell
+    cell = _cell(tmp_path, content)
     stiff = stiffness_settings(fit_stiffness(pressed, WORKCELL), cell)
     told = np.array(stiff["cell"]["joint_stiffness_nm_rad"])
     kept = np.array(stiff["hardware"]["simulated"]["truth"]["joint_stiffness_factors"])

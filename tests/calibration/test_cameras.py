@@ -11,12 +11,14 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from crosspih_common.calibration.fitting import CalibrationRefused
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import CameraCalibration
+from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
+from crosspih_common.messages import CameraCalibration, Image, StereoPair
 from services.operator.__main__ import app
 from services.vision.calibration.boards import Board
 from services.vision.calibration.coverage import missing_parts, missing_poses, parts_seen
@@ -24,6 +26,7 @@ from services.vision.calibration.hand_eye import CameraDoubt, calibrate_hand_eye
 from services.vision.calibration.pairs import vector_of
 from services.vision.calibration.stereo import calibrate_stereo
 from tests.calibration.drawn_boards import PATTERN, SIZE, Scene, board_poses, corners, draw, flanges, scene
+from tests.calibration.recordings import Said, recording_of
 
 SIZES = (SIZE, SIZE)
 FULL = "k1 k2 p1 p2"
@@ -181,6 +184,10 @@ def test_the_printed_board_is_in_true_size_and_is_found_again(tmp_path: Path) ->
     assert spacing == pytest.approx(0.018 * 11811.0, abs=1.0)
 
 
+def _read(path: Path) -> NDArray[np.uint8]:
+    return np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), dtype=np.uint8)
+
+
 def test_pictures_from_files_to_the_cameras_file_that_locate_reads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,6 +210,31 @@ def test_pictures_from_files_to_the_cameras_file_that_locate_reads(
         "position_m": (0.0, 0.0, 0.0), "quaternion_xyzw": (0.0, 0.0, 0.0, 1.0)}})  # fmt: skip
     assert told.left.fx_px == pytest.approx(381.36, abs=4.0)
     assert told.pose_left_right.pose().distance_to_m(of.pose_left_right) < 1e-3
+    # the same pictures in a recording
+    stamps = range(100, 900, 100)
+    pictures = [
+        [Image(frame=name, pixels=_read(folder / f"{name}-{number}.png")) for name in ("left", "right")]
+        for number in range(8)
+    ]  # fmt: skip
+    message = CameraCalibration.model_validate({**content, "pose_base_camera": told.pose_base_camera})
+    recording = recording_of(
+        tmp_path,
+        [
+            said
+            for at_ms, (left, right) in zip(stamps, pictures, strict=True)
+            for said in (
+                Said(IMAGE_LEFT, left, at_ms), Said(IMAGE_RIGHT, right, at_ms),
+                Said(CAPTURE.reply_echo, StereoPair(capture_id=1, exposure_s=0.01, calibration=message), at_ms),
+            )
+        ],
+    )  # fmt: skip
+    words[6] = str(recording)
+    again = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert again.returncode == 0, again.stderr
+    of_a_run = {"found", "taken_at"}
+    then, now = ({name: value for name, value in one.items() if name not in of_a_run}
+                 for one in (said, json.loads(again.stdout)))  # fmt: skip
+    assert now == then
     # pictures without their partners
     (folder / "right-0.png").unlink()
     words[6] = str(folder)

@@ -1,4 +1,5 @@
-"""One push in the simulated cell, from home and back: what the arm does, and what it takes down."""
+"""One push in the simulated cell, from home and back: what the arm does, what it takes down, and what its recording
+says of it."""
 
 from __future__ import annotations
 
@@ -11,8 +12,13 @@ from rich.console import Console
 
 from crosspih_common.calibration.presses import held, wrench_base
 from crosspih_common.geometry import Pose
-from crosspih_common.keys import TRUTH
+from crosspih_common.keys import FT_CALIBRATION, TRUTH
+from crosspih_common.messages import FtCalibration
+from crosspih_common.recording.comparing import differences
+from services.force_torque.offline import answer
+from services.operator.calibrate.options import recorded
 from services.operator.calibrate.pressing import Manner, take_presses
+from services.operator.calibrate.recorded import pressed_of, readings_of
 from tests.calibration.cell_in_memory import CalibratedCell
 
 
@@ -21,10 +27,21 @@ def test_a_push_finds_the_plate_presses_gently_and_goes_home(tmp_path: Path) -> 
     cell = CalibratedCell(tmp_path, {"cell": {"name": "cal"}, "hardware": {"simulated": {"seed": 3, "speed": "max"}}})
     try:
         truth = cell.bus.latest(TRUTH)
-        pressed = take_presses(cell.session(), Console(file=io.StringIO()), Manner(1, 8.0), 1.0, "test", weighed=False)
+        session, console = cell.session(), Console(file=io.StringIO(), width=400)
+        with recorded(session, "test", True, console):
+            pressed = take_presses(session, console, Manner(1, 8.0), 1.0, "test", weighed=False)
+        sensor = cell.bus.latest(FT_CALIBRATION).wait_for(lambda _: True, 10.0)
         told = truth.value()
     finally:
         cell.close()
+    (path,) = (tmp_path / "recordings").iterdir()
+    assert f"recording: {path}" in console.file.getvalue()  # type: ignore[attr-defined]
+    again, notes = pressed_of(path, cell.cell.workcell)
+    assert again.model_copy(update={"taken_at": pressed.taken_at}) == pressed and notes == []
+    asked, _ = readings_of(path, cell.cell.workcell)
+    (tmp_path / "readings.json").write_text(asked.model_dump_json(), encoding="utf-8")
+    found = FtCalibration.model_validate(answer(tmp_path / "readings.json", cell.cell.path, None)["found"])
+    assert sensor is not None and differences(sensor, found, frozenset({"date", "file"})) == []
     assert told is not None
     workcell = cell.cell.workcell
     hole: Pose = told.pose_base_hole.pose()

@@ -56,6 +56,14 @@ def test_the_tip_is_found_with_intervals_that_hold() -> None:
     assert np.mean(inside) >= 0.9
 
 
+def test_edges_that_are_not_quite_sharp_do_not_break_the_tips_interval() -> None:
+    for seed in range(3):
+        fit = fit_tip(Rig(Machine(edge_m=5e-6), seed).pressed(), WORKCELL)
+        sharp = fit_tip(Rig(Machine(), seed).pressed(), WORKCELL)
+        assert np.abs(fit.shift_m[2] - sharp.shift_m[2]) > 8e-6
+        assert np.all(np.abs(fit.shift_m) <= fit.half_m) and fit.half_m[2] < 1e-4
+
+
 def test_one_take_tells_all_three_one_after_the_other() -> None:
     machine = Machine(
         factors=np.array([1.2, 0.9, 1.1, 0.85, 1.15, 1.0]), turn_rad=np.array([0.01, -0.005, 0.008]),

@@ -1,8 +1,7 @@
 """`crosspih bench calibrations`: simulated cells that are not as their files say; each calibration against the truth.
 
-A trial draws what is hidden by its seed, takes pictures of the board (or pushes on the plate) once, and lets every
-calibration work on them in the order in which one would do them: stereo, then hand-eye with those cameras; the tip,
-then the sensor's mounting with that peg, then the stiffness with both.
+A trial draws what is hidden by its seed, and takes pictures of the board (or pushes on the plate) once; every
+calibration then works on them. With `--keep` they stay, and `--from` has today's code work on them once more.
 """
 
 from __future__ import annotations
@@ -11,160 +10,81 @@ import io
 import json
 import sys
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
+import yaml
 from rich.console import Console
 from rich.table import Table
 
-from crosspih_common.calibration.mount import fit_mount
-from crosspih_common.calibration.stiffness import fit_stiffness
-from crosspih_common.calibration.tcp import fit_tip
-from crosspih_common.config import CellFile, Workcell
+from crosspih_common.config import Workcell
+from crosspih_common.config.cell import cell_of_text
 from crosspih_common.errors import CrosspihError
-from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import CameraCalibration, ResetCell
+from crosspih_common.messages import ResetCell
+from services.operator.bench.calibrations_scored import WANTED, hidden, pictures_scored, pushes_scored
 from services.operator.bench.conditions import cell_content, condition_of, merged
 from services.operator.bench.options import AsJson, Cells, told
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
 from services.operator.bench.trials import base_cell_text
-from services.operator.calibrate.folder import pair_job
+from services.operator.calibrate.folder import PRESSED, read_pressed, read_taken, write_yaml
 from services.operator.calibrate.pressing import Manner, take_presses
-from services.operator.calibrate.settings import mount_settings, tcp_settings
-from services.operator.calibrate.taking import VISION, ask, cameras_of, doubt_of, take_by_arm
+from services.operator.calibrate.taking import VISION, take_by_arm
 from services.operator.config import OperatorConfig
 from services.operator.locate.worker import OfflineVision
 from services.operator.session import Session
 
-PATTERN = "7x5:0.018:0.013:DICT_4X4_50"
-# the board beside the peg, its face along the flange's y
-NOMINAL_BOARD = {"position_m": [0.045, 0.045, 0.077], "rotvec_rad": [1.2092, -1.2092, 1.2092]}
-CAMERA_M, CAMERA_RAD, RIGHT_M, RIGHT_RAD, BOARD_M, BOARD_RAD = 0.003, 0.01, 0.0005, 0.005, 0.002, 0.025
-PEG_M, SENSOR_M, SENSOR_RAD, STIFFNESS = 0.0003, 0.0004, 0.01, 0.15
-# what the issue asks of each, in the unit of the table
-WANTED = {"hand-eye, place": 0.5, "hand-eye, turn": 0.1, "mount, place": 0.1, "mount, turn": 0.1, "stiffness": 5.0}
-
-
-def hidden(seed: int, joints: int) -> dict[str, Any]:
-    """The overrides of a cell that differs from its file, drawn by the seed."""
-    rng = np.random.default_rng([seed, 77])
-
-    def drawn(size: float, count: int = 3) -> list[float]:
-        return [round(float(value), 7) for value in rng.normal(size=count) * size]
-
-    truth = {
-        "camera_shift_m": drawn(CAMERA_M), "camera_turn_rad": drawn(CAMERA_RAD), "right_shift_m": drawn(RIGHT_M),
-        "right_turn_rad": drawn(RIGHT_RAD), "peg_shift_m": drawn(PEG_M), "ft_shift_m": drawn(SENSOR_M),
-        "ft_turn_rad": drawn(SENSOR_RAD),
-        "joint_stiffness_factors": [round(float(np.exp(value)), 5) for value in rng.normal(size=joints) * STIFFNESS],
-    }  # fmt: skip
-    nominal = Pose.from_rotvec(NOMINAL_BOARD["rotvec_rad"], NOMINAL_BOARD["position_m"])
-    real = nominal @ Pose.from_rotvec(drawn(BOARD_RAD), drawn(BOARD_M))
-    board = {"position_m": real.translation_m.tolist(), "rotvec_rad": real.rotvec_rad().tolist()}
-    return {
-        "hardware": {
-            "simulated": {"seed": seed, "truth": truth, "board": {"pattern": PATTERN, "pose_flange_board": board}}
-        },
-        "operator": {"board": {"pattern": PATTERN, "pose_flange_board": NOMINAL_BOARD}},
-    }
-
-
-def _row(name: str, off: Array, half: Array, factor: float, unit: str) -> dict[str, Any]:
-    """Errors and half of the 95 % intervals, for the table."""
-    off, half = np.atleast_1d(off) * factor, np.atleast_1d(half) * factor
-    return {
-        "name": name, "unit": unit, "off": [float(value) for value in off], "half_95": [float(one) for one in half],
-        "inside": [bool(one) for one in np.abs(off) <= half],
-    }  # fmt: skip
+PICTURES, PUSHES = "pictures", "pushes"
+NEEDED = {PICTURES: ("hardware",), PUSHES: ("hardware", "force_torque", "planning")}
 
 
 def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """Stereo, and hand-eye by its cameras, against the truth. For a worker."""
-    seed, truth = payload["seed"], payload["truth"]
+    seed = payload["seed"]
     session.reset(ResetCell(seed=seed))
     section = session.cell.section("operator", OperatorConfig).board
     assert section is not None
-    quiet = Console(file=io.StringIO())
-    with tempfile.TemporaryDirectory(prefix="crosspih-calibrations-") as name, OfflineVision(VISION) as vision:
-        folder = Path(name)
-        told_of = cameras_of(session)
+    with ExitStack() as stack:
+        folder = _kept(payload) or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="crosspih-pictures-")))
+        vision = stack.enter_context(OfflineVision(VISION))
+        quiet = Console(file=io.StringIO())
         taken = take_by_arm(session, vision, section, payload["pairs"], folder, quiet, 1.0, "bench", seed)
-        jobs = [pair_job(pair, folder, "linear") for pair in taken.pairs]
-        stereo = ask(vision, {"do": "stereo", "board": taken.board, "pairs": jobs})
-        arm = session.cell.workcell.arm()
-        flanges = [arm.pose_base_flange(pair.joints_rad or ()).matrix().tolist() for pair in taken.pairs]
-        cameras = {**stereo["calibration"], "pose_base_camera": told_of.pose_base_camera.model_dump(mode="json")}
-        eye = ask(
-            vision,
-            {
-                "do": "hand_eye",
-                "board": taken.board,
-                "pairs": jobs,
-                "flanges": flanges,
-                "calibration": cameras,
-                "doubt": doubt_of(stereo),
-            },
-        )
-    found = CameraCalibration.model_validate(cameras)
-    right = told_of.pose_left_right.pose() @ Pose.from_rotvec(truth["right_turn_rad"], truth["right_shift_m"])
-    off = right.inverse() @ found.pose_left_right.pose()
-    half = {one["name"]: one["half_95"] for one in stereo["values"]}
-    focal = [[model.fx_px, model.fy_px, model.cx_px, model.cy_px] for model in (found.left, told_of.left)]
-    rows = [
-        _row("stereo, focal length", np.array(focal[0])[:2] - np.array(focal[1])[:2],
-             np.array([half["left fx"], half["left fy"]]), 1.0, "px"),
-        _row("stereo, right camera's place", off.translation_m,
-             np.array([half[f"right {axis}"] for axis in "xyz"]), 1e3, "mm"),
-        _row("stereo, right camera's turn", off.rotvec_rad(),
-             np.array([half[f"right r{axis}"] for axis in "xyz"]), 180.0 / np.pi, "°"),
-    ]  # fmt: skip
-    real = told_of.pose_base_camera.pose() @ Pose.from_rotvec(truth["camera_turn_rad"], truth["camera_shift_m"])
-    left = CameraCalibration.model_validate({**cameras, "pose_base_camera": eye["pose_base_camera"]})
-    astray = real.inverse() @ left.pose_base_camera.pose()
-    wide = [one["half_95"] for one in eye["values"][:6]]
-    rows += [
-        _row("hand-eye, place", astray.translation_m, np.array(wide[3:]), 1e3, "mm"),
-        _row("hand-eye, turn", astray.rotvec_rad(), np.array(wide[:3]), 180.0 / np.pi, "°"),
-    ]
-    return [{**row, "pairs": len(taken.pairs), "held_out_px": eye["held_out_px"]} for row in rows]
-
-
-def _with(cell: CellFile, settings: dict[str, Any], content: dict[str, Any]) -> tuple[CellFile, dict[str, Any]]:
-    after = merged(content, {"cell": settings["cell"]})
-    return CellFile(cell.path, cell.text, Workcell.model_validate(after.get("cell") or {}), cell.sections), after
+        rows = pictures_scored(taken, folder, vision, session.cell.workcell, payload["truth"])
+    return rows
 
 
 def pushes_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """Tip, mounting and stiffness, each by what the one before found, against the truth. For a worker."""
-    truth, content = payload["truth"], payload["content"]
     session.reset(ResetCell(seed=payload["seed"]))
     manner = Manner(payload["presses"], payload["force_n"], payload["seed"])
     pressed = take_presses(session, Console(file=io.StringIO()), manner, 1.0, "bench", weighed=True)
-    cell = session.cell
-    tip = fit_tip(pressed, cell.workcell)
-    shifted, content = _with(cell, tcp_settings(tip, cell), content)
-    mount = fit_mount(pressed, shifted.workcell)
-    # the sensor as it was bolted on, in the frame of the peg where that was found to be
-    real = Pose.from_rotvec(truth["ft_turn_rad"], np.asarray(truth["ft_shift_m"]) - tip.shift_m)
-    mounted, _ = _with(shifted, mount_settings(mount, shifted), content)
-    stiff = fit_stiffness(pressed, mounted.workcell)
-    drawn = np.asarray(cell.workcell.joint_stiffness_nm_rad, float)
-    share = stiff.stiffness_nm_rad / (drawn * np.asarray(truth["joint_stiffness_factors"])) - 1.0
-    fixed = np.array(stiff.taken)
-    turn = (real.inverse() @ mount.pose_peg_sensor).rotvec_rad()
-    rows = [
-        _row("tcp, tip", tip.shift_m - np.asarray(truth["peg_shift_m"]), tip.half_m, 1e3, "mm"),
-        _row("mount, place", mount.pose_peg_sensor.translation_m - real.translation_m, mount.shift_half_m, 1e3, "mm"),
-        _row("mount, turn", turn, mount.turn_half_rad, 180.0 / np.pi, "°"),
-        _row("stiffness", share[fixed], stiff.half_share[fixed], 1e2, "%"),
-        {"name": "stiffness, joints left open", "unit": "", "open": [int(one) + 1 for one in np.flatnonzero(~fixed)]},
-    ]
-    return [{**row, "pushes": len(pressed.presses)} for row in rows]
+    folder = _kept(payload)
+    if folder is not None:
+        write_yaml(folder / PRESSED, pressed.model_dump(mode="json"))
+    return pushes_scored(pressed, session.cell, payload["content"], payload["truth"])
+
+
+def _kept(payload: dict[str, Any]) -> Path | None:
+    """Where what was taken stays, made."""
+    if payload["keep"] is None:
+        return None
+    folder = Path(payload["keep"])
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def scored_again(what: str, folder: Path, payload: dict[str, Any]) -> list[dict[str, Any]]:
+    """What `--keep` has kept, worked on once more, with no cell. Raises ConfigError, CalibrationRefused."""
+    cell = cell_of_text(folder / "cell.yaml", yaml.safe_dump(payload["content"]))
+    if what == PUSHES:
+        return pushes_scored(read_pressed(folder), cell, payload["content"], payload["truth"])
+    taken, pictures = read_taken([folder], None)
+    with OfflineVision(VISION) as vision:
+        return pictures_scored(taken, pictures, vision, cell.workcell, payload["truth"])
 
 
 def table_of(found: dict[str, list[dict[str, Any]]]) -> Table:
@@ -191,6 +111,20 @@ def table_of(found: dict[str, list[dict[str, Any]]]) -> Table:
     return table
 
 
+def _in_cells(
+    tasks: list[CellTask], results: dict[int, list[dict[str, Any]]], cells: int | None, console: Console
+) -> dict[int, str]:
+    """What was lost, by index, with why."""
+    progress = CellsProgress(console, "calibrations")
+    progress.taken_over(len(tasks), 0)
+    pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))
+    try:
+        with progress:
+            return run_in_cells(tasks, pool, results.__setitem__, progress)
+    finally:
+        pool.close()
+
+
 def calibrations(
     trials: Annotated[int, typer.Option(min=1, help="Cells, each with hidden errors of its own.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of the first.")] = 1,
@@ -200,6 +134,10 @@ def calibrations(
     what: Annotated[str, typer.Option(help="pictures, pushes, or both with a comma between.")] = "pictures,pushes",
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="More that differs: hardware.engine=mujoco")
+    ] = None,
+    keep: Annotated[Path | None, typer.Option(help="A folder for what each trial takes.")] = None,
+    kept: Annotated[
+        Path | None, typer.Option("--from", help="What --keep kept, with the same seeds and settings: no cell is run.")
     ] = None,
     cells: Cells = None,
     as_json: AsJson = False,
@@ -213,23 +151,23 @@ def calibrations(
         for number in range(seed, seed + trials):
             differs = hidden(number, joints)
             content = merged(base, differs)
-            truth = differs["hardware"]["simulated"]["truth"]
-            payload = {"seed": number, "truth": truth, "content": content, "pairs": pairs, "presses": presses,
-                       "force_n": force_n}  # fmt: skip
-            if "pictures" in what:
-                tasks.append(CellTask(f"pictures {number}", content, pictures_trial, payload, ("hardware",), False))
-            if "pushes" in what:
-                needed = ("hardware", "force_torque", "planning")
-                tasks.append(CellTask(f"pushes {number}", content, pushes_trial, payload, needed))
+            for kind, work in ((PICTURES, pictures_trial), (PUSHES, pushes_trial)):
+                if kind not in what:
+                    continue
+                root = kept or keep
+                payload = {
+                    "seed": number, "truth": differs["hardware"]["simulated"]["truth"], "content": content,
+                    "pairs": pairs, "presses": presses, "force_n": force_n,
+                    "keep": None if root is None else str(root.resolve() / f"{kind}-{number}"),
+                }  # fmt: skip
+                tasks.append(CellTask(f"{kind} {number}", content, work, payload, NEEDED[kind], kind == PUSHES))
         results: dict[int, list[dict[str, Any]]] = {}
-        progress = CellsProgress(console, "calibrations")
-        progress.taken_over(len(tasks), 0)
-        pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))
-        try:
-            with progress:
-                lost = run_in_cells(tasks, pool, results.__setitem__, progress)
-        finally:
-            pool.close()
+        if kept is not None:
+            lost = {}
+            for index, task in enumerate(tasks):
+                results[index] = scored_again(task.label.split()[0], Path(task.payload["keep"]), task.payload)
+        else:
+            lost = _in_cells(tasks, results, cells, console)
         for index, why in lost.items():
             console.print(f"{tasks[index].label}: {why}", style="red", highlight=False, markup=False, soft_wrap=True)
         if not results:

@@ -10,13 +10,14 @@ import numpy as np
 import yaml
 from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
 
+from crosspih_common.calibration.presses import Pressed
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration
 from crosspih_common.messages.base import Joints
 from crosspih_common.messages.images import Image
 from deploy.launcher.state import default_run_root
 
-TAKEN, FOUND = "taken.yaml", "found.yaml"
+TAKEN, PRESSED, FOUND = "taken.yaml", "pressed.yaml", "found.yaml"
 PICTURES = (".png", ".pgm", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
@@ -76,6 +77,17 @@ def encoding_of(image: Image) -> str | None:
     return image.encoding if image.encoding.startswith("bayer_") else None
 
 
+def write_pair(folder: Path, number: int, left: Image, right: Image, joints_rad: tuple[float, ...] | None) -> TakenPair:
+    """As files pair-<number>-left and -right."""
+    names = []
+    for side, image in (("left", left), ("right", right)):
+        names.append(f"pair-{number:03d}-{side}" + (".ppm" if image.pixels.ndim == 3 else ".pgm"))
+        write_picture(image, folder / names[-1])
+    return TakenPair(
+        left=names[0], right=names[1], encodings=(encoding_of(left), encoding_of(right)), joints_rad=joints_rad
+    )
+
+
 def write_yaml(path: Path, content: dict[str, Any], header: str = "") -> None:
     """Whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -109,9 +121,7 @@ def read_taken(paths: list[Path], board: str | None) -> tuple[Taken, Path]:
         try:
             taken = Taken.model_validate(read_yaml(paths[0] / TAKEN))
         except ValidationError as error:
-            fault = error.errors()[0]
-            where = ".".join(map(str, fault["loc"]))
-            raise ConfigError(f"{paths[0] / TAKEN}: {where}: {fault['msg']}") from None
+            raise _fault(paths[0] / TAKEN, error) from None
         return taken if board is None else taken.model_copy(update={"board": board}), paths[0]
     files = [
         file
@@ -131,6 +141,20 @@ def read_taken(paths: list[Path], board: str | None) -> tuple[Taken, Path]:
         TakenPair(left=str(left.resolve()), right=str(right.resolve())) for left, right in zip(*sides, strict=True)
     )
     return Taken.model_validate({"taken_at": now(), "board": board, "pairs": pairs}), Path()
+
+
+def read_pressed(given: Path) -> Pressed:
+    """Of a folder that a calibration by pushes has left, or of its file. Raises ConfigError."""
+    path = given / PRESSED if given.is_dir() else given
+    try:
+        return Pressed.model_validate(read_yaml(path))
+    except ValidationError as error:
+        raise _fault(path, error) from None
+
+
+def _fault(path: Path, error: ValidationError) -> ConfigError:
+    fault = error.errors()[0]
+    return ConfigError(f"{path}: {'.'.join(map(str, fault['loc']))}: {fault['msg']}")
 
 
 def pair_job(pair: TakenPair, folder: Path, gamma: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ it, touches, and is held at rest at rising depths.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -271,9 +272,10 @@ def tell_payload(session: Session, console: Console) -> SetPayload:
 
 
 def take_presses(
-    session: Session, console: Console, manner: Manner, speed_share: float, what: str, weighed: bool
-) -> Pressed:
-    """Push, and weigh where that is wanted; the arm ends where it began.
+    session: Session, console: Console, manner: Manner, speed_share: float, what: str, weighed: bool,
+    on_push: Callable[[Pressed], None] = lambda pressed: None,
+) -> Pressed:  # fmt: skip
+    """Push, and weigh where that is wanted; the arm ends where it began. `on_push` is told all so far after each.
 
     Raises CalibrationRefused, CommandRefused, MoveEnded.
     """
@@ -293,6 +295,13 @@ def take_presses(
         presser.find_normal()
         shown = ", ".join(f"{value:+.4f}" for value in presser.normal)
         console.print(f"  the plate's normal is ({shown}) in the base", highlight=False)
+
+        def so_far() -> Pressed:
+            return Pressed.model_validate({
+                "taken_at": now(), "cell": workcell.name, "normal_base": floats(presser.normal),
+                "presses": tuple(presses), "weighings": tuple(weighings),
+            })  # fmt: skip
+
         for rotation, place in postures(workcell, manner.presses, manner.seed):
             if len(presses) >= manner.presses:
                 break
@@ -300,18 +309,18 @@ def take_presses(
             if press is None:
                 continue
             presses.append(press)
-            levels = held(press, workcell)
-            force = [-float(wrench_base(level, workcell)[:3] @ presser.normal) for level in levels]
-            gone = float(
-                presser.normal @ (levels[-1].pose_base_peg.translation_m - levels[0].pose_base_peg.translation_m)
-            )
-            console.print(
-                f"  push {len(presses):2d} of {manner.presses}: {', '.join(f'{value:.1f}' for value in force)} N over "
-                f"{gone * 1e6:.0f} um: {1e-3 * (force[-1] - force[0]) / max(gone, 1e-9):.0f} N/mm",
-                highlight=False,
-            )  # fmt: skip
+            console.print(f"  push {len(presses):2d} of {manner.presses}: {_told(press, presser.normal, workcell)}",
+                          highlight=False)  # fmt: skip
+            on_push(so_far())
         presser.back_home(home)
-    return Pressed.model_validate({
-        "taken_at": now(), "cell": workcell.name, "normal_base": floats(presser.normal), "presses": tuple(presses),
-        "weighings": tuple(weighings),
-    })  # fmt: skip
+    return so_far()
+
+
+def _told(press: Press, normal: Array, workcell: Workcell) -> str:
+    levels = held(press, workcell)
+    force = [-float(wrench_base(level, workcell)[:3] @ normal) for level in levels]
+    gone = float(normal @ (levels[-1].pose_base_peg.translation_m - levels[0].pose_base_peg.translation_m))
+    return (
+        f"{', '.join(f'{value:.1f}' for value in force)} N over {gone * 1e6:.0f} um: "
+        f"{1e-3 * (force[-1] - force[0]) / max(gone, 1e-9):.0f} N/mm"
+    )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from pydantic import ValidationError
 from rich.console import Console
 
 from crosspih_common.calibration.mount import MountFit, fit_mount
@@ -16,49 +16,47 @@ from crosspih_common.calibration.presses import Pressed
 from crosspih_common.calibration.stiffness import StiffnessFit, fit_stiffness
 from crosspih_common.calibration.tcp import TipFit, fit_tip
 from crosspih_common.config import CellFile, load_cell
-from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
-from services.operator.calibrate.folder import new_folder, read_yaml, write_yaml
+from services.operator.calibrate.folder import PRESSED, new_folder, read_pressed, write_yaml
+from services.operator.calibrate.options import (
+    CellOption,
+    OutOption,
+    RecordOption,
+    ShareOption,
+    SpeedOption,
+    needed,
+    recorded,
+    say_notes,
+)
 from services.operator.calibrate.pressing import Manner, take_presses
+from services.operator.calibrate.recorded import is_recording, pressed_of
 from services.operator.calibrate.settings import mount_settings, stiffness_settings, tcp_settings
-from services.operator.calibrate.tables import say_missing, values_table
-from services.operator.calibrate.writing import write_cell_file, write_found
-from services.operator.for_cell import CELL_HELP
+from services.operator.calibrate.so_far import SoFar
+from services.operator.calibrate.tables import values_table
+from services.operator.calibrate.writing import Found
 from services.operator.session import cell_path, using_cell
 from services.operator.stack import cell_session
 
 NEEDED = ("hardware", "force_torque", "planning")
-PRESSED = "pressed.yaml"
-CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
-FromOption = Annotated[
-    Path | None, typer.Option("--from", help="Offline: pressed.yaml of an earlier calibration of any of the three.")
-]
-OutOption = Annotated[Path | None, typer.Option(help="Where the cell's file goes with what was found.")]
+FROM_HELP = "Offline: pressed.yaml of an earlier calibration of any of the three, or a recording (.mcap)."
+FromOption = Annotated[Path | None, typer.Option("--from", help=FROM_HELP)]
 PressesOption = Annotated[int, typer.Option(min=4, max=100, help="Pushes, each in another posture.")]
 ForceOption = Annotated[float, typer.Option(min=4.0, max=40.0, help="The hardest push, N.")]
-ShareOption = Annotated[float, typer.Option(min=0.02, max=1.0, help="Of the arm's own speed limits, in free air.")]
-SpeedOption = Annotated[str | None, typer.Option(help="realtime or max, of a cell that is started for it.")]
 
 
-def _pressed(
-    console: Console, what: str, cell: CellFile, given: Path | None, manner: Manner, share: float, speed: str | None,
-    weighed: bool,
-) -> tuple[Pressed, Path]:  # fmt: skip
-    folder = new_folder(cell.workcell.name, what)
-    if given is not None:
-        path = given / PRESSED if given.is_dir() else given
-        try:
-            return Pressed.model_validate(read_yaml(path)), folder
-        except ValidationError as error:
-            fault = error.errors()[0]
-            raise ConfigError(f"{path}: {'.'.join(map(str, fault['loc']))}: {fault['msg']}") from None
-    with cell_session(speed, NEEDED) as (session, _):
-        pressed = take_presses(session, console, manner, share, what, weighed)
-    write_yaml(folder / PRESSED, pressed.model_dump(mode="json"))
-    return pressed, folder
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One of the three. `reckon(pressed, cell)` is what was found, for JSON, and lines for people; it raises
+    CalibrationRefused."""
+
+    name: str
+    doc: str
+    title: str
+    weighed: bool
+    reckon: Callable[[Pressed, CellFile], tuple[dict[str, Any], list[str]]]
 
 
-def stiffness_told(fit: StiffnessFit, cell: CellFile) -> dict[str, Any]:
+def _stiffness_told(fit: StiffnessFit, cell: CellFile) -> dict[str, Any]:
     """For JSON; lengths in m, stiffness in Nm/rad."""
     return {
         "values": [
@@ -76,7 +74,7 @@ def stiffness_told(fit: StiffnessFit, cell: CellFile) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def mount_told(fit: MountFit, cell: CellFile) -> dict[str, Any]:
+def _mount_told(fit: MountFit, cell: CellFile) -> dict[str, Any]:
     """For JSON; against the cell's file: the sensor's origin in the peg frame, m, and the turn of its axes, rad."""
     names = ("sensor rx", "sensor ry", "sensor rz", "sensor x", "sensor y", "sensor z")
     found, sd = np.concatenate([fit.turn_rad, fit.shift_m]), np.concatenate([fit.turn_sd_rad, fit.shift_sd_m])
@@ -92,7 +90,7 @@ def mount_told(fit: MountFit, cell: CellFile) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def tcp_told(fit: TipFit, cell: CellFile) -> dict[str, Any]:
+def _tcp_told(fit: TipFit, cell: CellFile) -> dict[str, Any]:
     """For JSON, m."""
     return {
         "values": [
@@ -105,87 +103,85 @@ def tcp_told(fit: TipFit, cell: CellFile) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _finish(
-    kind: str, title: str, lines: list[str], result: dict[str, Any], pressed: Pressed, folder: Path, cell: Path,
-    name: str, out: Path | None, as_json: bool,
-) -> None:  # fmt: skip
-    result["taken_at"] = pressed.taken_at.isoformat()
-    written = write_found(folder, kind, name, result)
-    if out is not None:
-        write_cell_file(out, cell, result["settings"], kind, written)
-    if as_json:
-        print(json.dumps({**result, "found": str(written)}))
-        return
-    shown = Console()
-    shown.print(values_table(title, result["values"]))
-    for line in lines:
-        shown.print(line, highlight=False, markup=False, soft_wrap=True)
-    say_missing(shown, result)
-    if out is not None:
-        shown.print(f"cell:  {out}", highlight=False, soft_wrap=True)
-    shown.print(f"found: {written}", highlight=False, soft_wrap=True)
+def _stiffness(pressed: Pressed, cell: CellFile) -> tuple[dict[str, Any], list[str]]:
+    fit = fit_stiffness(pressed, cell.workcell)
+    return _stiffness_told(fit, cell), [
+        f"at the tool, along the plate's normal: {fit.tool_n_m * 1e-3:.1f} N/mm ± {fit.tool_half_share:.1%}",
+        f"residual {fit.rms_m * 1e3:.5f} mm, left out {fit.held_out_m * 1e3:.5f} mm, of steps of "
+        f"{fit.moved_m * 1e3:.4f} mm; {fit.fit.groups} pushes",
+    ]
 
 
-def stiffness(
-    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
-    cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
-) -> None:  # fmt: skip
-    """The joints' stiffness: how far the encoders go on, and how much harder it presses, against the rigid plate."""
-    console = Console(stderr=True)
-    with told(console), using_cell(cell):
-        path = Path(cell_path())
-        file = load_cell(path)
-        pressed, folder = _pressed(
-            console, "stiffness", file, files, Manner(presses, force_n), share, speed, weighed=False
-        )
-        fit = fit_stiffness(pressed, file.workcell)
-        result = stiffness_told(fit, file)
-        lines = [
-            f"at the tool, along the plate's normal: {fit.tool_n_m * 1e-3:.1f} N/mm ± {fit.tool_half_share:.1%}",
-            f"residual {fit.rms_m * 1e3:.5f} mm, left out {fit.held_out_m * 1e3:.5f} mm, of steps of "
-            f"{fit.moved_m * 1e3:.4f} mm; {fit.fit.groups} pushes",
-        ]
-        _finish("stiffness", "stiffness between encoders and links", lines, result, pressed, folder, path,
-                file.workcell.name, out, as_json)  # fmt: skip
+def _mount(pressed: Pressed, cell: CellFile) -> tuple[dict[str, Any], list[str]]:
+    fit = fit_mount(pressed, cell.workcell)
+    return _mount_told(fit, cell), [
+        f"weight {fit.weight_n:.3f} N; the turn is by gravity, the place by pushes",
+        f"residual {fit.rms_n:.4f} N, {fit.rms_nm:.5f} Nm",
+        f"left out {fit.held_out_n:.4f} N, {fit.held_out_nm:.5f} Nm",
+    ]
 
 
-def mount(
-    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
-    cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
-) -> None:  # fmt: skip
-    """How the force/torque sensor is mounted: its turn by gravity, its place by pushes on the tip's corners."""
-    console = Console(stderr=True)
-    with told(console), using_cell(cell):
-        path = Path(cell_path())
-        file = load_cell(path)
-        pressed, folder = _pressed(console, "mount", file, files, Manner(presses, force_n), share, speed, weighed=True)
-        fit = fit_mount(pressed, file.workcell)
-        result = mount_told(fit, file)
-        lines = [
-            f"weight {fit.weight_n:.3f} N; the turn is by gravity, the place by pushes",
-            f"residual {fit.rms_n:.4f} N, {fit.rms_nm:.5f} Nm",
-            f"left out {fit.held_out_n:.4f} N, {fit.held_out_nm:.5f} Nm",
-        ]
-        _finish("mount", "the sensor against where the cell's file has it", lines, result, pressed, folder, path,
-                file.workcell.name, out, as_json)  # fmt: skip
+def _tcp(pressed: Pressed, cell: CellFile) -> tuple[dict[str, Any], list[str]]:
+    fit = fit_tip(pressed, cell.workcell)
+    tip = ", ".join(f"{value * 1e3:.3f}" for value in fit.tip_flange_m)
+    return _tcp_told(fit, cell), [
+        f"the middle of the tip is at ({tip}) mm of the flange",
+        f"residual {fit.rms_m * 1e3:.5f} mm, left out {fit.held_out_m * 1e3:.5f} mm; {fit.touches} touches",
+    ]
 
 
-def tcp(
-    files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
-    cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, as_json: AsJson = False,
-) -> None:  # fmt: skip
-    """Where the peg's tip is on the flange: by touching one plate with several corners and tilts."""
-    console = Console(stderr=True)
-    with told(console), using_cell(cell):
-        path = Path(cell_path())
-        file = load_cell(path)
-        pressed, folder = _pressed(console, "tcp", file, files, Manner(presses, force_n), share, speed, weighed=False)
-        fit = fit_tip(pressed, file.workcell)
-        result = tcp_told(fit, file)
-        tip = ", ".join(f"{value * 1e3:.3f}" for value in fit.tip_flange_m)
-        lines = [
-            f"the middle of the tip is at ({tip}) mm of the flange",
-            f"residual {fit.rms_m * 1e3:.5f} mm, left out {fit.held_out_m * 1e3:.5f} mm; {fit.touches} touches",
-        ]
-        _finish("tcp", "the peg against where the cell's file has it", lines, result, pressed, folder, path,
-                file.workcell.name, out, as_json)  # fmt: skip
+def _pressed(
+    console: Console, kind: Kind, cell: CellFile, given: Path | None, manner: Manner, share: float, speed: str | None,
+    record: bool, folder: Path,
+) -> Pressed:  # fmt: skip
+    if given is None:
+        with cell_session(speed, needed(NEEDED, record)) as (session, _), recorded(session, kind.name, record, console):
+            shower = SoFar(console, kind.title, lambda pressed: kind.reckon(pressed, cell)[0])
+            with shower:
+                pressed = take_presses(session, console, manner, share, kind.name, kind.weighed, shower.show)
+    elif is_recording(given):
+        pressed, notes = pressed_of(given, cell.workcell)
+        say_notes(console, notes)
+    else:
+        return read_pressed(given)
+    write_yaml(folder / PRESSED, pressed.model_dump(mode="json"))
+    return pressed
+
+
+def _command(kind: Kind) -> Callable[..., None]:
+    def command(
+        files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
+        cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, record: RecordOption = False,
+        as_json: AsJson = False,
+    ) -> None:  # fmt: skip
+        console = Console(stderr=True)
+        with told(console), using_cell(cell):
+            file = load_cell(cell_path())
+            folder = new_folder(file.workcell.name, kind.name)
+            pressed = _pressed(console, kind, file, files, Manner(presses, force_n), share, speed, record, folder)
+            result, lines = kind.reckon(pressed, file)
+
+            def show(shown: Console) -> None:
+                shown.print(values_table(kind.title, result["values"]))
+                for line in lines:
+                    shown.print(line, highlight=False, markup=False, soft_wrap=True)
+
+            Found(kind.name, file, folder, result, pressed.taken_at.isoformat(), out).conclude(as_json, show)
+
+    command.__doc__, command.__name__ = kind.doc, kind.name
+    return command
+
+
+stiffness = _command(Kind(
+    "stiffness",
+    "The joints' stiffness: how far the encoders go on, and how much harder it presses, against the rigid plate.",
+    "stiffness between encoders and links", False, _stiffness,
+))  # fmt: skip
+mount = _command(Kind(
+    "mount", "How the force/torque sensor is mounted: its turn by gravity, its place by pushes on the tip's corners.",
+    "the sensor against where the cell's file has it", True, _mount,
+))  # fmt: skip
+tcp = _command(Kind(
+    "tcp", "Where the peg's tip is on the flange: by touching one plate with several corners and tilts.",
+    "the peg against where the cell's file has it", False, _tcp,
+))  # fmt: skip

@@ -58,6 +58,17 @@ def _in_both(outline_m: Array, cameras: CameraCalibration) -> bool:
     return True
 
 
+def outline_px(
+    workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose, joints_rad: Array
+) -> list[list[list[float]]]:
+    """Where the board's outline is to be seen in the left and the right picture in a posture (n,): two lists of pixels,
+    about: lenses are taken as straight."""
+    base = workcell.arm().pose_base_flange(joints_rad)
+    outline = (cameras.pose_base_camera.pose().inverse() @ base @ pose_flange_board).apply(pattern.outline_m())
+    beside = cameras.pose_left_right.pose().inverse().apply(outline)
+    return [_pixels(outline, cameras.left).tolist(), _pixels(beside, cameras.right).tolist()]
+
+
 def candidates(
     workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose,
     collisions: CollisionModel, rng: np.random.Generator,

@@ -15,9 +15,10 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import CAMERA_CALIBRATION, JOINT_STATE
 from crosspih_common.messages import CameraCalibration
-from services.operator.calibrate.folder import Taken, TakenPair, encoding_of, now, pair_job, save_taken, write_picture
+from services.operator.calibrate.folder import Taken, TakenPair, now, pair_job, save_taken, write_pair
 from services.operator.calibrate.moving import SETTLE_S, HeldArm, captured
-from services.operator.calibrate.showing import tour
+from services.operator.calibrate.page import DRAWN, LivePage
+from services.operator.calibrate.showing import outline_px, tour
 from services.operator.config import BoardSection
 from services.operator.locate.worker import OfflineVision
 from services.operator.session import Session
@@ -27,42 +28,49 @@ STEADY_S = 5.0
 
 
 class Taker:
-    """Takes pairs into a folder."""
+    """Takes pairs into a folder, has each drawn there for people, and tells the page."""
 
-    def __init__(self, session: Session, vision: OfflineVision, board: str, folder: Path, console: Console) -> None:
+    def __init__(
+        self, session: Session, vision: OfflineVision, board: str, folder: Path, console: Console, page: LivePage | None
+    ) -> None:
         self._session, self._vision, self._folder, self._console = session, vision, folder, console
-        self._board = board
+        self._board, self._page = board, page
         self._pairs: list[TakenPair] = []
         self._jobs: list[dict[str, Any]] = []
         self.calibration: CameraCalibration | None = None
 
-    def one(self, arm: HeldArm, joints_rad: np.ndarray[Any, np.dtype[np.float64]] | None) -> dict[str, Any]:
-        """Take a pair, keep it and say what it shows. Raises CommandRefused."""
+    def say(self, text: str) -> None:
+        """What goes on now, on the page."""
+        if self._page is not None:
+            self._page.say(text)
+
+    def one(
+        self, arm: HeldArm, joints_rad: tuple[float, ...] | None, next_px: list[list[list[float]]] | None = None
+    ) -> None:
+        """Take a pair, keep it and say what it shows. `next_px` is where the board is shown next. Raises
+        CommandRefused."""
         told, left, right = arm.look()
         self.calibration = told.calibration
         number = len(self._pairs)
-        names = f"pair-{number:03d}-left", f"pair-{number:03d}-right"
-        files = []
-        for name, image in zip(names, (left, right), strict=True):
-            file = name + (".ppm" if image.pixels.ndim == 3 else ".pgm")
-            write_picture(image, self._folder / file)
-            files.append(file)
-        pair = TakenPair(
-            left=files[0], right=files[1], encodings=(encoding_of(left), encoding_of(right)),
-            joints_rad=None if joints_rad is None else tuple(float(value) for value in joints_rad),
-        )  # fmt: skip
+        pair = write_pair(self._folder, number, left, right, joints_rad)
         job = pair_job(pair, self._folder, told.calibration.left.gamma.value)
-        seen = ask(self._vision, {"do": "see", "board": self._board, "pair": job, "pairs": self._jobs})
+        draw = {side: str(self._folder / file) for side, file in DRAWN.items()}
+        seen = ask(self._vision, {
+            "do": "see", "board": self._board, "pair": job, "pairs": self._jobs, "draw": {**draw, "wanted": next_px},
+        })  # fmt: skip
         self._pairs.append(pair)
         self._jobs.append(job)
-        missing = f"; missing: {seen['missing'][0]}" if seen["missing"] else ""
+        if self._page is not None:
+            self._page.add(seen)
+        lacking = list(seen["missing"])
+        more = f" (and {len(lacking) - 1} more)" if len(lacking) > 1 else ""
+        missing = f"; missing: {lacking[0]}{more}" if lacking else ""
         self._console.print(
             f"  pair {number + 1:2d}: {seen['left']} and {seen['right']} of {seen['all']} corners, {seen['both']} in "
             f"both{missing}",
             highlight=False, markup=False, soft_wrap=True,
         )  # fmt: skip
         self.save()
-        return seen
 
     def save(self) -> Taken:
         """What there is so far, beside the pictures."""
@@ -92,23 +100,24 @@ def doubt_of(stereo: dict[str, Any]) -> dict[str, Any]:
 
 def take_by_arm(
     session: Session, vision: OfflineVision, board: BoardSection, count: int, folder: Path, console: Console,
-    speed_share: float, what: str, seed: int = 0,
+    speed_share: float, what: str, seed: int = 0, page: LivePage | None = None,
 ) -> Taken:  # fmt: skip
     """The arm shows the board in so many postures and goes back to where it began.
 
     Raises CalibrationRefused where the board cannot be shown, CommandRefused, MoveEnded.
     """
-    taker = Taker(session, vision, board.pattern, folder, console)
+    taker = Taker(session, vision, board.pattern, folder, console, page)
+    pattern, on_flange = BoardPattern.of(board.pattern), board.pose_flange_board.pose()
     workcell = session.cell.workcell
     with hold_arm(session.bus, f"calibrate {what}") as lease:
         arm = HeldArm(session.bus, lease, workcell, speed_share)
         arm.dwell(SETTLE_S)
         told = cameras_of(session)
         console.print("choosing postures in which both cameras see the board", highlight=False)
-        ways = tour(
-            workcell, told, BoardPattern.of(board.pattern), board.pose_flange_board.pose(), arm.joints_rad, count, seed
-        )
-        for way in ways[:-1]:
+        taker.say("choosing postures in which both cameras see the board")
+        ways = tour(workcell, told, pattern, on_flange, arm.joints_rad, count, seed)
+        for index, way in enumerate(ways[:-1]):
+            taker.say(f"posture {index + 1} of {len(ways) - 1}")
             try:
                 arm.go(way[1:])
             except CommandRefused as refusal:
@@ -117,17 +126,22 @@ def take_by_arm(
                     raise
                 continue
             settled = arm.dwell(SETTLE_S)
-            taker.one(arm, np.asarray(settled.joints_rad))
+            after = None
+            if index + 2 < len(ways):
+                after = outline_px(workcell, told, pattern, on_flange, ways[index + 1][-1])
+            taker.one(arm, settled.joints_rad, after)
+        taker.say("back to where the arm began")
         arm.go(ways[-1][1:])
     return taker.save()
 
 
 def take_by_hand(
     session: Session, vision: OfflineVision, board: str, folder: Path, console: Console, poses: bool,
-    next_one: Callable[[str], bool],
+    next_one: Callable[[str], bool], page: LivePage | None = None,
 ) -> Taken:  # fmt: skip
     """A person shows the board, or moves the arm that does; `next_one` asks for the next pair, False: enough."""
-    taker = Taker(session, vision, board, folder, console)
+    taker = Taker(session, vision, board, folder, console, page)
+    taker.say("show the board where a part of the picture is tinted, and tilted as the list says; Enter takes a pair")
     with session.bus.hearing(JOINT_STATE, 4) as states, hold_arm(session.bus, "calibrate by hand") as lease:
         arm = HeldArm(session.bus, lease, session.cell.workcell)
         while next_one("Enter takes a pair, q ends"):
@@ -136,7 +150,7 @@ def take_by_hand(
                 state = states.value()
                 if state is None:
                     raise CommandRefused("no_joints", "the encoders say nothing (arm/joint_state)")
-                joints = np.asarray(state.joints_rad, float)
+                joints = state.joints_rad
             taker.one(arm, joints)
     return taker.save()
 

@@ -1,17 +1,60 @@
-"""What becomes of a calibration: a dated file of its own, the cell's file with the new values, the cameras' file."""
+"""What becomes of a calibration: a dated file of its own, the cell's file with the new values, the cameras' file; and
+what is told of it."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+from rich.console import Console
 
-from crosspih_common.config import load_cell
+from crosspih_common.config import CellFile, load_cell
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
 from services.operator.bench.conditions import merged
 from services.operator.calibrate.folder import FOUND, now, write_yaml
+from services.operator.calibrate.tables import say_missing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """A calibration that came to its end: `result` for JSON, with `settings` for the cell's file where it has some;
+    `folder` is its own. `cameras` is where the camera message goes, and the message."""
+
+    kind: str
+    cell: CellFile
+    folder: Path
+    result: dict[str, Any]
+    taken_at: str
+    out: Path | None = None
+    cameras: tuple[Path, dict[str, Any]] | None = None
+
+    def conclude(self, as_json: bool, show: Callable[[Console], None]) -> None:
+        """Write it all and tell it: by `show`, what is missing, and the files. Raises ConfigError."""
+        self.result["taken_at"] = self.taken_at
+        written = write_found(self.folder, self.kind, self.cell.workcell.name, self.result)
+        files = {"found": written}
+        if self.cameras is not None:
+            target, message = self.cameras
+            head = f"# {self.kind} calibration of {now()}; intervals and residuals: {written}\n"
+            write_yaml(target, message, head)
+            files["cameras"] = target
+        if self.out is not None:
+            write_cell_file(self.out, self.cell.path, self.result["settings"], self.kind, written)
+            files["cell"] = self.out
+        if as_json:
+            paths = {name: str(path) for name, path in files.items() if name != "cell"}
+            print(json.dumps({**self.result, **paths}))
+            return
+        shown = Console()
+        show(shown)
+        say_missing(shown, self.result)
+        for name, path in sorted(files.items()):
+            shown.print(f"{name + ':':<9}{path}", highlight=False, soft_wrap=True)
 
 
 def write_found(folder: Path, kind: str, cell: str, found: dict[str, Any]) -> Path:

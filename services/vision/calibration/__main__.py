@@ -4,7 +4,8 @@ Every job has `do` and `board` (the pattern's one line, `crosspih_common.config.
 
 - `see`: `pair` {"left", "right": files, null for none; "encodings": two of docs/wire.md, null for files; "gamma"}.
   Answers the corners found in each and by both, and what is still missing of all pairs seen so far. A file is looked
-  at once, also for the later jobs.
+  at once, also for the later jobs. With `draw` {"left", "right": files to write; "wanted": two outlines in pixels, or
+  null} both pictures are drawn for people, as JPEG.
 - `stereo`: `pairs`, `model` (the size of the distortion, null: by the held-out error).
 - `hand_eye`: `pairs`, `flanges` (4 x 4 each, `pose_base_flange`), `calibration` (the camera message), `doubt`
   (what `stereo` said of its own certainty, or null).
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any, Literal, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from crosspih_common.calibration.fitting import CalibrationRefused
@@ -30,6 +32,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, CameraModel, Gamma
 from services.vision.calibration.boards import NONE, Board, Corners
 from services.vision.calibration.coverage import missing_parts, missing_poses, parts_seen
+from services.vision.calibration.drawing import drawn, write_drawn
 from services.vision.calibration.hand_eye import CameraDoubt, calibrate_hand_eye, missing_turns
 from services.vision.calibration.pairs import Pair, board_pose
 from services.vision.calibration.printing import write_board
@@ -52,6 +55,16 @@ class PairJob(BaseModel):
     right: str | None
     encodings: tuple[str | None, str | None] = (None, None)
     gamma: Gamma = Gamma.LINEAR
+
+
+class DrawJob(BaseModel):
+    """Where the pictures go that people look at, and the outline that the board should have next in each."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    left: str
+    right: str
+    wanted: tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]] | None = None
 
 
 class DoubtJob(BaseModel):
@@ -89,6 +102,7 @@ class CalibrationJob(BaseModel):
     calibration: CameraCalibration | None = None
     doubt: DoubtJob | None = None
     model: str | None = None
+    draw: DrawJob | None = None
     out: str | None = None
     folds: int = Field(default=4, ge=2, le=20)
 
@@ -111,7 +125,7 @@ class Calibrator:
         if job.do == "see":
             if job.pair is None:
                 raise BadJob("pair", "name the pair of files")
-            return self._told_of(board, job.pair, job.pairs)
+            return self._told_of(board, job.pair, job.pairs, job.draw)
         seen = [self._pair(board, job.board, pair) for pair in job.pairs]
         if not seen:
             raise BadJob("pairs", "there are none; give pairs of pictures that show the board")
@@ -150,10 +164,14 @@ class Calibrator:
             raise BadJob("out", str(error)) from None
         return {"written": job.out, "size_m": board.pattern.size_m.tolist()}
 
-    def _told_of(self, board: Board, pair: PairJob, before: tuple[PairJob, ...]) -> dict[str, Any]:
+    def _told_of(
+        self, board: Board, pair: PairJob, before: tuple[PairJob, ...], draw: DrawJob | None
+    ) -> dict[str, Any]:
         every = [self._pair(board, str(board.pattern), one) for one in (*before, pair)]
         (left, right), _ = every[-1]
         parts = parts_seen([seen for seen, _ in every], self._sizes([size for _, size in every]))
+        if draw is not None:
+            self._draw(pair, [seen for seen, _ in every], parts, draw)
         poses = [pose for seen, size in every if (pose := _roughly(seen[0], board.pattern, size[0])) is not None]
         return {
             "left": len(left),
@@ -163,6 +181,22 @@ class Calibrator:
             "parts": parts,
             "missing": missing_parts(parts) + missing_poses(poses, board.pattern),
         }
+
+    @staticmethod
+    def _draw(pair: PairJob, seen: list[Pair], parts: list[list[list[int]]], draw: DrawJob) -> None:
+        for side, (path, encoding, out) in enumerate(
+            zip((pair.left, pair.right), pair.encodings, (draw.left, draw.right), strict=True)
+        ):
+            if path is None:
+                continue
+            field = ("left", "right")[side]
+            wanted = None if draw.wanted is None else np.array(draw.wanted[side])
+            grey = _grey(path, encoding, pair.gamma, field)
+            shown = drawn(grey, seen[-1][side], [one[side] for one in seen[:-1]], parts[side], wanted)
+            try:
+                write_drawn(shown, Path(out))
+            except OSError as error:
+                raise BadJob(f"draw.{field}", f"{out} cannot be written ({error.strerror})") from None
 
     def _pair(self, board: Board, name: str, pair: PairJob) -> tuple[Pair, tuple[tuple[int, int], tuple[int, int]]]:
         left, right = (
@@ -178,9 +212,7 @@ class Calibrator:
             return NONE, (0, 0)
         key = str(BoardPattern.of(name)), path
         if key not in self._seen:
-            pixels, stored_as = read_picture(path, field)
-            light = linear_light(pixels, encoding or stored_as, gamma)
-            grey = np.asarray(np.rint(np.clip(light, 0.0, 255.0)), dtype=np.uint8)
+            grey = _grey(path, encoding, gamma, field)
             self._seen[key] = board.find(grey), (grey.shape[1], grey.shape[0])
         return self._seen[key]
 
@@ -195,6 +227,13 @@ class Calibrator:
                 raise BadJob(name, f"pictures of {len(each)} sizes ({each}); give those of one camera, as it took them")
             found.append(each.pop())
         return found[0], found[1]
+
+
+def _grey(path: str, encoding: str | None, gamma: Gamma, field: str) -> NDArray[np.uint8]:
+    """Raises BadJob."""
+    pixels, stored_as = read_picture(path, field)
+    light = linear_light(pixels, encoding or stored_as, gamma)
+    return np.asarray(np.rint(np.clip(light, 0.0, 255.0)), dtype=np.uint8)
 
 
 def _roughly(corners: Corners, pattern: BoardPattern, size: tuple[int, int]) -> Pose | None:

@@ -12,7 +12,7 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry.pose import Array
 
-FINE_SIDE_PX = 1200  # a picture with a shorter side is looked at twice as large for its markers
+FINE_SIDE_PX = 1200  # a picture with a shorter side is looked at larger for its markers
 LEAST_CORNERS = 6
 REFINE_SHARE, LEAST_WINDOW_PX, MOST_WINDOW_PX = 0.9, 2, 8
 REFINE_STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
@@ -53,18 +53,22 @@ class Board:
             (pattern.columns, pattern.rows), pattern.square_m, pattern.marker_m, dictionary
         )
         self._dictionary = dictionary
-        self._detector = cv2.aruco.CharucoDetector(self._board)
+        charuco = cv2.aruco.CharucoParameters()
+        charuco.tryRefineMarkers = True  # small or tilted ones whose bits are not sure are found by where they belong
+        self._detector = cv2.aruco.CharucoDetector(self._board, charuco)
 
     def find(self, picture: NDArray[np.uint8]) -> Corners:
         """The corners in a grey picture, refined; none where fewer than six are sure, or all lie on one line."""
-        twice = min(picture.shape) < FINE_SIDE_PX
-        looked_at = cv2.resize(picture, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC) if twice else picture
+        times = int(np.ceil(FINE_SIDE_PX / min(picture.shape)))
+        looked_at = picture
+        if times > 1:
+            larger = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
+            looked_at = np.asarray(larger, dtype=np.uint8)
         found, ids, _, _ = self._detector.detectBoard(looked_at)
         if ids is None or len(ids) < LEAST_CORNERS:
             return NONE
         pixels = np.asarray(found, dtype=float).reshape(-1, 2)
-        if twice:
-            pixels = (pixels + 0.5) / 2.0 - 0.5
+        pixels = (pixels + 0.5) / times - 0.5
         order = np.argsort(ids.ravel())
         corners = Corners(np.asarray(ids.ravel()[order], dtype=np.int64), pixels[order])
         where = self.pattern.corners_m()[corners.ids][:, :2]

@@ -1,0 +1,50 @@
+"""The options that the guided calibrations share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from crosspih_common.keys import RECORD_START, RECORD_STOP
+from crosspih_common.messages import StartRecording, StopRecording
+from services.operator.for_cell import CELL_HELP
+from services.operator.session import RECORDER_DEADLINE_S, Session
+
+CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
+ShareOption = Annotated[float, typer.Option(min=0.02, max=1.0, help="Of the arm's own speed limits, in free air.")]
+SpeedOption = Annotated[str | None, typer.Option(help="realtime or max, of a cell that is started for it.")]
+RecordOption = Annotated[bool, typer.Option("--record", help="Record it as well; --from takes the recording.")]
+OutOption = Annotated[Path | None, typer.Option(help="Where the cell's file goes with what was found.")]
+
+
+def needed(services: tuple[str, ...], record: bool) -> tuple[str, ...]:
+    """With the recorder, where it is to record."""
+    return (*services, "recorder") if record else services
+
+
+@contextmanager
+def recorded(session: Session, what: str, record: bool, console: Console) -> Iterator[None]:
+    """A recording of what is done meanwhile, and its name at the end, whatever the end is. Raises as `Bus.call`."""
+    if not record:
+        yield
+        return
+    session.bus.call(RECORD_START, StartRecording(name=f"calibrate-{what}"), RECORDER_DEADLINE_S)
+    try:
+        yield
+    finally:
+        status = session.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)
+        console.print(f"recording: {status.path}", highlight=False, soft_wrap=True)
+        if status.dropped:
+            said = ", ".join(f"{count} of {key}" for key, count in status.dropped.items())
+            console.print(f"  not in it: {said}", style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def say_notes(console: Console, notes: list[str]) -> None:
+    """What to know of a recording."""
+    for note in notes:
+        console.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)
