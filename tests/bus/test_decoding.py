@@ -106,7 +106,7 @@ def test_what_is_larger_than_any_message_is_not_read() -> None:
 class PosePriorAsked(EstimatePose):
     """An estimate without touches, so that the prior alone is judged."""
 
-    touches: tuple[()] = ()  # type: ignore[assignment]
+    touches: tuple[()] = ()
 
     @classmethod
     def type_name(cls) -> str:
