@@ -17,6 +17,7 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from services.hardware.config import hardware_of
 from services.hardware.peers.following import FollowingCamera
+from services.hardware.peers.seen import Seen
 from services.operator.__main__ import app
 from services.operator.bench.calibrations import PATTERN
 from services.operator.bench.conditions import merged
@@ -25,11 +26,23 @@ from services.operator.bench.protocols.board import put_board
 from services.operator.bench.protocols.day import LEFT_OUT, PAGE
 from services.operator.bench.protocols.hidden import behind, cameras_of, held_by_hand, true_cameras
 from services.operator.bench.protocols.page import Step, steps_of
-from services.operator.bench.protocols.plants import ADDRESSES, ARM, HERE, LEFT, RIGHT, SENSOR, Way, base_content
+from services.operator.bench.protocols.plants import (
+    ADDRESSES,
+    ARM,
+    HERE,
+    LEFT,
+    RIGHT,
+    SEEN_PORT,
+    SENSOR,
+    Way,
+    base_content,
+)
 from services.operator.bench.protocols.scoring_day import camera_rows, tool_rows, true_tool, truth_lines
 from services.operator.cell_init.command import asked, given_answers
 from services.operator.cell_init.questions import questions
 from services.operator.cell_init.writing import cell_text
+from services.operator.doctor.calibrations import camera_rows as doctor_rows
+from services.operator.doctor.row import Verdict
 
 STEPS = steps_of(PAGE.read_text(encoding="utf-8"))
 DRIVERS = [
@@ -43,7 +56,7 @@ def _commands() -> list[Step]:
     return [step for step in STEPS if step.kind == "command" and step.words[0] == "crosspih"]
 
 
-@pytest.mark.parametrize("words", sorted({step.words for step in _commands()}), ids=" ".join)
+@pytest.mark.parametrize("words", sorted({step.words for step in _commands()}), ids=lambda words: " ".join(words))
 def test_each_command_of_the_page_exists_with_its_options(words: tuple[str, ...]) -> None:
     said = CliRunner().invoke(app, [*words[1:], "--help"])  # what is not there is refused before
     assert said.exit_code == 0 and "Usage" in said.output, said.output
@@ -144,9 +157,6 @@ class _Camera:
 
 
 def test_cameras_follow_the_arm_of_another_process_and_whoever_holds_the_board() -> None:
-    from services.hardware.peers.seen import Seen
-    from services.operator.bench.protocols.plants import SEEN_PORT
-
     camera = _Camera()
     poses = [Pose.from_translation([float(number), 0.0, 0.0]) for number in (1, 2)]
     following = FollowingCamera(camera, SEEN_PORT, poses)  # type: ignore[arg-type]
@@ -168,3 +178,14 @@ def test_cameras_follow_the_arm_of_another_process_and_whoever_holds_the_board()
     finally:
         seen.close()
         following.close()
+
+
+def test_the_doctor_says_whose_numbers_the_cameras_have(tmp_path: Path) -> None:
+    text = _cell_text(tmp_path)
+    (row,) = doctor_rows(cell_of_text(tmp_path / "lab.yaml", text), {"genicam"})
+    assert row.verdict is Verdict.WARNING and "crosspih calibrate stereo" in row.mend
+    named = yaml.safe_dump(merged(yaml.safe_load(text), {"hardware": {"genicam": {"calibration": "cameras.yaml"}}}))
+    cell = cell_of_text(tmp_path / "lab.yaml", named)
+    assert [row.verdict for row in doctor_rows(cell, {"genicam"})] == [Verdict.WRONG]
+    (tmp_path / "cameras.yaml").write_text("left: {}", encoding="utf-8")
+    assert [row.verdict for row in doctor_rows(cell, {"genicam"})] == [Verdict.OK]

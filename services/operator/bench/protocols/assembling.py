@@ -21,7 +21,7 @@ from rich.table import Table
 
 from crosspih_common.config import load_cell
 from crosspih_common.config.cell import standing_alone
-from crosspih_common.errors import CrosspihError
+from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.keys import JOINT_STATE
 from crosspih_common.messages import JointState, Strategy
 from deploy.launcher import LauncherError
@@ -209,6 +209,8 @@ def protocols(
     with told(console):
         if needs_private_network(way):
             private_network(ADDRESSES)
+        if calibrated is not None and way is not Way.UR:
+            raise ConfigError("--calibrated: `crosspih bench day` finds calibrations by --way ur alone")
         cell = None if calibrated is None else calibrated_cell(calibrated, hidden)
         rows = []
         for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):

@@ -86,10 +86,11 @@ class Walk:
         if step.kind == "export":
             self.environment[step.words[0]] = step.words[1]
             return
+        status: int | None = 0
+        said = ""
         if step.kind == "file":
             assert step.lines is not None
             self.add(step.lines)
-            status, said = 0, ""
         else:
             status, said = self.command(step.words)
             again = TRIES if step.words[1:2] == ("calibrate",) else 1

@@ -39,7 +39,7 @@ FOLLOWING = "services.hardware.peers.following:open_devices"
 HERE = {
     "ur": {"silence_s": 0.5},
     "genicam": {"frame_wait_s": 30.0},
-    "limits": {"moved_mass_kg": 7.3, "contact_stiffness_n_m": 7.3e6, "missed_cycles": 10000},
+    "limits": {"moved_mass_kg": 7.3, "contact_stiffness_n_m": 7.3e6, "missed_cycles": 10000, "sensor_timeout_s": 0.5},
 }
 CAMERAS_CELL = "protocol-cameras"
 EXPOSURE_S = 0.02

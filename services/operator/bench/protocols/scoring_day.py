@@ -40,26 +40,27 @@ def _pose_rows(what: str, before: Pose, after: Pose, true: Pose) -> list[Found]:
     return [Found(f"{what}, {kind}", first, then, unit) for first, then, kind, unit in pairs]
 
 
+def _focal_off_px(one: CameraCalibration, true: CameraCalibration) -> float:
+    return max(abs(one.left.fx_px - true.left.fx_px), abs(one.right.fx_px - true.right.fx_px))
+
+
+def _middle_off_px(one: CameraCalibration, true: CameraCalibration) -> float:
+    pairs = (one.left, true.left), (one.right, true.right)
+    return max(float(np.hypot(mine.cx_px - real.cx_px, mine.cy_px - real.cy_px)) for mine, real in pairs)
+
+
 def camera_rows(before: CameraCalibration, after: CameraCalibration, behind: dict[str, Any]) -> list[Found]:
     """Lenses, the right camera, the left one in the base."""
     true = true_cameras(behind)
-    rows = [
-        Found("stereo, focal length, larger of both", *(
-            max(abs(getattr(one, side).fx_px - getattr(true, side).fx_px) for side in ("left", "right"))
-            for one in (before, after)
-        ), "px"),
-        Found("stereo, picture's middle, larger of both", *(
-            max(
-                float(np.hypot(getattr(one, side).cx_px - getattr(true, side).cx_px,
-                               getattr(one, side).cy_px - getattr(true, side).cy_px))
-                for side in ("left", "right")
-            )
-            for one in (before, after)
-        ), "px"),
+    beside = [one.pose_left_right.pose() for one in (before, after, true)]
+    stands = [one.pose_base_camera.pose() for one in (before, after, true)]
+    return [
+        Found("stereo, focal length, worse of both", _focal_off_px(before, true), _focal_off_px(after, true), "px"),
+        Found("stereo, picture's middle, worse of both", _middle_off_px(before, true), _middle_off_px(after, true),
+              "px"),
+        *_pose_rows("stereo, right camera", beside[0], beside[1], beside[2]),
+        *_pose_rows("hand-eye, left camera", stands[0], stands[1], stands[2]),
     ]  # fmt: skip
-    rows += _pose_rows("stereo, right camera", *(one.pose_left_right.pose() for one in (before, after, true)))
-    rows += _pose_rows("hand-eye, left camera", *(one.pose_base_camera.pose() for one in (before, after, true)))
-    return rows
 
 
 def true_tool(behind: dict[str, Any]) -> tuple[Pose, Pose, np.ndarray[Any, np.dtype[np.float64]]]:
@@ -74,9 +75,9 @@ def true_tool(behind: dict[str, Any]) -> tuple[Pose, Pose, np.ndarray[Any, np.dt
 def tool_rows(before: Workcell, after: Workcell, behind: dict[str, Any]) -> list[Found]:
     """The tip, the sensor's mounting, the joints' stiffness."""
     peg, sensor, stiffness = true_tool(behind)
-    rows = [Found("tcp, tip", *(_off(one.pose_flange_peg(), peg)[0] for one in (before, after)), "mm")]
+    tips = [_off(one.pose_flange_peg(), peg)[0] for one in (before, after)]
     mounted = [one.pose_flange_peg() @ one.sensor_mounting().pose_peg_sensor for one in (before, after)]
-    rows += _pose_rows("mount, sensor", *mounted, sensor)
+    rows = [Found("tcp, tip", tips[0], tips[1], "mm"), *_pose_rows("mount, sensor", mounted[0], mounted[1], sensor)]
     off = [np.asarray(one.joint_stiffness_nm_rad) / stiffness - 1.0 for one in (before, after)]
     rows += [
         Found(f"stiffness, joint {joint + 1}", float(off[0][joint]) * 100.0, float(off[1][joint]) * 100.0, "%")
