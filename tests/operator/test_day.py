@@ -19,12 +19,11 @@ from services.hardware.config import hardware_of
 from services.hardware.peers.following import FollowingCamera
 from services.hardware.peers.seen import Seen
 from services.operator.__main__ import app
-from services.operator.bench.calibrations import PATTERN
 from services.operator.bench.conditions import merged
 from services.operator.bench.protocols.assembling import calibrated_cell
 from services.operator.bench.protocols.board import put_board
 from services.operator.bench.protocols.day import LEFT_OUT, PAGE
-from services.operator.bench.protocols.hidden import behind, cameras_of, held_by_hand, true_cameras
+from services.operator.bench.protocols.hidden import BOARD, behind, cameras_of, held_by_hand, true_cameras
 from services.operator.bench.protocols.page import Step, steps_of
 from services.operator.bench.protocols.plants import (
     ADDRESSES,
@@ -45,7 +44,7 @@ from services.operator.doctor.calibrations import camera_rows as doctor_rows
 from services.operator.doctor.row import Verdict
 
 STEPS = steps_of(PAGE.read_text(encoding="utf-8"))
-DRIVERS = [
+DRIVERS: list[dict[str, Any]] = [
     {"name": "ur", "opens": ["arm", "force_torque"], "address": "ur.host"},
     {"name": "ati", "opens": ["force_torque"], "address": "ati.host"},
     {"name": "genicam", "opens": ["camera"], "address": "genicam.left"},
@@ -92,7 +91,7 @@ def test_the_file_that_the_page_makes_names_the_practice_devices(tmp_path: Path)
     assert config.ur is not None and config.ati is not None and config.genicam is not None
     named = config.ur.host, config.ati.host, config.genicam.left, config.genicam.right
     assert named == ADDRESSES == (ARM, SENSOR, LEFT, RIGHT)
-    assert file.sections["operator"]["board"]["pattern"] == PATTERN
+    assert file.sections["operator"]["board"]["pattern"] == BOARD
     assert config.limits.missed_cycles == 10000
 
 
@@ -127,7 +126,7 @@ def test_what_stands_behind_the_devices_is_not_as_its_file_says(way: Way) -> Non
 def test_the_board_is_held_where_both_cameras_see_it_before_the_plate() -> None:
     real = behind(base_content(Way.UR), 1)
     held, cameras = held_by_hand(real, 1), true_cameras(real)
-    outline = BoardPattern.of(PATTERN).outline_m()
+    outline = BoardPattern.of(BOARD).outline_m()
     hole = Workcell.model_validate(real["cell"]).hole_prior.pose_base_hole()
     assert len(held) >= 40
     for place, turn in held:

@@ -14,10 +14,11 @@ from crosspih_common.config import CameraSection, Workcell
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, PoseData
-from services.operator.bench.calibrations import PATTERN, hidden
+from services.operator.bench.calibrations import hidden
 from services.operator.bench.conditions import merged
 from services.operator.calibrate.showing import drawn_before
 
+BOARD = "5x4:0.026:0.018:DICT_4X4_50"  # that of docs/hardware/in-a-day.md
 FOCAL_SHARE, MIDDLE_PX = 0.01, 3.0
 HELD, TRIES, CLEAR_M = 80, 4000, 0.02  # poses; of the plate, whose middle is the hole
 
@@ -36,7 +37,7 @@ def behind(base: dict[str, Any], seed: int | None) -> dict[str, Any]:
         "cx_px": round(lens.cx_px + float(middle[0]), 4), "cy_px": round(lens.cy_px + float(middle[1]), 4),
     }  # fmt: skip
     differs = {"hardware": hidden(seed, workcell.arm().joints)["hardware"], "cell": {"camera": camera}}
-    return merged(base, differs)
+    return merged(merged(base, differs), {"hardware": {"simulated": {"board": {"pattern": BOARD}}}})
 
 
 def cameras_of(section: CameraSection, turned: Pose | None = None, right: Pose | None = None) -> CameraCalibration:
@@ -70,7 +71,7 @@ def true_cameras(content: dict[str, Any]) -> CameraCalibration:
 
 def held_by_hand(content: dict[str, Any], seed: int) -> list[list[list[float]]]:
     """Poses of the board in the base, [position_m, rotvec_rad], between cameras and plate, as a person shows it."""
-    cameras, pattern = true_cameras(content), BoardPattern.of(PATTERN)
+    cameras, pattern = true_cameras(content), BoardPattern.of(BOARD)
     pose_base_camera = cameras.pose_base_camera.pose()
     hole = Workcell.model_validate(content["cell"]).hole_prior.pose_base_hole()
     into_hole, rng = hole.inverse(), np.random.default_rng([seed, 79])
