@@ -194,7 +194,7 @@ class Presser:
         outcome = self._arm.touch(
             GuardedMove(
                 direction_base=floats(self.normal), speed_m_s=self._touch_m_s,
-                creep_speed_m_s=min(CREEP_M_S, self._touch_m_s), force_threshold_n=TOUCH_N,
+                creep_speed_m_s=min(CREEP_M_S, self._touch_m_s / 3.0), force_threshold_n=TOUCH_N,
                 travel_limit_m=BEFORE_M + DEEP_M,
             )
         )  # fmt: skip
@@ -216,13 +216,13 @@ class Presser:
             gives += 1.0 / self._workcell.contact_stiffness_n_m
         felt, gone = self._felt(free, level), 0.0
         first = felt
-        if felt > LANDED_MOST * self._manner.force_n:  # an arm that is told late lands hard: nothing is left to push
+        if felt > LANDED_MOST * self._manner.force_n and self._touch_m_s > SLOWEST_M_S:
+            # an arm that is told late lands hard, and little is left to push
             self._touch_m_s = max(SLOWEST_M_S, self._touch_m_s * LANDED * self._manner.force_n / felt)
             self._console.print(
                 f"  landed with {felt:.1f} N: touching with {self._touch_m_s * 1e3:.2f} mm/s from now on", style="dim",
                 highlight=False,
             )  # fmt: skip
-            return levels
         for share in SHARES:
             wanted = share * self._manner.force_n - felt
             if wanted < 1.0:
