@@ -41,7 +41,7 @@ from services.operator.cell_init.command import asked, given_answers
 from services.operator.cell_init.questions import questions
 from services.operator.cell_init.writing import cell_text
 from services.operator.doctor.calibrations import camera_rows as doctor_rows
-from services.operator.doctor.row import Verdict
+from services.operator.rows import Verdict
 
 STEPS = steps_of(PAGE.read_text(encoding="utf-8"))
 DRIVERS: list[dict[str, Any]] = [

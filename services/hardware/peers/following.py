@@ -1,6 +1,5 @@
-"""Simulated cameras whose arm is moved by another process, and before which a ChArUco board is held.
-
-`hardware.drivers: {camera: "services.hardware.peers.following:open_devices"}`. What they see is told by UDP at
+"""`python -m services.hardware.peers.following`: simulated cameras whose arm is moved by another process, and before
+which a ChArUco board is held; on the bus as a cell's cameras are. What they see is told by UDP at
 `hardware.options.follow_port` of 127.0.0.1: six and more doubles are where the arm's joints stand, rad; a word is where
 the board is, and is answered by itself: `away`, `flange` (clamped there, as `hardware.simulated.board` says), `hand` (a
 person holds it: each picture shows the next pose of `hardware.options.held`, [position_m, rotvec_rad] in the base).
@@ -10,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -20,10 +20,14 @@ import numpy as np
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration
+from crosspih_common.service import ServiceContext, run_service
+from services.hardware.__main__ import build
+from services.hardware.config import DriversConfig, HardwareConfig
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.simulated import cell
 from services.hardware.drivers.simulated.scene.stereo import SimulatedStereoCamera
 from services.hardware.protocols import Devices, StereoCapture
+from services.hardware.shells.hardware import HardwareShell
 
 WHERE = ("away", "flange", "hand")
 
@@ -87,3 +91,17 @@ def open_devices(request: OpenRequest) -> Devices:
         devices.close()
 
     return Devices(camera=camera, realtime=request.realtime, close=close)
+
+
+def main() -> int:
+    """Run the cell's cameras, whatever driver its file names for them."""
+
+    def built(context: ServiceContext, config: HardwareConfig) -> HardwareShell:
+        drivers = DriversConfig(camera="services.hardware.peers.following:open_devices")
+        return build(context, config.model_copy(update={"drivers": drivers}), frozenset({"camera"}))
+
+    return run_service("camera", HardwareConfig, built, sys.argv[1:], section="hardware")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from services.operator.calibrate.folder import FOUND, now, write_yaml
 def write_found(folder: Path, kind: str, cell: str, found: dict[str, Any]) -> Path:
     """`found.yaml` in the calibration's folder: kind, date, cell, and all that was found."""
     path = folder / FOUND
-    write_yaml(path, {"kind": f"calibration of {kind}", "calibrated_at": now(), "cell": cell, **found})
+    write_yaml(
+        path, {"kind": f"calibration of {kind}", "calibrated_at": now(), "cell": cell, **json.loads(json.dumps(found))}
+    )
     return path
 
 

@@ -82,7 +82,7 @@ def _hardware(given: Answers, settings: dict[str, str]) -> list[str]:
             section, _, field = where.partition(".")
             sections.setdefault(section, {})[field] = given[answer]
     if given.get("camera_right") is not None:
-        sections[given["camera_driver"]]["right"] = given["camera_right"]
+        sections.setdefault(str(given["camera_driver"]), {})["right"] = given["camera_right"]
     if given.get("camera_calibration") and given["camera_driver"] in DRIVERS_OF_A_FILE:
         sections.setdefault(given["camera_driver"], {})["calibration"] = given["camera_calibration"]
     for section, fields in sections.items():

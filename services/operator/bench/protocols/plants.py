@@ -33,7 +33,6 @@ from services.operator.bench.protocols.peers import READY_S, Peer
 # those of docs/hardware/in-a-day.md
 ARM, SENSOR, LEFT, RIGHT = ADDRESSES = "192.168.0.10", "192.168.0.11", "192.168.0.12", "192.168.0.13"
 FEED_PORT, SEEN_PORT = 49160, 49170
-FOLLOWING = "services.hardware.peers.following:open_devices"
 # what one would measure in the simulated cell behind it (docs/safety.md); both ends share one machine, where neither is
 # a real-time program, and rendering takes longer than a sensor
 HERE = {
@@ -138,7 +137,7 @@ class _Opening:
         """`real` with cameras that see where the arm stands, and the board where somebody holds it."""
         held = [] if self.hides is None else held_by_hand(self.real, self.hides)
         options = {"follow_port": SEEN_PORT, "held": held}
-        return merged(self.real, {"hardware": {"drivers": {"camera": FOLLOWING}, "options": options}})
+        return merged(self.real, {"hardware": {"options": options}})
 
 
 def _open_ur(opening: _Opening) -> Plant:
@@ -170,7 +169,7 @@ def _open_cameras(opening: _Opening) -> str:
     """The simulated cell's cameras, and two of GigE Vision that show what they render; the calibration's file."""
     content = merged(opening.with_cameras(), {"cell": {"name": CAMERAS_CELL}})
     file = _written(opening.folder, "cameras.yaml", content)
-    opening.start("cameras", "", "services.hardware", "--devices", "camera", CROSSPIH_CELL=file)
+    opening.start("cameras", "", "services.hardware.peers.following", CROSSPIH_CELL=file)
     with contextlib.closing(Bus(open_zenoh(opening.endpoint, READY_S), CAMERAS_CELL, "operator")) as bus:
         told = bus.latest(CAMERA_CALIBRATION).wait_for(lambda _: True, READY_S)
     if told is None:
