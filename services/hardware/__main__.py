@@ -17,7 +17,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.service import ServiceContext, run_service
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.hardware.checking import print_check
-from services.hardware.config import DEVICES, HardwareConfig
+from services.hardware.config import DEVICES, HardwareConfig, with_calibration_beside
 from services.hardware.hosting import open_cell
 from services.hardware.shells.hardware import HardwareShell
 
@@ -35,6 +35,7 @@ def wanted_devices(text: str) -> frozenset[str]:
 
 def build(context: ServiceContext, config: HardwareConfig, wanted: frozenset[str] | None) -> HardwareShell:
     """Open the wanted devices, or without any those that the configuration names, and bind them to their keys."""
+    config = with_calibration_beside(config, context.cell.path)
     if wanted is None:
         wanted = wanted_devices(",".join(config.devices))
     speed = os.environ.get("CROSSPIH_SPEED") or config.simulated.speed

@@ -14,7 +14,7 @@ from typing import Any
 
 from crosspih_common.config import CellFile, Workcell
 from crosspih_common.errors import ConfigError, CrosspihError
-from services.hardware.config import DEVICES, HardwareConfig
+from services.hardware.config import DEVICES, HardwareConfig, hardware_of
 from services.hardware.drivers.registry import open_devices
 from services.hardware.protocols import CameraDevice, JointDevice, Landing, WrenchDevice
 
@@ -31,7 +31,7 @@ def _row(name: str, verdict: str, found: str, mend: str = "") -> Row:
 def check_devices(cell: CellFile, wanted: frozenset[str] | None, realtime: bool) -> list[Row]:
     """A line for the section `hardware`, and one for each wanted device; those of the cell's file where None."""
     try:
-        config = cell.section("hardware", HardwareConfig)
+        config = hardware_of(cell)
     except ConfigError as error:
         return [_row("section hardware", "wrong", str(error), "mend the setting that it names")]
     devices = [name for name in DEVICES if name in (config.devices if wanted is None else wanted)]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
+from crosspih_common.config import CellFile
 from crosspih_common.config.section import Section
 from services.hardware.control.config import LimitsConfig
 from services.hardware.drivers.ati.config import AtiConfig
@@ -58,3 +60,19 @@ class HardwareConfig(Section):
         """The driver of one of `DEVICES`."""
         chosen: str | None = getattr(self.drivers, device)
         return chosen or self.driver
+
+
+def with_calibration_beside(config: HardwareConfig, cell: Path) -> HardwareConfig:
+    """The section; a calibration of cameras that it names is looked for beside the cell's file first."""
+    for name in ("genicam", "video", "pictures"):
+        section = getattr(config, name)
+        named = None if section is None else section.calibration
+        if named is not None and (beside := cell.resolve().parent / named).is_file():
+            found = section.model_copy(update={"calibration": beside})
+            config = config.model_copy(update={name: found})
+    return config
+
+
+def hardware_of(cell: CellFile) -> HardwareConfig:
+    """The section of a cell's file, its cameras' calibration beside it. Raises ConfigError."""
+    return with_calibration_beside(cell.section("hardware", HardwareConfig), Path(cell.path))

@@ -10,6 +10,7 @@ import typer
 from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench.commands import app as bench_app
+from services.operator.bench.protocols.practise import practise
 from services.operator.cell_check.command import cell_app
 from services.operator.cell_init.command import init
 from services.operator.dataset import app as dataset_app
@@ -40,6 +41,7 @@ app.command()(for_cell(withdraw))
 app.add_typer(bench_app, name="bench")
 cell_app.command()(init)
 cell_app.command()(drivers)
+cell_app.command(context_settings={"ignore_unknown_options": True})(practise)
 app.add_typer(cell_app, name="cell")
 app.command()(doctor)
 app.add_typer(calibrate_app, name="calibrate")
@@ -59,6 +61,8 @@ def main() -> None:
     if not sys.stdout.isatty():
         # into a file or a pipe tables would be cut to 80 columns
         os.environ.setdefault("COLUMNS", str(COLUMNS_IN_A_FILE))
+    if named := os.environ.get("CROSSPIH_CELL"):  # services are started in another folder
+        os.environ["CROSSPIH_CELL"] = os.path.abspath(named)
     app()
 
 

@@ -78,7 +78,7 @@ def using_cell(path: Path | None) -> Iterator[None]:
     """CROSSPIH_CELL names that file as long as this lasts, also for what is started; with None nothing is changed."""
     before = os.environ.get("CROSSPIH_CELL")
     if path is not None:
-        os.environ["CROSSPIH_CELL"] = str(path)
+        os.environ["CROSSPIH_CELL"] = str(path.absolute())  # services are started in another folder
     try:
         yield
     finally:

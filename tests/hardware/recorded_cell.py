@@ -44,6 +44,7 @@ from crosspih_common.messages import (
 from crosspih_common.recording import Recording, read_recording
 from crosspih_common.service.lifecycle import ServiceContext
 from services.hardware.__main__ import build
+from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import ForceTorqueConfig
 from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
@@ -83,7 +84,7 @@ def running(folder: Path, hardware: dict[str, Any], cell: dict[str, Any] = CELL)
         recorder = RecorderShell(
             ServiceContext("recorder", loaded, recording), RecorderConfig(directory=folder / "r", quiet_s=0.01)
         )
-        shell = build(ServiceContext("hardware", loaded, bus), None)
+        shell = build(ServiceContext("hardware", loaded, bus), loaded.section("hardware", HardwareConfig), None)
         try:
             with hold_arm(asking, "a test") as lease:
                 yield asking, lease

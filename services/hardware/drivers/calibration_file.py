@@ -9,7 +9,8 @@ from pydantic import ValidationError
 
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
-from crosspih_common.messages import CameraCalibration, PoseData
+from crosspih_common.geometry import Pose
+from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, PoseData
 
 
 def read_calibration(path: Path | None, field: str, workcell: Workcell) -> CameraCalibration:
@@ -33,3 +34,23 @@ def read_calibration(path: Path | None, field: str, workcell: Workcell) -> Camer
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ConfigError(f"{field}: {path}: {where}: {first['msg']}") from None
+
+
+def calibration_of_cell(workcell: Workcell) -> CameraCalibration:
+    """What `cell.camera` says of them: for cameras that `crosspih calibrate stereo` has not seen yet."""
+    camera = workcell.camera
+    left, right = (
+        CameraModel(
+            width_px=camera.width_px, height_px=camera.height_px, fx_px=camera.fx_px, fy_px=camera.fy_px,
+            cx_px=camera.cx_px, cy_px=camera.cy_px,
+            distortion_model=DistortionModel.PLUMB_BOB if any(numbers) else DistortionModel.NONE,
+            distortion=numbers if any(numbers) else (),
+        )
+        for numbers in camera.distortions()
+    )  # fmt: skip
+    return CameraCalibration(
+        left=left,
+        right=right,
+        pose_left_right=PoseData.of(Pose.from_translation([camera.baseline_m, 0.0, 0.0])),
+        pose_base_camera=PoseData.of(camera.pose_base_camera()),
+    )

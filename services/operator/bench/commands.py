@@ -14,6 +14,7 @@ from services.operator.bench.fuzz.command import fuzz
 from services.operator.bench.kills.command import kills
 from services.operator.bench.pictures.command import make_pictures
 from services.operator.bench.protocols.assembling import protocols
+from services.operator.bench.protocols.day import day
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
 from services.operator.bench.sizes import sizes
@@ -33,6 +34,7 @@ app.command("pictures")(make_pictures)
 app.command()(for_cell(refine))
 app.command()(engines)
 app.command()(protocols)
+app.command()(day)
 app.command()(cell)
 app.command()(for_cell(caps))
 app.command()(for_cell(kills))

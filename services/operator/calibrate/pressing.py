@@ -42,6 +42,7 @@ TILTS_RAD = (0.2, 0.42)
 BESIDE_M = 0.014  # from the rim of the hole to the corner that touches
 AWAY_M, BEFORE_M, DEEP_M = 0.022, 0.003, 0.008
 TOUCH_N, TOUCH_M_S, CREEP_M_S, PROBE_M_S = 2.0, 0.004, 0.0003, 0.01
+LANDED_MOST, LANDED, SLOWEST_M_S = 0.5, 0.2, 3e-4  # of the force, when the touch has come to rest
 SHARES = (0.35, 0.68, 1.0)  # of the force, at the depths of a push
 FREE_S, HELD_S, SETTLE_S = 0.5, 0.5, 0.15
 WEIGHINGS, WRIST_RAD, WEIGHING_TRIES = 10, 1.3, 400
@@ -100,6 +101,7 @@ class Presser:
         self._back = workcell.pose_flange_peg().inverse()
         self.normal = self._nominal.rotation[:, 2]
         self._offset: float | None = None  # of the plate along the normal, once it is known
+        self._touch_m_s = TOUCH_M_S
 
     def _level(self, duration_s: float) -> tuple[Level, MotionOutcome]:
         self._arm.dwell(SETTLE_S)
@@ -192,11 +194,12 @@ class Presser:
         free, _ = self._level(FREE_S)
         outcome = self._arm.touch(
             GuardedMove(
-                direction_base=floats(self.normal), speed_m_s=TOUCH_M_S, creep_speed_m_s=CREEP_M_S,
-                force_threshold_n=TOUCH_N, travel_limit_m=BEFORE_M + DEEP_M,
+                direction_base=floats(self.normal), speed_m_s=self._touch_m_s,
+                creep_speed_m_s=min(CREEP_M_S, self._touch_m_s / 3.0), force_threshold_n=TOUCH_N,
+                travel_limit_m=BEFORE_M + DEEP_M,
             )
         )  # fmt: skip
-        levels = []
+        levels: list[Level] = []
         if outcome.stop_reason is StopReason.CONTACT:
             levels = self._deeper(free)
         back = self._arm.dwell(0.05).pose_base_peg.pose()
@@ -214,6 +217,13 @@ class Presser:
             gives += 1.0 / self._workcell.contact_stiffness_n_m
         felt, gone = self._felt(free, level), 0.0
         first = felt
+        if felt > LANDED_MOST * self._manner.force_n and self._touch_m_s > SLOWEST_M_S:
+            # an arm that is told late lands hard, and little is left to push
+            self._touch_m_s = max(SLOWEST_M_S, self._touch_m_s * LANDED * self._manner.force_n / felt)
+            self._console.print(
+                f"  landed with {felt:.1f} N: touching with {self._touch_m_s * 1e3:.2f} mm/s from now on", style="dim",
+                highlight=False,
+            )  # fmt: skip
         for share in SHARES:
             wanted = share * self._manner.force_n - felt
             if wanted < 1.0:

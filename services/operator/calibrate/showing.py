@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from crosspih_common.arm.inverse import InverseError, nearest
+from crosspih_common.arm.inverse import InverseError, solver
 from crosspih_common.calibration.fitting import CalibrationRefused
 from crosspih_common.collision import CollisionModel
 from crosspih_common.config import Workcell
@@ -69,37 +69,47 @@ def outline_px(
     return [_pixels(outline, cameras.left).tolist(), _pixels(beside, cameras.right).tolist()]
 
 
+def drawn_before(
+    cameras: CameraCalibration, pattern: BoardPattern, rng: np.random.Generator
+) -> tuple[Pose, Array] | None:
+    """`pose_camera_board` anywhere in the picture, with how it is then seen; None where it is not all in both."""
+    width_m, height_m = pattern.size_m
+    middle, left = np.array([width_m / 2, height_m / 2, 0.0]), cameras.left
+    share = float(np.exp(rng.uniform(*np.log(SHARES))))
+    away = width_m * left.fx_px / (share * left.width_px)
+    place = rng.uniform(0.1, 0.9, 2)
+    at = place * [left.width_px, left.height_px] - [left.cx_px, left.cy_px]
+    centre = np.array([at[0] / left.fx_px, at[1] / left.fy_px, 1.0]) * away
+    tilts, spin = rng.uniform(-TILT_RAD, TILT_RAD, 2), rng.uniform(-SPIN_RAD, SPIN_RAD)
+    turn = Rotation.from_rotvec([*tilts, 0.0]) * Rotation.from_rotvec([0.0, 0.0, spin])
+    board = Pose(turn.as_matrix(), centre - turn.apply(middle))
+    if not _in_both(board.apply(pattern.outline_m()), cameras):
+        return None
+    return board, np.array([*place, np.log(away), *tilts, spin])
+
+
 def candidates(
     workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose,
     collisions: CollisionModel, rng: np.random.Generator,
 ) -> list[Shown]:  # fmt: skip
     """Postures clear of everything, drawn over the picture, distances, tilts and spins."""
     arm, home = workcell.arm(), np.asarray(workcell.home_joints_rad, float)
-    width_m, height_m = pattern.size_m
-    middle, outline = np.array([width_m / 2, height_m / 2, 0.0]), pattern.outline_m()
-    left, to_flange = cameras.left, pose_flange_board.inverse()
-    pose_base_camera = cameras.pose_base_camera.pose()
+    to_flange, pose_base_camera = pose_flange_board.inverse(), cameras.pose_base_camera.pose()
     found: list[Shown] = []
     for _ in range(TRIES):
         if len(found) >= WANTED:
             break
-        share = float(np.exp(rng.uniform(*np.log(SHARES))))
-        away = width_m * left.fx_px / (share * left.width_px)
-        place = rng.uniform(0.1, 0.9, 2)
-        at = place * [left.width_px, left.height_px] - [left.cx_px, left.cy_px]
-        centre = np.array([at[0] / left.fx_px, at[1] / left.fy_px, 1.0]) * away
-        tilts, spin = rng.uniform(-TILT_RAD, TILT_RAD, 2), rng.uniform(-SPIN_RAD, SPIN_RAD)
-        turn = Rotation.from_rotvec([*tilts, 0.0]) * Rotation.from_rotvec([0.0, 0.0, spin])
-        board = Pose(turn.as_matrix(), centre - turn.apply(middle))
-        if not _in_both(board.apply(outline), cameras):
+        drawn = drawn_before(cameras, pattern, rng)
+        if drawn is None:
             continue
         try:
-            joints = nearest(arm, pose_base_camera @ board @ to_flange, home)
+            # from home alone: an arm without a closed form looks long for what cannot be reached
+            joints = solver(arm).follow(pose_base_camera @ drawn[0] @ to_flange, home)
         except InverseError:
             continue
         if collisions.clearance(joints).distance_m < collisions.margin_m + SPARE_M:
             continue
-        found.append(Shown(joints, np.array([*place, np.log(away), *tilts, spin])))
+        found.append(Shown(joints, drawn[1]))
     return found
 
 

@@ -60,7 +60,9 @@ class Found:
 def write_found(folder: Path, kind: str, cell: str, found: dict[str, Any]) -> Path:
     """`found.yaml` in the calibration's folder: kind, date, cell, and all that was found."""
     path = folder / FOUND
-    write_yaml(path, {"kind": f"calibration of {kind}", "calibrated_at": now(), "cell": cell, **found})
+    write_yaml(
+        path, {"kind": f"calibration of {kind}", "calibrated_at": now(), "cell": cell, **json.loads(json.dumps(found))}
+    )
     return path
 
 

@@ -126,6 +126,10 @@ def questions(drivers: list[dict[str, Any]]) -> list[Question]:
     def real(given: Answers) -> bool:
         return str(given["driver"]) != SIMULATED
 
+    def two(given: Answers) -> bool:
+        """Whether the cameras are a device each, with an address each."""
+        return setting(given, "camera_driver").endswith(".left")
+
     return [
         Question("name", "The cell's name", lambda t, g: of.name(t), lambda g: "cell1"),
         Question("arm", "The arm: xb4, ur5e, panda, a URDF file, or a YAML file with its DH table",
@@ -149,6 +153,10 @@ def questions(drivers: list[dict[str, Any]]) -> list[Question]:
         Question("camera_driver", "The cameras' driver; same: the arm's; none: the hole is felt for",
                  lambda t, g: t if t in (SAME, NONE) else of.driver(t, drivers, "camera"),
                  lambda g: SAME if g["driver"] == SIMULATED else NONE),
+        Question("camera_address", "The left camera's address, serial number or name",
+                 lambda t, g: of.address(t, setting(g, "camera_driver")), lambda g: None, two),
+        Question("camera_right", "The right camera's address, serial number or name",
+                 lambda t, g: of.address(t, setting(g, "camera_driver")), lambda g: None, two),
         Question("camera_calibration", "The cameras' calibration file, or none: calibrated later",
                  lambda t, g: None if t == NONE else of.calibration(t), lambda g: NONE,
                  lambda g: g["camera_driver"] not in (SAME, NONE)),

@@ -75,11 +75,14 @@ def _hardware(given: Answers, settings: dict[str, str]) -> list[str]:
     if given["camera_driver"] == NONE:
         lines.append(_line("  devices", ["arm", "force_torque"], "no cameras: assemble --strategy force_alone"))
     sections: dict[str, dict[str, Any]] = {}
-    for driver, answer in (("driver", "address"), ("sensor_driver", "sensor_address")):
+    addresses = ("driver", "address"), ("sensor_driver", "sensor_address"), ("camera_driver", "camera_address")
+    for driver, answer in addresses:
         where = settings.get(str(given.get(driver)), "")
         if where and given.get(answer) is not None:
             section, _, field = where.partition(".")
             sections.setdefault(section, {})[field] = given[answer]
+    if given.get("camera_right") is not None:
+        sections.setdefault(str(given["camera_driver"]), {})["right"] = given["camera_right"]
     if given.get("camera_calibration") and given["camera_driver"] in DRIVERS_OF_A_FILE:
         sections.setdefault(given["camera_driver"], {})["calibration"] = given["camera_calibration"]
     for section, fields in sections.items():

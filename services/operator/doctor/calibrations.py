@@ -79,6 +79,18 @@ def camera_rows(cell: CellFile, drivers: set[str]) -> Iterator[Row]:
             yield wrong(name, f"hardware.pictures.calibration: {named or 'none'} is not there", "docs/locate.md")
     elif camera in HAVE_NO_CAMERA_OF_THE_CELL:
         yield ok(name, f"the driver {camera} knows it")
+    elif isinstance(own := section.get(camera), dict) and own.get("calibration"):
+        named = Path(str(own["calibration"]))
+        beside = Path(cell.path).resolve().parent / named
+        if beside.is_file() or named.is_file():
+            yield ok(name, f"hardware.{camera}.calibration: {named}")
+        else:
+            yield wrong(name, f"hardware.{camera}.calibration: {named} is not there", "docs/locate.md")
+    elif camera == "genicam":
+        yield warning(
+            name, "hardware.genicam names no calibration: cell.camera's numbers are taken",
+            "crosspih calibrate stereo and hand-eye",
+        )  # fmt: skip
     elif cell.workcell.camera == CameraSection():
         yield warning(
             name, "cell.camera is left at the simulated cameras' numbers",

@@ -35,8 +35,10 @@ class GenicamConfig(Section):
 
     left: Name
     right: Name
-    calibration: Path = Field(
-        description="the camera message as YAML or JSON; without pose_base_camera the cell's own is taken"
+    calibration: Path | None = Field(
+        default=None,
+        description="the camera message as YAML or JSON; without pose_base_camera the cell's own is taken; left out: "
+        "cell.camera, until crosspih calibrate stereo has found better",
     )
     pixel_format: Name = Field(default="Mono8", description="PixelFormat of both cameras")
     exposure_s: float = Field(default=0.01, gt=0.0, le=10.0, description="the usual exposure")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from crosspih_common.aravis import load
 from crosspih_common.errors import ConfigError
-from services.hardware.drivers.calibration_file import read_calibration
+from services.hardware.drivers.calibration_file import calibration_of_cell, read_calibration
 from services.hardware.drivers.genicam.camera import CameraAway
 from services.hardware.drivers.genicam.features import FIELD
 from services.hardware.drivers.genicam.stereo import GenicamPair
@@ -28,9 +28,11 @@ def open_pair(request: OpenRequest) -> GenicamPair:
         raise ConfigError(f"{FIELD}.left, right: both are {config.left}; a stereo pair has two cameras")
     if config.trigger == "wire" and config.wire is None:
         raise ConfigError(f"{FIELD}.wire: trigger: wire needs it: left_output and right_input")
-    pair = GenicamPair(
-        load(config.library), config, read_calibration(config.calibration, f"{FIELD}.calibration", request.workcell)
-    )
+    if config.calibration is None:
+        calibration = calibration_of_cell(request.workcell)
+    else:
+        calibration = read_calibration(config.calibration, f"{FIELD}.calibration", request.workcell)
+    pair = GenicamPair(load(config.library), config, calibration)
     try:
         pair.connect()
     except CameraAway as away:

@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.arm import NAMED_ARMS
+from services.hardware.peers.seen import Seen
 from services.hardware.peers.ur.ports import Ports
 from services.hardware.peers.ur.robot import Robot
-from services.hardware.peers.ur.sources import FeedingJoints, JointSource, OwnJoints
+from services.hardware.peers.ur.sources import FeedingJoints, JointSource, OwnJoints, SeenJoints
 
 VERSIONS = {"e": (5, 12, 0, 1101319), "cb3": (3, 15, 0, 106331)}
 
@@ -39,6 +40,7 @@ def main() -> int:
     parser.add_argument("--cell", type=Path, help="the simulated cell of this file is behind it")
     parser.add_argument("--watch-contact", action="store_true", help="`truth` tells the largest contact force; slower")
     parser.add_argument("--feed", help="HOST:PORT of another sensor's other end, which feels what the wrist's does")
+    parser.add_argument("--seen-by", help="HOST:PORT of simulated cameras (services/hardware/peers/following.py)")
     parser.add_argument("--payload", type=float, nargs=4, default=(0.974, 0.0, 0.0, 0.1), help="kg and its centre, m")
     parser.add_argument("--weight-kg", type=float, default=0.974, help="of what hangs on plain joints")
     options = parser.parse_args()
@@ -60,6 +62,8 @@ def main() -> int:
     if options.feed:
         host, _, port = options.feed.rpartition(":")
         source = FeedingJoints(source, host, int(port))
+    if options.seen_by:
+        source = SeenJoints(source, Seen(options.seen_by))
     robot = Robot(source, options.model, version, period_s)
     robot.payload_kg, robot.payload_cog_m = options.payload[0], list(options.payload[1:])
     ports = Ports(robot, options.address)

@@ -14,6 +14,7 @@ from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import skew
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import SimulationTruth
+from services.hardware.peers.seen import Seen
 
 GRAVITY_BASE_M_S2 = np.array([0.0, 0.0, -9.81])
 
@@ -125,3 +126,32 @@ class FeedingJoints:
         """Let go of the other source."""
         self._source.close()
         self._socket.close()
+
+
+class SeenJoints:
+    """Another source, whose joints are told to simulated cameras of another process (following.py)."""
+
+    def __init__(self, source: JointSource, seen: Seen) -> None:
+        self._source, self._seen = source, seen
+        self.model = source.model
+
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+        """A cycle of the other source."""
+        return self._told(self._source.advance(joints_rad, speeds_rad_s))
+
+    def restart(self, seed: int | None) -> Felt:
+        """A new trial of the other source."""
+        return self._told(self._source.restart(seed))
+
+    def _told(self, felt: Felt) -> Felt:
+        self._seen.cycle(felt.joints_rad)
+        return felt
+
+    def truth(self) -> SimulationTruth | None:
+        """The other source's."""
+        return self._source.truth()
+
+    def close(self) -> None:
+        """Let go of the other source."""
+        self._source.close()
+        self._seen.close()

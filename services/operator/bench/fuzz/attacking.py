@@ -14,7 +14,19 @@ from crosspih_common.bus import open_zenoh
 from crosspih_common.bus.codec import label_of, label_with_seq
 from crosspih_common.errors import CrosspihError, NoService
 from crosspih_common.holding import hold_arm
-from crosspih_common.keys import Command, commands, topics
+from crosspih_common.keys import (
+    ASSEMBLE,
+    CALIBRATE_FT,
+    CAPTURE,
+    DWELL,
+    FOLLOW,
+    LOCATE,
+    RESET,
+    WITHDRAW,
+    Command,
+    commands,
+    topics,
+)
 from crosspih_common.messages import Dwell, Image, ResetCell, Strategy
 from crosspih_common.messages.motion import Held
 from deploy.launcher import StateDirectory
@@ -23,8 +35,10 @@ from services.operator.session import NEEDED, Session, endpoint
 
 DEADLINE_S = 120.0
 # what each accepted request of takes long: of these as many that fit, and all the others that do not
-LONG = {"planning/assemble": 3, "planning/calibrate_ft": 1, "planning/withdraw": 10, "simulation/reset": 40}
-LONG |= {"vision/locate": 5, "camera/capture": 10, "arm/follow": 60, "arm/dwell": 20}
+LONG = {
+    ASSEMBLE.path: 3, CALIBRATE_FT.path: 1, WITHDRAW.path: 10, RESET.path: 40, LOCATE.path: 5, CAPTURE.path: 10,
+    FOLLOW.path: 60, DWELL.path: 20,
+}  # fmt: skip
 SORTS = (Sort.FITTING, Sort.FITTING, Sort.MISFIT, Sort.BROKEN)
 INTERNAL = "internal"
 NOTHING = "no answer"

@@ -33,4 +33,4 @@ def private_network(addresses: tuple[str, ...]) -> None:
         Path("/proc/self/gid_map").write_text(f"0 {group} 1", encoding="ascii")
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     for address in addresses:
-        subprocess.run(["ip", "addr", "add", f"{address}/8", "dev", "lo"], check=True)
+        subprocess.run(["ip", "addr", "add", f"{address}/24", "dev", "lo"], check=True)

@@ -9,23 +9,27 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
+import yaml
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from crosspih_common.errors import CrosspihError
+from crosspih_common.config import load_cell
+from crosspih_common.config.cell import standing_alone
+from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.keys import JOINT_STATE
 from crosspih_common.messages import JointState, Strategy
 from deploy.launcher import LauncherError
+from services.operator.bench.conditions import merged
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.own_cell import CellTask, OwnCell
 from services.operator.bench.protocols.addresses import private_network
-from services.operator.bench.protocols.plants import LEFT, RIGHT, Plant, Way, needs_private_network, open_plant
+from services.operator.bench.protocols.plants import ADDRESSES, Plant, Way, needs_private_network, open_plant
 from services.operator.scoring import score
 from services.operator.session import NEEDED, Session
 from services.operator.statistics import wilson95
@@ -94,14 +98,33 @@ class _Asked:
     began_s: float
 
 
-def assembled(way: Way, seed: int, strategy: Strategy) -> ProtocolTrial:
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """A cell's file whose calibrations were found (walking.py), and the seed of what the cell behind it hides."""
+
+    content: dict[str, Any]
+    hides: int
+
+
+def calibrated_cell(file: Path, hides: int) -> Calibrated:
+    """Of a cell's file, the files that it names by absolute paths. Raises ConfigError."""
+    content = standing_alone(file, yaml.safe_load(load_cell(file).text) or {})
+    cameras = (content.get("hardware", {}).get("genicam") or {}).get("calibration")
+    if cameras is not None:
+        beside = Path(cameras) if Path(cameras).exists() else file.resolve().parent / cameras
+        content = merged(content, {"hardware": {"genicam": {"calibration": str(beside.resolve())}}})
+    return Calibrated(content, hides)
+
+
+def assembled(way: Way, seed: int, strategy: Strategy, calibrated: Calibrated | None = None) -> ProtocolTrial:
     """One assembly in a cell of its own: everything is started for it and ended after it."""
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="crosspih-protocols-") as folder:
         try:
-            with open_plant(way, seed, Path(folder)) as plant:
+            with open_plant(way, seed, Path(folder), None if calibrated is None else calibrated.hides) as plant:
                 asked = _Asked(plant, seed, strategy, began_s)
-                task = CellTask(f"seed {seed}", plant.content, _trial, asked, NEEDED, calibrate=False, speed="realtime")
+                content = plant.content if calibrated is None else calibrated.content
+                task = CellTask(f"seed {seed}", content, _trial, asked, NEEDED, calibrate=False, speed="realtime")
                 cell = OwnCell(0, task)
                 try:
                     return _trial(cell.start(), asked)
@@ -174,6 +197,10 @@ def protocols(
     trials: Annotated[int, typer.Option(min=1, help="One after the other, each with the next seed.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
+    calibrated: Annotated[
+        Path | None, typer.Option(help="A cell's file whose calibrations `crosspih bench day` has found.")
+    ] = None,
+    hidden: Annotated[int, typer.Option(min=0, help="With --calibrated: the seed of that day.")] = 1,
     as_json: AsJson = False,
 ) -> None:
     """Assemble in real time in a cell whose every device is reached by its published protocol over loopback, and score
@@ -181,10 +208,13 @@ def protocols(
     console = Console(stderr=True)
     with told(console):
         if needs_private_network(way):
-            private_network((LEFT, RIGHT))
+            private_network(ADDRESSES)
+        if calibrated is not None and way is not Way.UR:
+            raise ConfigError("--calibrated: `crosspih bench day` finds calibrations by --way ur alone")
+        cell = None if calibrated is None else calibrated_cell(calibrated, hidden)
         rows = []
         for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):
-            rows.append(assembled(way, one, strategy))
+            rows.append(assembled(way, one, strategy, cell))
             if not rows[-1].inserted:
                 console.print(f"seed {one}: {rows[-1].failure} {rows[-1].detail}", style="red", markup=False)
         result = ProtocolResult(way=way.value, inserted=sum(row.inserted for row in rows), trials=rows)

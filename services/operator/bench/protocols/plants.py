@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import socket
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -23,13 +22,24 @@ import yaml
 import deploy
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import NoService
+from crosspih_common.geometry import Pose
 from crosspih_common.keys import CAMERA_CALIBRATION
-from crosspih_common.messages import SimulationTruth
+from crosspih_common.messages import PoseData, SimulationTruth
+from services.operator.bench.conditions import merged
 from services.operator.bench.own_cell import free_port
+from services.operator.bench.protocols.hidden import behind, held_by_hand
 from services.operator.bench.protocols.peers import READY_S, Peer
 
-LEFT, RIGHT = "127.0.0.2", "127.0.0.3"
-UR_HOST = "127.0.0.1"
+# those of docs/hardware/in-a-day.md
+ARM, SENSOR, LEFT, RIGHT = ADDRESSES = "192.168.0.10", "192.168.0.11", "192.168.0.12", "192.168.0.13"
+FEED_PORT, SEEN_PORT = 49160, 49170
+# what one would measure in the simulated cell behind it (docs/safety.md); both ends share one machine, where neither is
+# a real-time program, and rendering takes longer than a sensor
+HERE = {
+    "ur": {"silence_s": 0.5},
+    "genicam": {"frame_wait_s": 30.0},
+    "limits": {"moved_mass_kg": 7.3, "contact_stiffness_n_m": 7.3e6, "missed_cycles": 10000, "sensor_timeout_s": 0.5},
+}
 CAMERAS_CELL = "protocol-cameras"
 EXPOSURE_S = 0.02
 
@@ -47,10 +57,16 @@ class Plant:
 
     content: dict[str, Any]
     arm: Peer
+    behind: dict[str, Any]
 
     def truth(self) -> SimulationTruth:
-        """Where hole and peg are: for scoring. Raises NoService."""
-        return SimulationTruth.model_validate_json(self.arm.ask("truth"))
+        """Where hole and peg are, the peg as its holder has it: for scoring. Raises NoService."""
+        truth = SimulationTruth.model_validate_json(self.arm.ask("truth"))
+        shift = (self.behind["hardware"]["simulated"].get("truth") or {}).get("peg_shift_m")
+        if shift is None:
+            return truth
+        held = truth.pose_base_peg.pose() @ Pose.from_translation(shift)
+        return truth.model_copy(update={"pose_base_peg": PoseData.of(held)})
 
     def cycles(self) -> tuple[int, int]:
         """How many cycles the arm's other end has made, and how many of them late."""
@@ -66,15 +82,18 @@ def base_content(way: Way) -> dict[str, Any]:
 
 
 @contextmanager
-def open_plant(way: Way, seed: int, folder: Path) -> Iterator[Plant]:
-    """Start the cell of a seed behind its protocols. Raises NoService when one of its processes does not come up."""
+def open_plant(way: Way, seed: int, folder: Path, hides: int | None = None) -> Iterator[Plant]:
+    """Start the cell of a seed behind its protocols; `hides` is the seed of what differs from its file (hidden.py),
+    None: nothing does. Raises NoService when one of its processes does not come up."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     environment = _environment(endpoint)
     with ExitStack() as stack:
         stack.enter_context(Peer("router", ["services.router", "--endpoint", endpoint], environment, folder))
         _wait_for(endpoint)
         open_way = _open_ur if way is Way.UR else _open_ros2
-        yield open_way(stack, seed, folder, endpoint, environment)
+        base = base_content(way)
+        real = merged(behind(base, hides), {"hardware": {"simulated": {"seed": seed}}})
+        yield open_way(_Opening(stack, base, real, hides, folder, endpoint, environment))
 
 
 def _environment(endpoint: str) -> dict[str, str]:
@@ -95,109 +114,94 @@ def _written(folder: Path, name: str, content: dict[str, Any]) -> str:
     return str(path)
 
 
-def _with_hardware(content: dict[str, Any], hardware: dict[str, Any], name: str | None = None) -> dict[str, Any]:
-    cell = dict(content["cell"])
-    if name is not None:
-        cell["name"] = name
-    return {**content, "cell": cell, "hardware": {**content.get("hardware", {}), **hardware}}
+@dataclass(frozen=True, slots=True, eq=False)
+class _Opening:
+    """`base`: what the services are told; `real`: what the cell behind the protocols is."""
+
+    stack: ExitStack
+    base: dict[str, Any]
+    real: dict[str, Any]
+    hides: int | None
+    folder: Path
+    endpoint: str
+    environment: dict[str, str]
+
+    def start(self, name: str, ready: str, *words: str, **environment: str) -> Peer:
+        """A peer, once it says that it is ready; without a word for that at once."""
+        peer = self.stack.enter_context(Peer(name, list(words), {**self.environment, **environment}, self.folder))
+        if ready:
+            peer.line(ready)
+        return peer
+
+    def with_cameras(self) -> dict[str, Any]:
+        """`real` with cameras that see where the arm stands, and the board where somebody holds it."""
+        held = [] if self.hides is None else held_by_hand(self.real, self.hides)
+        options = {"follow_port": SEEN_PORT, "held": held}
+        return merged(self.real, {"hardware": {"options": options}})
 
 
-def _open_ur(stack: ExitStack, seed: int, folder: Path, endpoint: str, environment: dict[str, str]) -> Plant:
+def _open_ur(opening: _Opening) -> Plant:
     """The arm behind a Universal Robots controller, its sensor behind a Net F/T box, its cameras on GigE Vision."""
-    base = base_content(Way.UR)
-    ports = [free_port(), free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)]
-    box = Peer(
-        "ati",
-        ["services.operator.bench.protocols.ati", "--http-port", str(ports[0]), "--rdt-port", str(ports[1]),
-         "--feed-port", str(ports[2]), "--drift-ppm", "40"],
-        environment, folder,
+    module = "services.operator.bench.protocols.ati"
+    opening.start(
+        "ati", "ready", module, "--host", SENSOR, "--http-port", "80", "--feed-port", str(FEED_PORT),
+        "--drift-ppm", "40",
     )  # fmt: skip
-    stack.enter_context(box).line("ready")
-    behind = _written(folder, "plant.yaml", _with_hardware(base, {"simulated": {"seed": seed}}))
-    arm = Peer(
-        "ur",
-        ["services.hardware.peers.ur", "--address", UR_HOST, "--cell", behind, "--feed", f"127.0.0.1:{ports[2]}"],
-        environment, folder,
+    real = _written(opening.folder, "plant.yaml", opening.real)
+    arm = opening.start(
+        "ur", "ready", "services.hardware.peers.ur", "--address", ARM, "--cell", real,
+        "--feed", f"{SENSOR}:{FEED_PORT}", "--seen-by", f"127.0.0.1:{SEEN_PORT}",
     )  # fmt: skip
-    stack.enter_context(arm).line("ready")
-    arm.ask(f"seed {seed}")
-    calibration = _open_cameras(stack, base, seed, folder, endpoint, environment)
-    content = _with_hardware(
-        base,
-        {
-            "driver": "ur",
-            "drivers": {"force_torque": "ati", "camera": "genicam"},
-            "ur": {"host": UR_HOST, "silence_s": 0.5},
-            "ati": {"host": "127.0.0.1", "http_port": ports[0], "rdt_port": ports[1]},
-            "genicam": {
-                "left": LEFT,
-                "right": RIGHT,
-                "calibration": calibration,
-                "exposure_s": EXPOSURE_S,
-                "frame_wait_s": 30.0,
-            },
-            # mass and stiffness of the simulated cell behind it: what one would measure there (docs/safety.md)
-            "limits": {
-                "moved_mass_kg": 7.3,
-                "contact_stiffness_n_m": 7.3e6,
-                "sensor_delay_s": 0.036,
-                # both ends share one machine here, and neither is a real-time program
-                "missed_cycles": 1000,
-            },
-        },
-    )
-    return Plant(content, arm)
+    arm.ask(f"seed {opening.real['hardware']['simulated']['seed']}")
+    calibration = _open_cameras(opening)
+    told = {
+        "driver": "ur",
+        "drivers": {"force_torque": "ati", "camera": "genicam"},
+        "ur": {"host": ARM},
+        "ati": {"host": SENSOR},
+        "genicam": {"left": LEFT, "right": RIGHT, "calibration": calibration, "exposure_s": EXPOSURE_S},
+        "limits": {"sensor_delay_s": 0.036},
+    }
+    return Plant(merged(opening.base, {"hardware": merged(told, HERE)}), arm, opening.real)
 
 
-def _open_cameras(
-    stack: ExitStack, base: dict[str, Any], seed: int, folder: Path, endpoint: str, environment: dict[str, str]
-) -> str:
+def _open_cameras(opening: _Opening) -> str:
     """The simulated cell's cameras, and two of GigE Vision that show what they render; the calibration's file."""
-    content = _with_hardware(base, {"driver": "simulated", "simulated": {"seed": seed}}, CAMERAS_CELL)
-    file = _written(folder, "cameras.yaml", content)
-    own = {**environment, "CROSSPIH_CELL": file}
-    stack.enter_context(Peer("cameras", ["services.hardware", "--devices", "camera"], own, folder))
-    with contextlib.closing(Bus(open_zenoh(endpoint, READY_S), CAMERAS_CELL, "operator")) as bus:
+    content = merged(opening.with_cameras(), {"cell": {"name": CAMERAS_CELL}})
+    file = _written(opening.folder, "cameras.yaml", content)
+    opening.start("cameras", "", "services.hardware.peers.following", CROSSPIH_CELL=file)
+    with contextlib.closing(Bus(open_zenoh(opening.endpoint, READY_S), CAMERAS_CELL, "operator")) as bus:
         told = bus.latest(CAMERA_CALIBRATION).wait_for(lambda _: True, READY_S)
     if told is None:
         raise NoService("cameras: the simulated cameras did not come up")
-    path = folder / "cameras-calibration.json"
+    path = opening.folder / "cameras-calibration.json"
     path.write_text(told.model_dump_json(), encoding="utf-8")
-    shown = Peer(
-        "genicam",
-        ["services.operator.bench.protocols.genicam", "--left", LEFT, "--right", RIGHT, "--from-cell", CAMERAS_CELL,
-         "--endpoint", endpoint, "--exposure", str(EXPOSURE_S), "--clock-offset", "3.7"],
-        environment, folder,
+    opening.start(
+        "genicam", "cameras:", "services.operator.bench.protocols.genicam", "--left", LEFT, "--right", RIGHT,
+        "--from-cell", CAMERAS_CELL, "--endpoint", opening.endpoint, "--exposure", str(EXPOSURE_S),
+        "--clock-offset", "3.7",
     )  # fmt: skip
-    stack.enter_context(shown).line("cameras:")
     return str(path)
 
 
-def _open_ros2(stack: ExitStack, seed: int, folder: Path, endpoint: str, environment: dict[str, str]) -> Plant:
+def _open_ros2(opening: _Opening) -> Plant:
     """The arm, its sensor and its cameras behind ROS 2 topics."""
-    base = base_content(Way.ROS2)
     rate_hz = 250
-    hardware = {
+    told = {
         "driver": "ros2",
         "ros2": {
-            "endpoint": endpoint,
+            "endpoint": opening.endpoint,
             "arm": {"rate_hz": rate_hz, "joint_names": [f"joint_{number}" for number in range(1, 7)]},
             "force_torque": {"rate_hz": rate_hz},
         },
-        "limits": {
-            "moved_mass_kg": 7.3, "contact_stiffness_n_m": 7.3e6, "sensor_delay_s": 0.03, "missed_cycles": 1000,
-        },
-    }  # fmt: skip
-    content = _with_hardware(base, hardware)
-    behind = _with_hardware(content, {"simulated": {"period_s": 1.0 / rate_hz, "seed": seed}})
-    file = _written(folder, "plant.yaml", behind)
-    arm = Peer("ros2_control", ["services.hardware.peers.ros2", "--cell", file], environment, folder)
-    stack.enter_context(arm).line("peer:")
-    shown = Peer(
-        "ros2_cameras", ["services.hardware.peers.ros2", "--cell", file, "--devices", "camera"], environment, folder
-    )
-    stack.enter_context(shown).line("peer:")
-    return Plant(content, arm)
+        "limits": {"sensor_delay_s": 0.03, **HERE["limits"]},
+    }
+    simulated = {"hardware": {**told, "simulated": {"period_s": 1.0 / rate_hz}}}
+    file = _written(opening.folder, "plant.yaml", merged(opening.real, simulated))
+    module = "services.hardware.peers.ros2"
+    arm = opening.start("ros2_control", "peer:", module, "--cell", file)
+    opening.start("ros2_cameras", "peer:", module, "--cell", file, "--devices", "camera")
+    return Plant(merged(opening.base, {"hardware": told}), arm, opening.real)
 
 
 def needs_private_network(way: Way) -> bool:

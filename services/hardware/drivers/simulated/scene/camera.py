@@ -124,6 +124,7 @@ class SimulatedScene:
             self._arm_names.append(f"arm_{index}")
             self._add(f"arm_{index}", mesh)
         self._board = board
+        self.pose_base_board: Pose | None = None  # None: clamped to the flange
         if board is not None:
             self._add("board", board.mesh())
         self._add("cameras", bodies.camera_mesh(self.rig))
@@ -243,7 +244,8 @@ class SimulatedScene:
         if joints_rad is not None:
             places |= zip(self._arm_names, bodies.arm_poses(self.arm, joints_rad, self.pose_flange_peg), strict=True)
             if self._board is not None:
-                places["board"] = self.arm.pose_base_flange(joints_rad) @ self._board.pose_flange_board
+                on_flange = self.arm.pose_base_flange(joints_rad) @ self._board.pose_flange_board
+                places["board"] = on_flange if self.pose_base_board is None else self.pose_base_board
         for name, pose in places.items():
             self._place(name, pose)
 

@@ -10,11 +10,12 @@ import numpy as np
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, SceneFaults
 from crosspih_common.messages.base import PoseData
 from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.scene.board import ShownBoard
-from services.hardware.drivers.simulated.scene.camera import SensorQuality, SimulatedScene
+from services.hardware.drivers.simulated.scene.camera import PARKED, SensorQuality, SimulatedScene
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
 from services.hardware.drivers.simulated.truth import true_camera, true_hole, true_peg, true_right_camera
@@ -57,6 +58,15 @@ class SimulatedStereoCamera:
         self._rng = np.random.default_rng(0)
         self._look = self._drawn()
         self._faults = Faults()
+        self._pose_base_board: Pose | None = None
+
+    def arm_stands_at(self, joints_rad: Array) -> None:
+        """For cameras whose arm is another process's: its joints (n,)."""
+        self._world.joints_rad = joints_rad
+
+    def board_at(self, pose_base_board: Pose | None, there: bool = True) -> None:
+        """Where somebody holds the board; None: clamped to the flange. `there` false: it was put away."""
+        self._pose_base_board = pose_base_board if there else PARKED
 
     def start(self, pose_base_hole: Pose, rng: np.random.Generator, scene: SceneFaults | None = None) -> None:
         """A new trial: another hole, light and noise; `scene` is what is wrong in front of the cameras."""
@@ -85,6 +95,7 @@ class SimulatedStereoCamera:
         exposure_s = self._config.exposure_s * exposure_scale
         if self._scene is None:
             self._scene = self._make()
+        self._scene.pose_base_board = self._pose_base_board
         left, right = self._scene.render_stereo(
             self._pose_base_hole,
             self._world.joints_rad,

@@ -1,0 +1,268 @@
+"""`crosspih bench day`: docs/hardware/in-a-day.md, walked by its own words before devices that only speak protocols.
+
+The page's commands are run as they stand there, each a process; what it says to add to the cell's file is added. What a
+person does beside is done here: the board is held, clamped and put away, Enter is pressed.
+"""
+
+from __future__ import annotations
+
+import glob
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+import deploy
+from crosspih_common.config import load_cell
+from crosspih_common.errors import ConfigError, CrosspihError, NoService
+from crosspih_common.geometry import Pose
+from crosspih_common.keys import ASSEMBLE
+from crosspih_common.recording.reader import read_recording
+from services.operator.bench.conditions import merged
+from services.operator.bench.options import AsJson, told
+from services.operator.bench.protocols.addresses import private_network
+from services.operator.bench.protocols.board import put_board
+from services.operator.bench.protocols.hidden import cameras_of
+from services.operator.bench.protocols.page import Step, steps_of
+from services.operator.bench.protocols.plants import ADDRESSES, HERE, Plant, Way, open_plant
+from services.operator.bench.protocols.practise import HOLE_SEED
+from services.operator.bench.protocols.scoring_day import Found, camera_rows, tool_rows
+from services.operator.locate.calibration_file import Reading, read_calibration
+from services.operator.scoring import TrialFigures, score
+
+ROOT = Path(deploy.__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "hardware" / "in-a-day.md"
+BEFORE = "as-begun.yaml"
+PAIRS_BY_HAND, DEFAULTS = 20, 40
+LEFT_OUT = {  # and why
+    ("crosspih", "calibrate", "refine"): "wants some ten assemblies",
+    ("crosspih", "bench", "assembly"): "wants an hour",
+}
+BOARD = {("calibrate", "stereo"): "hand", ("calibrate", "hand-eye"): "flange"}
+LINES, TRIES = 3, 3
+MAY_FAIL = ("cell", "doctor", "assemble")  # the walk goes on, and its status is 1
+
+
+@dataclass(slots=True)
+class Walked:
+    """What was done and how it ended; `status` None: it was left out."""
+
+    section: int
+    text: str
+    status: int | None
+    wall_s: float
+    said: str
+
+
+@dataclass(slots=True, eq=False)
+class Walk:
+    """One walk: where it is, which cell's file holds, what was done."""
+
+    plant: Plant
+    folder: Path
+    console: Console
+    environment: dict[str, str] = field(default_factory=dict)
+    done: list[Walked] = field(default_factory=list)
+    assemblies: list[TrialFigures] = field(default_factory=list)
+
+    @property
+    def cell(self) -> Path:
+        """The cell's file that holds now."""
+        return self.folder / self.environment.get("CROSSPIH_CELL", "lab.yaml")
+
+    def take(self, step: Step) -> None:
+        """Do one."""
+        began_s = time.monotonic()
+        if step.kind == "export":
+            self.environment[step.words[0]] = step.words[1]
+            return
+        status: int | None = 0
+        said = ""
+        if step.kind == "file":
+            assert step.lines is not None
+            self.add(step.lines)
+        else:
+            status, said = self.command(step.words)
+            again = TRIES if step.words[1:2] == ("calibrate",) else 1
+            while status and (again := again - 1):  # as somebody would: the machine may have been busy
+                self.told(step, status, time.monotonic() - began_s, said)
+                began_s = time.monotonic()
+                status, said = self.command(step.words)
+        self.told(step, status, time.monotonic() - began_s, said)
+        if status and step.words[1] not in MAY_FAIL:
+            raise CrosspihError(f"section {step.section}: `{step.text}` failed; the page says not to go on")
+
+    def told(self, step: Step, status: int | None, wall_s: float, said: str) -> None:
+        """Keep and print how it ended."""
+        self.done.append(Walked(step.section, step.text, status, wall_s, said))
+        verdict = "left out" if status is None else "done" if status == 0 else f"status {status}"
+        colour = "yellow" if status is None else "green" if status == 0 else "red"
+        self.console.print(f"{step.section}. {step.text}", highlight=False, markup=False, soft_wrap=True)
+        self.console.print(f"   {verdict}, {self.done[-1].wall_s:.0f} s", style=colour, highlight=False)
+        for line in said.splitlines():
+            self.console.print(f"   {line}", style="dim", highlight=False, markup=False, soft_wrap=True)
+
+    def add(self, lines: dict[str, Any]) -> None:
+        """Lines into the cell's file, as somebody adds them in an editor."""
+        content = merged(yaml.safe_load(self.cell.read_text(encoding="utf-8")), lines)
+        self.cell.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+    def command(self, words: tuple[str, ...]) -> tuple[int | None, str]:
+        """Its status and its last words."""
+        for beginning, why in LEFT_OUT.items():
+            if words[: len(beginning)] == beginning:
+                return None, why
+        if words[0] != "crosspih":
+            return None, "of the machine, not of the cell"
+        where = next((where for name, where in BOARD.items() if words[1:3] == name), None)
+        if where is not None and not put_board(where):
+            raise NoService("the cameras' other end does not answer")
+        typed = "\n" * DEFAULTS if words[1:3] == ("cell", "init") else ""
+        if "--by-hand" in words:
+            typed = "\n" * PAIRS_BY_HAND + "q\n"
+        status, said = self.run(words[1:], typed)
+        if where is not None:
+            put_board("away")
+        if words[1:3] == ("cell", "init") and status == 0:
+            self.environment["CROSSPIH_CELL"] = words[3]
+            self.add({"hardware": HERE, "recorder": {"directory": str(self.folder / "recordings")}})
+        if words[1] == "assemble":
+            self.judge()
+        return status, said
+
+    def run(self, words: tuple[str, ...], typed: str = "") -> tuple[int, str]:
+        """`crosspih WORDS` in the folder, its output kept."""
+        expanded = [one for word in words for one in self.expanded(word)]
+        logs = self.folder / "logs"
+        logs.mkdir(exist_ok=True)
+        log = logs / f"{len(self.done):02d}-{'-'.join(words[:2])}.txt"
+        path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("CROSSPIH_")}
+        environment = {**kept, "PYTHONPATH": path, "CROSSPIH_RUN_DIR": "run", "COLUMNS": "150", **self.environment}
+        with log.open("w", encoding="utf-8") as output:
+            child = subprocess.run(
+                [sys.executable, "-m", "services.operator", *expanded], cwd=self.folder, env=environment, text=True,
+                input=typed, stdout=output, stderr=subprocess.STDOUT, check=False,
+            )  # fmt: skip
+        text = log.read_text(encoding="utf-8")
+        return child.returncode, "\n".join(line for line in text.splitlines()[-LINES:] if line.strip())
+
+    def expanded(self, word: str) -> list[str]:
+        """As a shell does."""
+        if "*" not in word:
+            return [word]
+        found = sorted(glob.glob(word, root_dir=self.folder))
+        return found or [word]
+
+    def judge(self) -> None:
+        """The newest recording's assembly against the truth."""
+        newest = max((self.folder / "recordings").glob("*.mcap"), key=lambda file: file.stat().st_mtime, default=None)
+        result = None if newest is None else read_recording(newest, [ASSEMBLE.reply_echo]).last(ASSEMBLE.reply_echo)
+        if result is not None:
+            workcell = load_cell(self.cell).workcell
+            figures = score(workcell, result, self.plant.truth(), wall_s=0.0, recording=str(newest))
+            self.assemblies.append(figures)
+
+    def found(self) -> list[Found]:
+        """What the calibrations found, as far as there are any."""
+        begun = load_cell(self.folder / BEFORE).workcell
+        before, rows = cameras_of(begun.camera), []
+        after = next((self.folder / name for name in ("cameras.yaml", "lenses.yaml") if (self.folder / name).exists()),
+                     None)  # fmt: skip
+        if after is not None:
+            reading = Reading(pose_base_camera=Pose.from_matrix(before.pose_base_camera.pose().matrix()))
+            rows += camera_rows(before, read_calibration([after], reading), self.plant.behind)
+        return rows + tool_rows(begun, load_cell(self.cell).workcell, self.plant.behind)
+
+
+def table_of(walk: Walk, found: list[Found]) -> list[Table]:
+    """What was found, and how the assemblies ended."""
+    table = Table(title="what the calibrations found of what was hidden")
+    for heading in ("", "off before", "off now", ""):
+        table.add_column(heading, justify="left" if not heading else "right")
+    for row in found:
+        table.add_row(row.what, f"{row.before:.3f}", f"{row.after:.3f}", row.unit)
+    ended = Table(title="assemblies")
+    for heading in ("strategy", "ended", "motion, s", "peak, N", "vision, mm", "T2, mm", "T2, °"):
+        ended.add_column(heading, justify="right")
+    for one in walk.assemblies:
+        numbers = [
+            "" if value is None else f"{value:.{digits}f}"
+            for value, digits in (
+                (one.motion_s, 1), (one.peak_force_n, 1), (one.vision_error_mm, 3), (one.final_error_mm, 3),
+                (one.final_error_deg, 3),
+            )
+        ]  # fmt: skip
+        ended.add_row(one.strategy, "inserted" if one.inserted else str(one.failure), *numbers)
+    return [table, ended]
+
+
+def day(
+    folder: Annotated[Path, typer.Argument(help="Where it is walked: the cell's files, recordings, logs.")],
+    hidden: Annotated[int, typer.Option(min=0, help="Draws what the cell hides from its file.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Draws where the hole is.")] = HOLE_SEED,
+    first: Annotated[int, typer.Option(min=1, max=9, help="Section to begin with, in a folder of before.")] = 1,
+    last: Annotated[int, typer.Option(min=1, max=9, help="Section to end with.")] = 9,
+    page: Annotated[Path, typer.Option(help="What is walked.")] = PAGE,
+    as_json: AsJson = False,
+) -> None:
+    """Walk docs/hardware/in-a-day.md by its own words, before a UR5e, an ATI sensor and two cameras that are other
+    ends of their protocols: each command, what each calibration found of what the cell hides, and whether the peg went
+    in. Status 1 where a command failed or a peg was not inserted."""
+    console = Console(stderr=True)
+    with told(console):
+        try:
+            steps = steps_of(page.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ConfigError(f"--page {page}: cannot be read ({error.strerror})") from None
+        if first == 1 and folder.exists() and any(folder.iterdir()):
+            raise ConfigError(f"{folder} is not empty; name another, or --first with a section above 1")
+        folder.mkdir(parents=True, exist_ok=True)
+        private_network(ADDRESSES)
+        with (
+            tempfile.TemporaryDirectory(prefix="crosspih-day-") as logs,
+            open_plant(Way.UR, seed, Path(logs), hidden) as plant,
+        ):
+            walk = Walk(plant, folder.resolve(), console)
+            try:
+                _walk(walk, steps, first, last)
+            except CrosspihError as error:
+                console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+            finally:
+                walk.run(("down",))
+            found = walk.found()
+        if as_json:
+            print(json.dumps({
+                "hidden": hidden, "seed": seed, "steps": [asdict(one) for one in walk.done],
+                "found": [one.as_json() for one in found],
+                "assemblies": [one.model_dump(mode="json") for one in walk.assemblies],
+            }))  # fmt: skip
+        else:
+            for table in table_of(walk, found):
+                Console(width=110).print(table)
+        if any(one.status for one in walk.done) or not all(one.inserted for one in walk.assemblies):
+            raise typer.Exit(1)
+
+
+def _walk(walk: Walk, steps: list[Step], first: int, last: int) -> None:
+    for step in steps:
+        if step.section > last:
+            break
+        if step.section >= first:
+            if step.section == 3 and not (walk.folder / BEFORE).exists():
+                (walk.folder / BEFORE).write_text(walk.cell.read_text(encoding="utf-8"), encoding="utf-8")
+            walk.take(step)
+        elif step.kind == "export":
+            walk.take(step)
+    if not (walk.folder / BEFORE).exists():
+        (walk.folder / BEFORE).write_text(walk.cell.read_text(encoding="utf-8"), encoding="utf-8")
