@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,8 @@ _NO_OUTLINE = {
     "POINT": "a point", "VIEWPORT": "a viewport", "ACAD_TABLE": "a table",
 }  # fmt: skip
 _DEEPEST = 16
-_MOST_ENTITIES = 60_000
+_MOST_ENTITIES = 10_000
+_MOST_POLES = 5_000
 EXTRA = "install it with `pip install 'crosspih[shapes]'`"
 
 
@@ -75,9 +77,13 @@ def _look_at_size(path: Path) -> None:
     if path.stat().st_size > MOST_BYTES:
         raise DrawingRefused(f"has more than {MOST_BYTES // 1_000_000} MB; simplify the drawing")
     content = path.read_bytes()
-    entities = sum(content.count(b"\n" + name + end) for name in (b"LINE", b"ARC", b"INSERT") for end in (b"\n", b"\r\n"))
+    # a group of code 0 begins each entity, and each vertex of an old polyline
+    entities = len(re.findall(rb"\n[ \t]*0\r?\n", content))
     if entities > _MOST_ENTITIES:
-        raise DrawingRefused(f"holds more than {_MOST_ENTITIES} lines and arcs; simplify the drawing")
+        raise DrawingRefused(
+            f"holds {entities} entities and vertices, more than {_MOST_ENTITIES}; leave the peg's outline alone, or make "
+            f"it one LWPOLYLINE"
+        )
 
 
 class _Walk:
@@ -168,8 +174,12 @@ class _Walk:
         if kind == "POLYLINE" and entity.dxf.get("flags", 0) & 4:
             raise DrawingRefused(f"{name} is a spline fitted to a polyline; make it a SPLINE, or explode it")
         fine = self._fine(block)
+        if kind == "SPLINE" and len(entity.control_points) + len(entity.fit_points) > _MOST_POLES:
+            raise DrawingRefused(f"{name} has more than {_MOST_POLES} points; simplify it")
         try:
-            if kind in ("ARC", "CIRCLE", "ELLIPSE", "SPLINE"):
+            if kind == "LWPOLYLINE" and not entity.has_arc:
+                points = _straight(entity)
+            elif kind in ("ARC", "CIRCLE", "ELLIPSE", "SPLINE"):
                 points = [tuple(vertex) for vertex in entity.flattening(fine)]
             elif kind in ("LWPOLYLINE", "POLYLINE") and entity.has_arc:
                 points = _with_arcs(entity, fine)
@@ -211,6 +221,17 @@ class _Walk:
         if float(np.ptp(points[:, 2])) > JOINED_M:
             raise DrawingRefused(f"{name} leaves the plane of the drawing; draw the outline flat, in x and y")
         return np.asarray(points[:, :2])
+
+
+def _straight(entity: Any) -> list[tuple[float, ...]]:
+    """The vertices (n, 3) of a polyline without bulges; of a closed one the first again."""
+    flat = np.array(entity.lwpoints.values, dtype=float).reshape(-1, 5)[:, :2]
+    if entity.closed and len(flat):
+        flat = np.vstack([flat, flat[:1]])
+    vertices = np.column_stack([flat, np.full(len(flat), float(entity.dxf.elevation))])
+    if tuple(entity.dxf.extrusion) != (0.0, 0.0, 1.0):
+        return [tuple(vertex) for vertex in entity.ocs().points_to_wcs(vertices.tolist())]
+    return [tuple(row) for row in vertices.tolist()]
 
 
 def _with_arcs(entity: Any, fine: float) -> list[tuple[float, ...]]:
