@@ -162,8 +162,8 @@ def _peg(drawing: PegDrawing) -> Peg:
     outline = _outline(drawing)
     if outline.inner_radius_m < LEAST_INNER_RADIUS_M:
         raise ValueError(
-            f"outline {outline.name}: its nearest wall is {outline.inner_radius_m * 1e3:.3f} mm from the axis, a peg wants "
-            f"{LEAST_INNER_RADIUS_M * 1e3:g} mm or more; draw it larger, or mend the drawing's unit"
+            f"outline {outline.name}: its nearest wall is {outline.inner_radius_m * 1e3:.3f} mm from the axis, a "
+            f"peg wants {LEAST_INNER_RADIUS_M * 1e3:g} mm or more; draw it larger, or mend the drawing's unit"
         )
     scale = drawing.tip_scale
     if scale is None:

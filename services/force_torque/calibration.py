@@ -77,7 +77,8 @@ class CalibrationLimits:
     """What a calibration must keep to.
 
     `down_base` (3,) is the way things fall in the base frame, of any length, and `tilt_rad` how far from it the weight
-    may point; range_n and range_nm what the sensor can read. Less than `least_weight_n` is no weight; a sensor turned by more than `turn_rad` is turned.
+    may point; range_n and range_nm what the sensor can read. Less than `least_weight_n` is no weight; a sensor turned
+    by more than `turn_rad` is turned.
     `weighed_n`: the weight by scales, where it is known, to be met within `weighed_share`.
     """
 

@@ -84,8 +84,8 @@ class CalibrationFile(BaseModel):
         for another peg."""
         if peg is not None and self.peg is not None and not is_same_peg(self.peg.model_dump(), peg):
             raise CalibrationFileError(
-                f"it was made with another peg ({self.peg.outline!r}, by its contour not the {peg.outline.name!r} of this "
-                "cell), which weighs something else; calibrate the sensor again (`crosspih calibrate ft`)"
+                f"it was made with another peg ({self.peg.outline!r}, by its contour not the {peg.outline.name!r} of "
+                "this cell), which weighs something else; calibrate the sensor again (`crosspih calibrate ft`)"
             )
         mounting = SensorMounting() if mounting is None else mounting
         made_with = np.eye(6) if self.peg_of_raw is None else np.reshape(self.peg_of_raw, (6, 6))
@@ -111,8 +111,8 @@ def calibration_file(
 ) -> CalibrationFile:
     """The file's content; `calibrated_at` is ISO 8601 with a time zone, passed in because the core reads no clock.
 
-    `mounting` is how the readings came from raw numbers, `down_base` (3,) what the tilt is told against, `readings` those
-    that the calibration rests on, and `peg` what hung on the sensor.
+    `mounting` is how the readings came from raw numbers, `down_base` (3,) what the tilt is told against, `readings`
+    those that the calibration rests on, and `peg` what hung on the sensor.
 
     Raises `CalibrationFileError` naming the field that does not fit.
     """

@@ -49,8 +49,8 @@ def stuck(values: Array, channels: Channels) -> str | None:
     for axis, name in enumerate(channels.names):
         if spread[axis] == 0.0 and np.max(spread) > channels.limit:
             return (
-                f"{name} is {values[0, axis]:.4g} {channels.unit} in all poses while the other channels follow the load: "
-                "this channel is stuck; see the sensor's cable and its driver"
+                f"{name} is {values[0, axis]:.4g} {channels.unit} in all poses while the other channels follow the "
+                "load: this channel is stuck; see the sensor's cable and its driver"
             )
     return None
 
@@ -75,9 +75,9 @@ def clipped(design: Array, values: Array, channels: Channels) -> str | None:
             if np.min(beyond) > max(0.1 * channels.limit, 5.0 * after) and after < _BETTER * rms:
                 poses = ", ".join(str(index + 1) for index in np.flatnonzero(at_stop))
                 return (
-                    f"{name} stops at {side * float(np.max(told)):.4g} {channels.unit} in the poses {poses}, where the other "
-                    f"readings want up to {float(np.max(beyond)):.3g} {channels.unit} more: the channel is clipped; see the "
-                    "sensor's range in its driver, and the bias it is set to"
+                    f"{name} stops at {side * float(np.max(told)):.4g} {channels.unit} in the poses {poses}, where "
+                    f"the other readings want up to {float(np.max(beyond)):.3g} {channels.unit} more: the channel is "
+                    "clipped; see the sensor's range in its driver, and the bias it is set to"
                 )
     return None
 
@@ -102,8 +102,8 @@ def drift(design: Array, values: Array, channels: Channels) -> tuple[str, float]
     if abs(moved) < 0.2 * channels.limit or abs(moved) < _SURE * sd[axis] or _rms(left) > _BETTER * rms:
         return None
     said = (
-        f"{channels.names[axis]} drifts by {moved:+.3g} {channels.unit} from the first pose to the last: let the sensor warm "
-        "up, and see its cable; then calibrate again"
+        f"{channels.names[axis]} drifts by {moved:+.3g} {channels.unit} from the first pose to the last: let the sensor "
+        "warm up, and see its cable; then calibrate again"
     )
     return said, abs(moved)
 
@@ -117,8 +117,9 @@ def beyond_noise(residuals: Array, sd: Array | None, channels: Channels) -> str 
     if rms < 0.05 * channels.limit or rms < _NOISY * noise:
         return None
     return (
-        f"the residuals, {rms:.3g} {channels.unit}, are {rms / noise:.0f} times what the readings' noise explains: something "
-        "is loose, touches or pulls (a cable, the peg in its holder), or the sensor is not linear; look before you rely on it"
+        f"the residuals, {rms:.3g} {channels.unit}, are {rms / noise:.0f} times what the readings' noise explains: "
+        "something is loose, touches or pulls (a cable, the peg in its holder), or the sensor is not linear; look before "
+        "you rely on it"
     )
 
 

@@ -158,7 +158,7 @@ def test_a_contour_drawn_six_ways_is_one(
 
     def block(document: Drawing) -> None:
         inner = document.blocks.new("peg", base_point=(1.0, 2.0))
-        inner.add_lwpolyline(points_of(shape, 0.3) + [1.0, 2.0], close=True)
+        inner.add_lwpolyline(points_of(shape, 0.3) + np.array([1.0, 2.0]), close=True)
         document.blocks.new("outer").add_blockref("peg", (0, 0), dxfattribs={"xscale": flip})
         document.modelspace().add_blockref(
             "outer", (shift, 3.0), dxfattribs={"rotation": turn, "xscale": scale / 10, "yscale": scale / 10}

@@ -26,7 +26,7 @@ def changed(given: list[StaticReading], by: Array) -> list[StaticReading]:
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(SEEDS, st.integers(0, 2), st.booleans(), st.floats(0.3, 0.8))
 def test_a_clipped_force_is_named(seed: int, axis: int, upper: bool, share: float) -> None:
-    """A channel's own pose beyond the stop is one; here two, turned about the vertical, are."""
+    """In twelve poses two lie beyond the stop, turned about the vertical against each other."""
     whole = readings(seed, 12.0) + readings(seed + 1, 12.0)
     first, second = whole[:6], whole[6:]
     # one bias for both

@@ -222,7 +222,10 @@ def test_copies_of_a_pose_count_once(start: Callable[[dict[str, Any]], Service])
     [
         (Payload(BIAS, 1000.0 * WEIGHT, CENTROID / 1000.0), r"weight_n: 9\.55e\+03 N .* beyond the sensor's range"),
         (Payload(BIAS, WEIGHT, np.array([0.0, 0.0, 2.0])), r"centroid: 2 m from the sensor"),
-        (Payload(BIAS, WEIGHT, np.array([0.0, 0.0, 0.3])), r"centroid: 300 mm ahead .* by its drawing the peg ends at 80 mm"),
+        (
+            Payload(BIAS, WEIGHT, np.array([0.0, 0.0, 0.3])),
+            r"centroid: 300 mm ahead .* by its drawing the peg ends at 80 mm",
+        ),
         (Payload(BIAS, WEIGHT, np.array([0.2, 0.0, 0.03])), r"by its drawing the peg reaches 28 mm from its axis"),
         (Payload(BIAS, -WEIGHT, CENTROID), r"the weight found points up"),
     ],
@@ -269,9 +272,7 @@ def test_a_slow_sensors_batches_are_filtered_by_their_own_period(start: Callable
         stream.use(Payload(np.zeros(6), np.zeros(3), np.zeros(3)), 0)
         quiet, push = (0.0,) * 6, (0.0, 0.0, 0.9, 0.0, 0.0, 0.0)
         for stamp_ns, sample in ((0, quiet), (4_000_000, push)):
-            batch = RawWrenchBatch(
-                stamp_ns=stamp_ns, period_ns=period_ns, samples=(sample,) * (4_000_000 // period_ns)
-            )
+            batch = RawWrenchBatch(stamp_ns=stamp_ns, period_ns=period_ns, samples=(sample,) * (4_000_000 // period_ns))
             told = stream.take(batch, [home])
         felt.append(told.wrench.wrench[2])
     # 4 ms of a push, in four samples or in one

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from shapely import LinearRing, Polygon
@@ -118,7 +119,7 @@ class Contour:
         inside = inside[(inside > margin) & (inside < span - margin)]
         stops = [0.0, *inside.tolist(), span]
         cut: list[float] = []
-        for first, last in zip(stops[:-1], stops[1:], strict=True):
+        for first, last in pairwise(stops):
             cut += self._cut(start + first, start + last, tolerance_m)
         sector = self._at(np.array(cut))
         return np.vstack([sector @ _turn(2.0 * np.pi * index / order).T for index in range(order)])

@@ -81,8 +81,8 @@ def _look_at_size(path: Path) -> None:
     entities = len(re.findall(rb"\n[ \t]*0\r?\n", content))
     if entities > _MOST_ENTITIES:
         raise DrawingRefused(
-            f"holds {entities} entities and vertices, more than {_MOST_ENTITIES}; leave the peg's outline alone, or make "
-            f"it one LWPOLYLINE"
+            f"holds {entities} entities and vertices, more than {_MOST_ENTITIES}; leave the peg's outline alone, or "
+            f"make it one LWPOLYLINE"
         )
 
 
@@ -242,7 +242,9 @@ def _with_arcs(entity: Any, fine: float) -> list[tuple[float, ...]]:
             piece = [tuple(part.dxf.start), tuple(part.dxf.end)]
         else:
             piece = [tuple(vertex) for vertex in part.flattening(fine)]
-        if points and np.hypot(*np.subtract(piece[-1], points[-1])[:2]) < np.hypot(*np.subtract(piece[0], points[-1])[:2]):
+        if points and np.hypot(*np.subtract(piece[-1], points[-1])[:2]) < np.hypot(
+            *np.subtract(piece[0], points[-1])[:2]
+        ):
             piece.reverse()
         elif not points:
             start = tuple(next(iter(entity.vertices_in_wcs()))) if hasattr(entity, "vertices_in_wcs") else piece[0]

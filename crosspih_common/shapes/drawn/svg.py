@@ -87,7 +87,9 @@ class _Walk:
         name = self._name(element, tag) + place.inside
         self._sheet.count(name)
         if place.depth > _DEEPEST:
-            raise DrawingRefused(f"{name} lies more than {_DEEPEST} elements deep; draw the outline without so many groups")
+            raise DrawingRefused(
+                f"{name} lies more than {_DEEPEST} elements deep; draw the outline without so many groups"
+            )
         if tag.lower() in _WRITTEN:
             self._sheet.left_out.append(f"{name}: a text")
             return
@@ -102,7 +104,9 @@ class _Walk:
             self._use(element, name, inner)
         else:
             if tag == "svg":
-                size = tuple(self._length(element, name, key, inner, axis, 0.0) for key, axis in (("x", "x"), ("y", "y")))
+                size = tuple(
+                    self._length(element, name, key, inner, axis, 0.0) for key, axis in (("x", "x"), ("y", "y"))
+                )
                 moved = replace(inner, matrix=inner.matrix @ shifted(*size))
                 inner = self._viewport(element, element, name, moved)
             for child in element:
@@ -112,7 +116,9 @@ class _Walk:
         """The place within an element; None where nothing in it is seen."""
         for attribute in ("transform-origin", "requiredFeatures", "requiredExtensions", "systemLanguage"):
             if element.get(attribute) is not None:
-                raise DrawingRefused(f"{name}: {attribute} is not understood; remove it, or apply it in the drawing program")
+                raise DrawingRefused(
+                    f"{name}: {attribute} is not understood; remove it, or apply it in the drawing program"
+                )
         style = style_of(name, tag, element, self._document.rules, place.style)
         if style["display"] == "none":
             self._sheet.left_out.append(f"{name}: display: none")
@@ -138,9 +144,7 @@ class _Walk:
         said = element.get("id")
         return f"{tag} {said!r}" if said else f"{tag} number {self._shapes}" if tag in SHAPES else tag
 
-    def _length(
-        self, element: Element, name: str, key: str, place: _Place, axis: str, default: float
-    ) -> float:
+    def _length(self, element: Element, name: str, key: str, place: _Place, axis: str, default: float) -> float:
         return user_units(name, key, element.get(key), default, place.viewport, axis)
 
     def _shape(self, element: Element, tag: str, name: str, place: _Place) -> None:
@@ -199,7 +203,9 @@ class _Walk:
             if not region.intersects(closed if closed.is_valid else line):
                 self._sheet.left_out.append(f"{name}: outside of {clip}")
                 return False
-            raise DrawingRefused(f"{name}: {clip} cuts part of it off; cut the shape itself, or remove the {clip.split()[0]}")
+            raise DrawingRefused(
+                f"{name}: {clip} cuts part of it off; cut the shape itself, or remove the {clip.split()[0]}"
+            )
         return True
 
     def _clip(self, said: str, name: str, place: _Place) -> tuple[str, Geometry]:
@@ -225,7 +231,9 @@ class _Walk:
             rings = [points for points in self.curves_of(child, tag, label, own) if len(points) > 3]
             areas += [Polygon(points).buffer(0) for points in rings]
             if len(rings) > 1:
-                raise DrawingRefused(f"{name}: {label} is of several pieces, which is not understood; cut the shape itself")
+                raise DrawingRefused(
+                    f"{name}: {label} is of several pieces, which is not understood; cut the shape itself"
+                )
         return label, union_all(areas)
 
     def _use(self, element: Element, name: str, place: _Place) -> None:
@@ -236,9 +244,7 @@ class _Walk:
         if link in place.used:
             raise DrawingRefused(f"{name} stands for {link}, which stands for itself; draw the outline itself")
         x, y = self._length(element, name, "x", place, "x", 0.0), self._length(element, name, "y", place, "y", 0.0)
-        inner = replace(
-            place, matrix=place.matrix @ shifted(x, y), inside=f" in {name}", used=(*place.used, link)
-        )
+        inner = replace(place, matrix=place.matrix @ shifted(x, y), inside=f" in {name}", used=(*place.used, link))
         tag = local_name(target)
         if tag == "symbol":
             label = f"symbol {link[1:]!r} in {name}"

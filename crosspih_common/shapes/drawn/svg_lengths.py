@@ -70,7 +70,9 @@ def matrix_of(entity: str, said: str | None) -> Array:
         values = None if call is None else numbers(call[2])
         one = None if call is None or values is None else _one(call[1], values)
         if call is None or one is None or not np.all(np.isfinite(one)):
-            raise DrawingRefused(f"{entity}: transform {rest[:40]!r} is not understood; apply it in the drawing program")
+            raise DrawingRefused(
+                f"{entity}: transform {rest[:40]!r} is not understood; apply it in the drawing program"
+            )
         result, rest = result @ one, rest[call.end() :].lstrip(", \t\r\n")
     if abs(np.linalg.det(result)) < 1e-12:
         raise DrawingRefused(f"{entity}: transform {said!r} leaves nothing of it; remove it or mend the transform")
@@ -114,7 +116,9 @@ def view_box(entity: str, said: str | None) -> tuple[float, float, float, float]
     return values[0], values[1], values[2], values[3]
 
 
-def fitted(entity: str, box: tuple[float, float, float, float], width: float, height: float, ratio: str | None) -> Array:
+def fitted(
+    entity: str, box: tuple[float, float, float, float], width: float, height: float, ratio: str | None
+) -> Array:
     """(3, 3): a viewBox into a viewport of a width and a height, as preserveAspectRatio says."""
     words = (ratio or "xMidYMid meet").split()
     align = words[0] if words else ""

@@ -74,7 +74,9 @@ def _commands(data: str) -> Iterator[tuple[str, Array]]:
         values = _arc_numbers(text) if kind == "A" else numbers(text)
         wanted = _COUNT[kind]
         if values is None or (len(values) % wanted if wanted else values) or (wanted and not values):
-            raise DrawingRefused(f"path data {name}{text.rstrip()[:30]} is not understood; {name} wants {wanted} numbers")
+            raise DrawingRefused(
+                f"path data {name}{text.rstrip()[:30]} is not understood; {name} wants {wanted} numbers"
+            )
         rows = np.array(values, dtype=float).reshape(-1, max(wanted, 1))
         if not np.all(np.isfinite(rows)):
             raise DrawingRefused(f"path data {name}{text.rstrip()[:30]} has a number beyond all measure")

@@ -120,7 +120,9 @@ def style_of(entity: str, tag: str, element: Element, rules: list[Rule], above: 
         if low == "inherit":
             result[name] = above.get(name, _DEFAULTS.get(name, "none"))
         elif low in ("initial", "unset", "revert"):
-            result[name] = above.get(name, "") if low != "initial" and name in INHERITED else _DEFAULTS.get(name, "none")
+            result[name] = (
+                above.get(name, "") if low != "initial" and name in INHERITED else _DEFAULTS.get(name, "none")
+            )
         else:
             result[name] = value if value.startswith("url(") else low
     return result

@@ -177,7 +177,7 @@ class ArmController:
                 and motion.observed_travel_m is not None
                 and motion.observed_joints_rad is not None
             ):
-                mean, sd = _mean(motion.observed_raw)
+                mean, sd = mean_and_sd(motion.observed_raw)
                 found["pose_base_peg_observed"] = PoseData.of(path.pose_at(motion.observed_travel_m))
                 found["joints_observed_rad"] = floats(motion.observed_joints_rad)
                 found["wrench_observed_raw"], found["wrench_observed_sd"] = floats(mean), floats(sd)

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.config import CameraSection, load_cell
+from crosspih_common.config.cell import content_alone
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import LOCATE
 from crosspih_common.messages import LocateHole, ResetCell

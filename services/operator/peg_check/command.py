@@ -74,7 +74,9 @@ def _table(checked: Checked) -> Table:
     if checked.peg is not None:
         outline = checked.peg.outline
         rows.append(("the peg's polygon", f"{len(outline.corners_m)} corners, {outline.area_m2 * 1e6:.3f} mm²"))
-        rows.append(("nearest and farthest wall", f"{outline.inner_radius_m * 1e3:.3f} and {outline.radius_m * 1e3:.3f} mm"))
+        rows.append(
+            ("nearest and farthest wall", f"{outline.inner_radius_m * 1e3:.3f} and {outline.radius_m * 1e3:.3f} mm")
+        )
     rows += [("left out" if index == 0 else "", name) for index, name in enumerate(report.left_out or ["nothing"])]
     for name, value in rows:
         table.add_row(name, escape(value))
@@ -100,7 +102,9 @@ def _picture(checked: Checked, out: Path) -> None:
         corners = _closed(checked.peg.outline.corners_m)
         # the polygon is about the peg's axis, the contour about its centroid
         shift = corners[:, :2].min(axis=0) - _closed(_chords(checked)).min(axis=0)
-        axes.plot(*corners.T, "o-", color="tab:red", lw=0.8, ms=2.5, label=f"the peg's polygon, {len(corners) - 1} corners")
+        axes.plot(
+            *corners.T, "o-", color="tab:red", lw=0.8, ms=2.5, label=f"the peg's polygon, {len(corners) - 1} corners"
+        )
         axes.plot([0.0], [0.0], "+", color="black", ms=14, label="the peg's axis")
     axes.fill(*(contour + shift).T, color="tab:blue", alpha=0.25, label="the contour as read")
     report = checked.report
