@@ -102,8 +102,8 @@ def drift(design: Array, values: Array, channels: Channels) -> tuple[str, float]
     if abs(moved) < 0.2 * channels.limit or abs(moved) < _SURE * sd[axis] or _rms(left) > _BETTER * rms:
         return None
     said = (
-        f"{channels.names[axis]} drifts by {moved:+.3g} {channels.unit} from the first pose to the last: let the sensor "
-        "warm up, and see its cable; then calibrate again"
+        f"{channels.names[axis]} drifts by {moved:+.3g} {channels.unit} from the first pose to the last: let the "
+        "sensor warm up, and see its cable; then calibrate again"
     )
     return said, abs(moved)
 
@@ -118,8 +118,8 @@ def beyond_noise(residuals: Array, sd: Array | None, channels: Channels) -> str 
         return None
     return (
         f"the residuals, {rms:.3g} {channels.unit}, are {rms / noise:.0f} times what the readings' noise explains: "
-        "something is loose, touches or pulls (a cable, the peg in its holder), or the sensor is not linear; look before "
-        "you rely on it"
+        "something is loose, touches or pulls (a cable, the peg in its holder), or the sensor is not linear; look "
+        "before you rely on it"
     )
 
 
