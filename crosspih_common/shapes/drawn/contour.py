@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import LinearRing, Polygon
 from shapely import points as shapely_points
 from shapely.validation import explain_validity
@@ -92,7 +93,7 @@ class Contour:
         if len(self._anchors(ROUND_M)) > MOST_ANCHORS:
             return 1
         ring = LinearRing(self.points_m)
-        curved = ~self._straight(ROUND_M)
+        curved = np.logical_not(self._straight(ROUND_M))
         chords_m = float(np.max(self._turns.sagitta_m[curved], initial=0.0))
         starts = self._at(np.linspace(0.0, self._length_m, SAMPLES, endpoint=False))
         samples = np.vstack([starts, self.points_m[self._anchors(ROUND_M)]])
@@ -109,7 +110,7 @@ class Contour:
             return _round(self.round_radius_m, tolerance_m)
         anchors = self._anchors(tolerance_m)
         if len(anchors) > MOST_ANCHORS:
-            return self.points_m[anchors]
+            return np.asarray(self.points_m[anchors])
         places = self._places[anchors] if len(anchors) else self._places[:-1]
         start = float(places[self._farthest(anchors if len(anchors) else np.arange(len(self.points_m)))])
         order = max(self.symmetry, 1)
@@ -152,7 +153,7 @@ class Contour:
             return self.points_m[np.searchsorted(self._places, first - self._length_m) : wrapped]
         return np.vstack([self.points_m[low:], self.points_m[:wrapped]])
 
-    def _farthest(self, among: Array) -> int:
+    def _farthest(self, among: NDArray[np.intp]) -> int:
         """Which of some points is farthest from the centroid; of equals the first counter-clockwise from +x."""
         points = self.points_m[among]
         radii = np.hypot(*points.T)
@@ -186,13 +187,13 @@ class Contour:
         least = np.minimum(np.abs(turn), np.abs(np.roll(turn, -1)))
         return _Turns(turn, length, length / 2.0 * np.tan(least / 4.0))
 
-    def _straight(self, tolerance_m: float) -> Array:
+    def _straight(self, tolerance_m: float) -> NDArray[np.bool_]:
         """(n,) bool: the sides that are drawn as such, not as chords of a curve."""
         length = self._turns.side_m
         alone = (length > LEAST_SIDE_M) & (length > ALONE * np.maximum(np.roll(length, 1), np.roll(length, -1)))
-        return (self._turns.sagitta_m > CHORD_SHARE * tolerance_m) | alone
+        return np.asarray((self._turns.sagitta_m > CHORD_SHARE * tolerance_m) | alone, dtype=np.bool_)
 
-    def _anchors(self, tolerance_m: float) -> Array:
+    def _anchors(self, tolerance_m: float) -> NDArray[np.intp]:
         """The indices of the points that every polygon keeps: ends of straight sides, and corners between curves."""
         straight = self._straight(tolerance_m)
         turn = np.abs(self._turns.turn_rad)

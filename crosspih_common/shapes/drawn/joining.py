@@ -95,7 +95,8 @@ def _fork(sheet: Sheet, three: list[Curve], place_m: Array) -> str:
 def _gap(sheet: Sheet, chains: list[_Chain]) -> str:
     """The gap that is the likeliest to be meant closed: the narrowest."""
     ends = np.array([chain.points_m[[0, -1]] for chain in chains]).reshape(-1, 2)
-    distances, nearest = cKDTree(ends).query(ends, k=2)
+    found = cKDTree(ends).query(ends, k=2)
+    distances, nearest = np.asarray(found[0]), np.asarray(found[1])
     # where two ends coincide, the nearest of one may be itself or the other
     other_of = np.where(nearest[:, 0] == np.arange(len(ends)), nearest[:, 1], nearest[:, 0])
     one = int(np.argmin(distances[:, 1]))

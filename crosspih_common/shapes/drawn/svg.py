@@ -195,8 +195,10 @@ class _Walk:
 
     def _kept(self, name: str, points: Array, place: _Place) -> bool:
         """Whether nothing of the curve is cut off, or all of it (then it is left out)."""
-        line = LineString(points) if len(points) > 1 else None
-        for clip, region in place.clips if line is not None else ():
+        if len(points) < 2:
+            return True
+        line = LineString(points)
+        for clip, region in place.clips:
             if region.buffer(_CLIP_SLACK_MM).covers(line):
                 continue
             closed = Polygon(points) if len(points) > 3 else line

@@ -27,10 +27,7 @@ class Document:
 
 def local_name(element: Element) -> str | None:
     """The element's name where it is SVG's; None for the editors' own."""
-    tag = element.tag
-    if not isinstance(tag, str):
-        return None
-    space, brace, name = tag.rpartition("}")
+    space, brace, name = element.tag.rpartition("}")
     return name if not brace or space == "{" + SVG else None
 
 

@@ -28,8 +28,8 @@ class Viewport:
 
     def of(self, axis: str) -> float:
         """The reference of a percentage along x, y, or of a radius."""
-        both = float(np.hypot(self.width, self.height)) / np.sqrt(2.0)
-        return {"x": self.width, "y": self.height}.get(axis, both)
+        both = float(np.hypot(self.width, self.height) / np.sqrt(2.0))
+        return self.width if axis == "x" else self.height if axis == "y" else both
 
 
 def physical_mm(name: str, said: str | None) -> float:
