@@ -122,7 +122,7 @@ def _figures(seed: int, inserted: bool, strategy: Strategy) -> TrialFigures:
         failure=None if inserted else Failure.NOT_CONVERGED,
         backed_off=not inserted,
         pose_base_hole=PoseData.of(HOLE @ Pose.from_translation([0.0, 0.0, seed * 1e-6])),
-        covariance=(1e-10,) * 36,
+        covariance=tuple(np.diag([1e-10] * 6).ravel().tolist()),
         pose_base_peg=None,
         vision_pose_base_hole=None,
         motion_s=5.0,
