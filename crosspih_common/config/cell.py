@@ -73,6 +73,12 @@ def standing_alone(path: Path, content: dict[str, Any]) -> dict[str, Any]:
     return {**content, "cell": with_files_beside(path.resolve(), cell)}
 
 
+def content_alone(cell: CellFile) -> dict[str, Any]:
+    """The content of a cell's file that means the same wherever it is written; what is empty there is a mapping."""
+    content = {name: {} if section is None else section for name, section in (yaml.safe_load(cell.text) or {}).items()}
+    return standing_alone(cell.path, content)
+
+
 def load_cell(path: str | Path) -> CellFile:
     """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
     path = Path(path)

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from crosspih_common.config.section import Section
 from crosspih_common.errors import ConfigError
 from crosspih_common.shapes import CrossPeg, Hole, Outline, Peg
-from crosspih_common.shapes.importing import FILE_SUFFIXES, outline_from_file
+from crosspih_common.shapes.importing import FILE_SUFFIXES, DrawingRead, outline_from_file, read_drawing
 from crosspih_common.shapes.named import NAMED, Sizes, tapered, tip_scale_of
 
 # the shapes' own defaults: the peg that the paper used
@@ -19,6 +19,9 @@ _CROSS = CrossPeg()
 
 CROSS = "cross"
 OUTLINES = (CROSS, *NAMED)
+
+LEAST_INNER_RADIUS_M = 1e-3
+"""A thinner peg would be lost among the clearance, the chamfer and what vision and touch can tell."""
 
 _CROSS_ONLY = ("half_width_m", "half_length_m", "apex_m", "tip_half_width_m")
 _BUT_CROSS = ("taper_start_m", "tip_m", "tip_scale")
@@ -131,11 +134,16 @@ def peg_section(peg: str) -> dict[str, Any]:
     try:
         if Path(peg).suffix.lower() not in FILE_SUFFIXES:
             return {"outline": PegDrawing(outline=peg).outline}
-        outline = outline_from_file(Path(peg))
+        return drawn_section(read_drawing(Path(peg)))
     except ValidationError as error:
         raise ConfigError(f"--peg: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
     except ValueError as error:
         raise ConfigError(f"--peg: {error}") from None
+
+
+def drawn_section(drawing: DrawingRead) -> dict[str, Any]:
+    """The section `cell.peg` with the corners of a drawing that was read. DrawingRefused where it gives no polygon."""
+    outline = drawing.outline()
     corners = [[round(float(value), 9) for value in corner] for corner in outline.corners_m]
     return {"outline": outline.name, "corners_m": corners}
 
@@ -152,6 +160,11 @@ def _peg(drawing: PegDrawing) -> Peg:
             tip_half_width_m=drawing.tip_half_width_m,
         )
     outline = _outline(drawing)
+    if outline.inner_radius_m < LEAST_INNER_RADIUS_M:
+        raise ValueError(
+            f"outline {outline.name}: its nearest wall is {outline.inner_radius_m * 1e3:.3f} mm from the axis, a "
+            f"peg wants {LEAST_INNER_RADIUS_M * 1e3:g} mm or more; draw it larger, or mend the drawing's unit"
+        )
     scale = drawing.tip_scale
     if scale is None:
         scale = tip_scale_of(outline, drawing.taper_slope, drawing.tip_m - drawing.taper_start_m)

@@ -110,12 +110,17 @@ def _separating(
     while sum(part.area for part in polygons(region & opening)) > LEAST_AREA_M2:
         best: tuple[int, int, int] | None = None
         for other in usable:
+            # a line that bounds the region already cuts nothing off, but for rounding all of it
+            if other in chosen:
+                continue
             cut = region & half_plane(_behind(outline, other, 0.0))
+            if cut.area <= LEAST_AREA_M2:
+                continue
             left = sum(part.area for part in polygons(cut & opening))
             rank = (round(left / LEAST_AREA_M2), -round(cut.area / LEAST_AREA_M2), other)
             if best is None or rank < best:
                 best = rank
-        if best is None or best[2] in chosen:
+        if best is None:
             return None
         chosen.append(best[2])
         region = region & half_plane(_behind(outline, best[2], 0.0))

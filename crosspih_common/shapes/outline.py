@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from shapely import Polygon
+from shapely import LinearRing, Polygon
+from shapely import points as shapely_points
 from shapely.validation import explain_validity
 
 from crosspih_common.geometry.pose import Array
@@ -16,6 +17,8 @@ from crosspih_common.shapes.cover import ConvexRegion, cover
 LEAST_EDGE_M = 1e-6
 ROUND_FROM = 24
 """A polygon that comes back onto itself by that small a share of a turn, or a smaller one, counts as round."""
+ROUND_M = 5e-5
+"""So does one that nowhere leaves a circle about the axis by more, however its sides are spread."""
 
 
 @dataclass(frozen=True)
@@ -132,11 +135,22 @@ _AXIS = Polygon([(0.0, 0.0), (1e-9, 0.0), (0.0, 1e-9)]).representative_point()
 
 
 def symmetry_of(corners_m: Array, tolerance_m: float = 1e-5) -> int:
-    """How many turns about the origin bring a polygon (n, 2) onto itself within a tolerance (m); 0 when round."""
+    """How many turns about the origin bring a polygon (n, 2) onto itself within a tolerance (m); 0 when round.
+
+    By its corners where they are spread alike, else by the line that they make.
+    """
     count = len(corners_m)
     points = corners_m[:, 0] + 1j * corners_m[:, 1]
     for order in sorted((k for k in range(2, count + 1) if count % k == 0), reverse=True):
         turned = np.roll(points * np.exp(2j * np.pi / order), count // order)
         if np.max(np.abs(turned - points)) < tolerance_m:
+            return 0 if order >= ROUND_FROM else order
+    ring = LinearRing(corners_m)
+    if np.max(np.abs(points)) - ring.distance(_AXIS) <= ROUND_M:
+        return 0
+    for order in range(ROUND_FROM, 1, -1):
+        there, back = (points * np.exp(sign * 2j * np.pi / order) for sign in (1.0, -1.0))
+        turned = np.concatenate([there, back])
+        if np.max(ring.distance(shapely_points(turned.real, turned.imag))) < tolerance_m:
             return 0 if order >= ROUND_FROM else order
     return 1

@@ -1,5 +1,6 @@
 """How a force/torque sensor's numbers become the contact wrench on the peg: one way for all services."""
 
+from crosspih_common.wrench.averaging import mean_and_sd
 from crosspih_common.wrench.low_pass import LowPass
 from crosspih_common.wrench.mounting import SensorMounting
 from crosspih_common.wrench.payload import Payload
@@ -13,4 +14,5 @@ __all__ = [
     "SensorMounting",
     "judge_bounds",
     "judge_payload",
+    "mean_and_sd",
 ]

@@ -19,6 +19,7 @@ from crosspih_common.messages import (
     floats,
 )
 from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_bounds
+from services.force_torque.against_drawing import judge_centroid
 from services.force_torque.calibration import (
     CalibrationError,
     CalibrationLimits,
@@ -70,6 +71,7 @@ def identified(
         StaticReading(
             mounting.rotation_base_sensor(reading.pose_base_peg.pose().rotation),
             mounting.sensor(reading.wrench_raw),
+            mounting.sensor_sd(reading.wrench_sd),
         )
         for reading in command.readings
     ]
@@ -80,17 +82,19 @@ def identified(
     except CalibrationError as error:
         raise CommandRefused("calibration", str(error)) from None
     payload = replace(found.payload, mounting=mounting)
-    refusal = judge_bounds(payload, workcell.payload_limits())
+    peg = workcell.peg.shape()
+    refusal = judge_bounds(payload, workcell.payload_limits()) or judge_centroid(payload, peg)
     if refusal is not None:
         raise CommandRefused(IMPLAUSIBLE, refusal)
     content = calibration_file(
         found,
-        readings,
+        [readings[index] for index in found.poses],
         calibrated_at=datetime.now(timezone.utc).isoformat(timespec="seconds"),
         cell=workcell.name,
         mounting=mounting,
         down_base=workcell.gravity_base_m_s2,
         temperature_c=command.temperature_c,
+        peg=peg,
     )
     return content, payload
 
@@ -129,6 +133,8 @@ def _limits(workcell: Workcell, config: ForceTorqueConfig) -> CalibrationLimits:
         tilt_rad=sensor.tilt_limit_rad,
         least_weight_n=config.least_weight_n,
         turn_rad=config.turn_limit_rad,
+        range_n=sensor.range_n,
+        range_nm=sensor.range_nm,
         weighed_n=sensor.weighed_n,
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import JointState, RawWrenchBatch
+from crosspih_common.wrench import mean_and_sd
 
 _STILL_RAD_S = 1e-3
 _ACCELERATION_WINDOW_S = 0.03
@@ -54,7 +55,7 @@ class RestingWindow:
         samples = np.concatenate([np.asarray(batch.samples, dtype=float) for batch in resting])
         if len(samples) < 2:
             return None
-        return RestingReading(samples.mean(axis=0), samples.std(axis=0, ddof=1) / np.sqrt(len(samples)))
+        return RestingReading(*mean_and_sd(samples))
 
 
 def joint_acceleration_rad_s2(states: Sequence[JointState]) -> float:

@@ -8,6 +8,7 @@ stands out of level.
 
 Errors: `CalibrationError` (ValueError)
     `PosesDoNotSpan`      the poses leave a parameter undetermined; says which pose to add
+    `ChannelAtFault`      a channel is stuck, clipped, or drifts by more than residuals may be; names it
     `ResidualsTooLarge`   the readings do not fit a rigid tool at rest; names the worst pose
     `NothingHangs`        the readings do not follow gravity: no weight hangs on the sensor
     `WeightPointsUp`      every sign is reversed, or the base hangs otherwise than the cell's file says
@@ -29,6 +30,7 @@ from crosspih_common.config.force_torque import FORCE_UNITS
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import skew
 from crosspih_common.wrench import Payload
+from services.force_torque.channels import Channels, beyond_noise, clipped, drift, first_of_copies, stuck
 from services.force_torque.mounting_fit import MountingFit, fit_mounting, hanging_weight_n
 
 _SIGMAS = 4.0  # a turn or a weight within so many standard deviations of none is none
@@ -44,6 +46,10 @@ class PosesDoNotSpan(CalibrationError):
 
 class ResidualsTooLarge(CalibrationError):
     """The readings do not fit a rigid tool at rest."""
+
+
+class ChannelAtFault(CalibrationError):
+    """A channel of the sensor is stuck, clipped or drifts."""
 
 
 class NothingHangs(CalibrationError):
@@ -71,7 +77,8 @@ class CalibrationLimits:
     """What a calibration must keep to.
 
     `down_base` (3,) is the way things fall in the base frame, of any length, and `tilt_rad` how far from it the weight
-    may point. Less than `least_weight_n` is no weight; a sensor turned by more than `turn_rad` is turned.
+    may point; range_n and range_nm what the sensor can read. Less than `least_weight_n` is no weight; a sensor turned
+    by more than `turn_rad` is turned.
     `weighed_n`: the weight by scales, where it is known, to be met within `weighed_share`.
     """
 
@@ -83,6 +90,8 @@ class CalibrationLimits:
     tilt_rad: float = 0.2
     least_weight_n: float = 0.2
     turn_rad: float = radians(5.0)
+    range_n: float = 300.0
+    range_nm: float = 30.0
     weighed_n: float | None = None
     weighed_share: float = 0.1
 
@@ -94,10 +103,12 @@ class CalibrationLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StaticReading:
-    """One pose at rest in free air: `rotation_base_sensor` (3, 3) and the mean reading (6,), N and Nm, sensor frame."""
+    """One pose at rest in free air: `rotation_base_sensor` (3, 3), the mean reading (6,), N and Nm, sensor frame, and
+    the standard deviation (6,) of that mean, where it is known."""
 
     rotation_base_sensor: Array
     wrench: Array
+    sd: Array | None = None
 
     def __post_init__(self) -> None:
         rotation = np.asarray(self.rotation_base_sensor, dtype=float)
@@ -117,7 +128,8 @@ class Calibration:
     `residuals` (n, 6) reading minus model a pose; `force_rms_n`, `moment_rms_nm` root mean square a component;
     `condition_force`, `condition_moment` of the two scaled designs; `bias_sd` (6,), `weight_sd_n` one standard
     deviation of each found from the residuals' own scatter, slightly cautious for the moments (0 when there are no
-    degrees of freedom left).
+    degrees of freedom left). `poses` (k,) are those of the readings that are no copies of another, `warnings` what is
+    to be looked at though it is no reason to refuse.
     """
 
     payload: Payload
@@ -128,6 +140,8 @@ class Calibration:
     condition_moment: float
     bias_sd: Array
     weight_sd_n: float
+    poses: tuple[int, ...]
+    warnings: tuple[str, ...]
 
     @property
     def parameters_eq15(self) -> Array:
@@ -144,12 +158,21 @@ def calibrate(
     With `gravity_free` the direction of gravity in the base is found too (three numbers instead of one); otherwise it
     is that of `limits.down_base`. Raises `PosesDoNotSpan` for too few poses or a design whose condition number is above
     the limit, naming the gravity direction to add; `NothingHangs`, `WeightPointsUp`, `MountingTurned` and
-    `WeightDiffers`, each with the setting to mend; `ResidualsTooLarge` naming the worst pose.
+    `WeightDiffers`, each with the setting to mend; `ChannelAtFault` naming the channel; `ResidualsTooLarge` naming the
+    worst pose. Readings that are copies of another count once.
     """
     limits = CalibrationLimits() if limits is None else limits
     down = limits.down()
+    given = len(readings)
+    poses = first_of_copies(
+        np.array([reading.rotation_base_sensor for reading in readings]), np.array([each.wrench for each in readings])
+    )
+    readings = [readings[index] for index in poses]
     if len(readings) < limits.minimum_poses:
-        raise PosesDoNotSpan(f"{len(readings)} poses, want at least {limits.minimum_poses}: {_advice(readings, down)}")
+        copies = f" that are no copies of another ({given} were given)" if len(readings) < given else ""
+        raise PosesDoNotSpan(
+            f"{len(readings)} poses{copies}, want at least {limits.minimum_poses}: {_advice(readings, down)}"
+        )
     rotations = np.array([reading.rotation_base_sensor for reading in readings])
     wrenches = np.array([reading.wrench for reading in readings])
     forces, moments = wrenches[:, :3], wrenches[:, 3:]
@@ -163,10 +186,17 @@ def calibrate(
             f"weight and force bias cannot be told apart (condition number {condition_force:.3g}, "
             f"limit {limits.condition:g}): {_advice(readings, down)}"
         )
+    by_force = Channels(("Fx", "Fy", "Fz"), "N", limits.force_rms_n, limits.range_n)
+    by_moment = Channels(("Mx", "My", "Mz"), "Nm", limits.moment_rms_nm, limits.range_nm)
+    shaped_force = force_design.reshape(count, 3, -1)
+    _check_channel(stuck(forces, by_force) or clipped(shaped_force, forces, by_force))
     solution_force = np.linalg.lstsq(force_design, forces.ravel(), rcond=None)[0]
     weight_base = solution_force[:3] if gravity_free else solution_force[0] * down
     force_bias = solution_force[-3:]
     force_residuals = forces - (force_design @ solution_force).reshape(count, 3)
+    drifts = [drift(shaped_force, forces, by_force)]
+    if drifts[0] is not None and drifts[0][1] > limits.force_rms_n:
+        raise ChannelAtFault(drifts[0][0])
     _check_mounting(rotations, forces, force_residuals, weight_base, limits)
 
     # M = r x (F - F0) + M0 is -skew(F - F0) r + M0. In units of the weight, and without the force bias (k of Eq. 15
@@ -180,6 +210,11 @@ def calibrate(
             f"centroid and moment bias cannot be told apart (condition number {condition_moment:.3g}, "
             f"limit {limits.condition:g}): {_advice(readings, down)}"
         )
+    shaped_moment = moment_design.reshape(count, 3, 6)
+    _check_channel(clipped(shaped_moment, moments, by_moment))
+    drifts.append(drift(shaped_moment, moments, by_moment))
+    if drifts[1] is not None and drifts[1][1] > limits.moment_rms_nm:
+        raise ChannelAtFault(drifts[1][0])
     solution_moment = np.linalg.lstsq(moment_design, moments.ravel(), rcond=None)[0]
     centroid = solution_moment[:3] / scale
     moment_bias = solution_moment[3:]
@@ -207,7 +242,28 @@ def calibrate(
         condition_moment=condition_moment,
         bias_sd=np.sqrt(np.maximum(bias_variance, 0.0)),
         weight_sd_n=float(np.sqrt(max(0.0, along @ weight_block @ along))),
+        poses=tuple(poses),
+        warnings=tuple(
+            said
+            for said in (
+                *(found[0] for found in drifts if found is not None),
+                beyond_noise(residuals[:, :3], _noise(readings, slice(0, 3)), by_force),
+                beyond_noise(residuals[:, 3:], _noise(readings, slice(3, 6)), by_moment),
+            )
+            if said is not None
+        ),
     )
+
+
+def _noise(readings: Sequence[StaticReading], part: slice) -> Array | None:
+    """The standard deviations (n, 3) of the readings; None where one has none."""
+    sds = [reading.sd for reading in readings]
+    return None if any(sd is None for sd in sds) else np.array(sds)[:, part]
+
+
+def _check_channel(fault: str | None) -> None:
+    if fault is not None:
+        raise ChannelAtFault(fault)
 
 
 def _covariance(design: Array, residuals: Array) -> Array:

@@ -10,6 +10,8 @@ import yaml
 from numpy.typing import ArrayLike
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
+from crosspih_common.shapes import Peg
+from crosspih_common.shapes.likeness import is_same_peg, peg_said
 from crosspih_common.wrench import Payload, SensorMounting
 from services.force_torque.calibration import Calibration, CalibrationError, StaticReading
 
@@ -33,6 +35,19 @@ class CalibrationPose(BaseModel):
     wrench: Vector6
     residual: Vector6
     joints_rad: Joints | None = None
+
+
+class CalibratedPeg(BaseModel):
+    """The peg that hung on the sensor, as `crosspih_common.shapes.likeness.peg_said` tells it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    outline: str
+    corners_m: tuple[tuple[float, float], ...] = Field(min_length=3)
+    body_start_m: float
+    taper_start_m: float
+    apex_m: float
+    tip_m: float
 
 
 class CalibrationFile(BaseModel):
@@ -61,8 +76,17 @@ class CalibrationFile(BaseModel):
         default=None, description="(6, 6) by rows: from raw readings to the peg, as mounted then; none: the identity"
     )
 
-    def payload(self, mounting: SensorMounting | None = None) -> Payload:
-        """What compensation needs. Raises `CalibrationFileError` for a mounting other than that of the calibration."""
+    peg: CalibratedPeg | None = Field(default=None, description="what hung on it; none in a file of before")
+    warnings: tuple[str, ...] = Field(default=(), description="what was to be looked at when it was made")
+
+    def payload(self, mounting: SensorMounting | None = None, peg: Peg | None = None) -> Payload:
+        """What compensation needs. Raises `CalibrationFileError` for a mounting other than that of the calibration, and
+        for another peg."""
+        if peg is not None and self.peg is not None and not is_same_peg(self.peg.model_dump(), peg):
+            raise CalibrationFileError(
+                f"it was made with another peg ({self.peg.outline!r}, by its contour not the {peg.outline.name!r} of "
+                "this cell), which weighs something else; calibrate the sensor again (`crosspih calibrate ft`)"
+            )
         mounting = SensorMounting() if mounting is None else mounting
         made_with = np.eye(6) if self.peg_of_raw is None else np.reshape(self.peg_of_raw, (6, 6))
         if not np.allclose(made_with, mounting.peg_of_raw, rtol=1e-9, atol=1e-9):
@@ -83,10 +107,12 @@ def calibration_file(
     mounting: SensorMounting | None = None,
     down_base: ArrayLike = (0.0, 0.0, -1.0),
     temperature_c: float | None = None,
+    peg: Peg | None = None,
 ) -> CalibrationFile:
     """The file's content; `calibrated_at` is ISO 8601 with a time zone, passed in because the core reads no clock.
 
-    `mounting` is how the readings came from raw numbers, `down_base` (3,) what the tilt is told against.
+    `mounting` is how the readings came from raw numbers, `down_base` (3,) what the tilt is told against, `readings`
+    those that the calibration rests on, and `peg` what hung on the sensor.
 
     Raises `CalibrationFileError` naming the field that does not fit.
     """
@@ -119,6 +145,8 @@ def calibration_file(
             for reading, residual, joint in zip(readings, calibration.residuals, joints, strict=True)
         ],
         "peg_of_raw": None if mounting is None else mounting.peg_of_raw.ravel().tolist(),
+        "peg": None if peg is None else peg_said(peg),
+        "warnings": list(calibration.warnings),
     }
     return _validated(content, "the calibration")
 

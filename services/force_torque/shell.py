@@ -78,7 +78,7 @@ class ForceTorqueShell:
             return
         try:
             content = load_calibration(self._file)
-            payload = content.payload(self._mounting)
+            payload = content.payload(self._mounting, self._workcell.peg.shape())
             refusal = judge_bounds(payload, self._limits)
             if refusal is not None:
                 raise CalibrationError(refusal)
@@ -95,6 +95,8 @@ class ForceTorqueShell:
     def _identify(self, command: IdentifyPayload) -> FtCalibration:
         content, payload = identified(self._workcell, self._config, command)
         self._check_plausible(payload)
+        for warning in content.warnings:
+            self._context.event(Severity.WARNING, "calibration", warning)
         if command.save:
             save_calibration(content, self._file)
         return self._use(content, payload)

@@ -196,15 +196,18 @@ class InferenceShell:
         started = time.perf_counter()
         self._refuse_implausible(request.prior, "prior", request.pose_base_peg.pose(), request.wrench)
         pose_base_peg = request.pose_base_peg.pose()
-        pose, covariance = final_estimate(
-            self._peg,
-            self._hole,
-            request.prior.pose_base_hole.pose(),
-            np.asarray(request.prior.covariance).reshape(6, 6),
-            pose_base_peg,
-            np.asarray(request.wrench),
-            self._workcell.arm_compliance_peg(request.joints_rad),
-        )
+        try:
+            pose, covariance = final_estimate(
+                self._peg,
+                self._hole,
+                request.prior.pose_base_hole.pose(),
+                np.asarray(request.prior.covariance).reshape(6, 6),
+                pose_base_peg,
+                np.asarray(request.wrench),
+                self._workcell.arm_compliance_peg(request.joints_rad),
+            )
+        except ValueError as error:
+            raise CommandRefused("not_seated", str(error)) from None
         return PoseErrorEstimate(
             pose_base_hole=PoseData.of(pose),
             covariance=floats(covariance),

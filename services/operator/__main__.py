@@ -20,6 +20,7 @@ from services.operator.export import export_app
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
 from services.operator.locate.command import locate
+from services.operator.peg_check.command import peg_app
 from services.operator.replay.cli import replay
 from services.operator.report.cli import report
 from services.operator.results import results
@@ -43,6 +44,7 @@ cell_app.command()(init)
 cell_app.command()(drivers)
 cell_app.command(context_settings={"ignore_unknown_options": True})(practise)
 app.add_typer(cell_app, name="cell")
+app.add_typer(peg_app, name="peg")
 app.command()(doctor)
 app.add_typer(calibrate_app, name="calibrate")
 app.command()(locate)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import tempfile
 from collections.abc import Iterator
@@ -12,7 +14,7 @@ from typing import Any
 import yaml
 
 from crosspih_common.config import CellFile, load_cell
-from crosspih_common.config.cell import standing_alone
+from crosspih_common.config.cell import content_alone
 from crosspih_common.config.drawing import PegDrawing, peg_section
 from crosspih_common.errors import BusUnreachable, ConfigError
 from services.operator.session import Session, cell_path, endpoint
@@ -23,19 +25,28 @@ CALIBRATION_FILE = "run/{cell}/ft-calibration.yaml"
 def content_with_peg(cell: CellFile, peg: str) -> dict[str, Any] | None:
     """The cell's file, as a mapping, with a peg by its name or its drawing's file; None when it is the cell's own.
 
-    Another peg weighs something else, so its calibration is kept in a file of its own. Raises ConfigError.
+    Another peg weighs something else, so its calibration is kept in a file of its own: of a drawing by its contour,
+    whatever its file is called. Raises ConfigError.
     """
     section = peg_section(peg)
     own = cell.workcell.peg
     if section == {"outline": own.outline} or PegDrawing.model_validate(section) == own:
         return None
-    content: dict[str, Any] = {name: value or {} for name, value in (yaml.safe_load(cell.text) or {}).items()}
-    content = standing_alone(cell.path, content)
+    content = content_alone(cell)
     content["cell"] = {**content.get("cell", {}), "peg": section}
     force_torque = dict(content.get("force_torque", {}))
     kept = Path(str(force_torque.get("calibration_file", CALIBRATION_FILE)))
-    force_torque["calibration_file"] = str(kept.with_stem(f"{kept.stem}-{section['outline']}"))
+    force_torque["calibration_file"] = str(kept.with_stem(f"{kept.stem}-{_calibrated_as(section)}"))
     return {**content, "force_torque": force_torque}
+
+
+def _calibrated_as(section: dict[str, Any]) -> str:
+    """What tells a peg from others in the name of its calibration's file."""
+    corners = section.get("corners_m")
+    if corners is None:
+        return str(section["outline"])
+    microns = [[round(value * 1e6) for value in corner] for corner in corners]
+    return f"drawing-{hashlib.sha256(json.dumps(microns).encode()).hexdigest()[:12]}"
 
 
 @contextmanager

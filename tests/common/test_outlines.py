@@ -157,3 +157,13 @@ def test_a_chamfer_wider_than_a_detail_is_refused() -> None:
 def test_a_star_has_as_many_spikes_as_asked_for() -> None:
     assert PegDrawing(outline="star", count=7).shape().outline.symmetry_order == 7
     assert len(star(7, 0.027, 0.013)) == 14
+
+
+def test_a_plate_that_bulges_into_the_hole_is_cut() -> None:
+    """An arc of eight chords on the plate's side, whose lines are all needed behind each of them."""
+    rise = 15.0 - np.array([0.03, 0.124, 0.406, 0.876, 1.529])
+    y = np.array([0.0, 2.535, 5.056, 7.549, 10.0])
+    left = [[-30.0 + x, -height] for x, height in zip(rise, y, strict=True)]
+    wall = [[x, -height] for x, height in left[::-1]] + left[1:]
+    outline = Outline.of("bulge", np.array([*wall, [13.471, -10.0], [16.4, 0.0], [13.471, 10.0]]) * 1e-3)
+    _assert_hole_is_exact(Hole(outline.grown(1e-4)), 500, 6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.bus import Bus, MemoryHub
@@ -41,7 +43,9 @@ from crosspih_common.messages import (
 from crosspih_common.service.lifecycle import ServiceContext
 from crosspih_common.wrench import Payload, SensorMounting
 from services.force_torque.config import ForceTorqueConfig
+from services.force_torque.judging import Judge
 from services.force_torque.shell import ForceTorqueShell
+from services.force_torque.stream import WrenchStream
 
 DEADLINE_S = 10.0
 BIAS = np.array([0.8, -0.5, 1.2, 0.03, -0.02, 0.01])
@@ -95,9 +99,9 @@ class Service:
         """The peg frame at home."""
         return self.cell.workcell.pose_base_peg(self.cell.workcell.home_joints_rad).rotation
 
-    def identify(self, sensor: Payload) -> FtCalibration:
+    def identify(self, sensor: Payload, poses: list[list[float]] = SPREAD) -> FtCalibration:
         """A calibration with what a sensor says in six poses."""
-        rotations = Rotation.from_rotvec(SPREAD).as_matrix()
+        rotations = Rotation.from_rotvec(poses).as_matrix()
         readings = tuple(
             RawReading(
                 pose_base_peg=PoseData.of(Pose(rotation, np.zeros(3))),
@@ -193,6 +197,87 @@ def test_a_calibration_that_the_resting_sensor_belies_is_refused(
         service.identify(shifted)
     assert refusal.value.code == "implausible_payload"
     assert service.identify(SENSOR).weight_n == pytest.approx(9.55, abs=0.01)
+
+
+def test_a_calibration_of_another_peg_is_not_used_though_it_has_the_same_name(
+    start: Callable[[dict[str, Any]], Service], tmp_path: Path
+) -> None:
+    start(REAL).identify(SENSOR)
+    kept = yaml.safe_load((tmp_path / "ft.yaml").read_text())
+    assert kept["peg"]["outline"] == "cross" and kept["warnings"] == []
+    kept["peg"]["corners_m"] = [[1.1 * x, 1.1 * y] for x, y in kept["peg"]["corners_m"]]
+    (tmp_path / "ft.yaml").write_text(yaml.safe_dump(kept))
+    said = start(REAL).planning.latest(EVENTS).wait_for(lambda one: one.code == "calibration_file", DEADLINE_S)
+    assert said is not None and "made with another peg ('cross', by its contour" in said.text
+
+
+def test_copies_of_a_pose_count_once(start: Callable[[dict[str, Any]], Service]) -> None:
+    with pytest.raises(CommandRefused, match=r"5 poses that are no copies of another \(7 were given\)"):
+        start(REAL).identify(SENSOR, [*SPREAD[:5], SPREAD[1], SPREAD[1]])
+    assert start(REAL).identify(SENSOR, [*SPREAD, SPREAD[1]]).poses == 6
+
+
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (Payload(BIAS, 1000.0 * WEIGHT, CENTROID / 1000.0), r"weight_n: 9\.55e\+03 N .* beyond the sensor's range"),
+        (Payload(BIAS, WEIGHT, np.array([0.0, 0.0, 2.0])), r"centroid: 2 m from the sensor"),
+        (
+            Payload(BIAS, WEIGHT, np.array([0.0, 0.0, 0.3])),
+            r"centroid: 300 mm ahead .* by its drawing the peg ends at 80 mm",
+        ),
+        (Payload(BIAS, WEIGHT, np.array([0.2, 0.0, 0.03])), r"by its drawing the peg reaches 28 mm from its axis"),
+        (Payload(BIAS, -WEIGHT, CENTROID), r"the weight found points up"),
+    ],
+)
+def test_what_cannot_hang_on_the_sensor_is_refused(
+    start: Callable[[dict[str, Any]], Service], payload: Payload, words: str
+) -> None:
+    with pytest.raises(CommandRefused, match=words):
+        start({}).identify(payload)
+
+
+def test_no_calibration_is_lost_to_a_stream(start: Callable[[dict[str, Any]], Service]) -> None:
+    service = start({})
+    config = ForceTorqueConfig()
+    stream = WrenchStream(service.cell.workcell, config, Judge(service.cell.workcell, config.contact_classifier))
+    batch = RawWrenchBatch(stamp_ns=1, period_ns=1_000_000, samples=((0.0,) * 6,) * 8)
+    home = JointState(stamp_ns=1, joints_rad=service.cell.workcell.home_joints_rad, speeds_rad_s=(0.0,) * 6)
+    done = threading.Event()
+
+    def go_on() -> None:
+        while not done.is_set():
+            stream.take(batch, [home])
+
+    streaming = threading.Thread(target=go_on)
+    streaming.start()
+    lost = 0
+    try:
+        for index in range(200):
+            stream.use(Payload(BIAS + index, WEIGHT, CENTROID), index)
+            told = stream.take(batch, [home]).wrench
+            lost += stream.payload.bias[0] != BIAS[0] + index or told.calibration_seq != index
+    finally:
+        done.set()
+        streaming.join()
+    assert lost == 0
+
+
+def test_a_slow_sensors_batches_are_filtered_by_their_own_period(start: Callable[[dict[str, Any]], Service]) -> None:
+    workcell, config = start({}).cell.workcell, ForceTorqueConfig()
+    home = JointState(stamp_ns=1, joints_rad=workcell.home_joints_rad, speeds_rad_s=(0.0,) * 6)
+    felt = []
+    for period_ns in (1_000_000, 4_000_000):
+        stream = WrenchStream(workcell, config, Judge(workcell, config.contact_classifier))
+        stream.use(Payload(np.zeros(6), np.zeros(3), np.zeros(3)), 0)
+        quiet, push = (0.0,) * 6, (0.0, 0.0, 0.9, 0.0, 0.0, 0.0)
+        for stamp_ns, sample in ((0, quiet), (4_000_000, push)):
+            batch = RawWrenchBatch(stamp_ns=stamp_ns, period_ns=period_ns, samples=(sample,) * (4_000_000 // period_ns))
+            told = stream.take(batch, [home])
+        felt.append(told.wrench.wrench[2])
+    # 4 ms of a push, in four samples or in one
+    assert felt[0] == pytest.approx(felt[1], rel=1e-9)
+    assert felt[0] == pytest.approx(0.9 * (1.0 - np.exp(-2.0 * np.pi * config.filter_hz * 0.004)), rel=1e-9)
 
 
 def test_a_calibration_of_another_mounting_is_not_used_again(start: Callable[[dict[str, Any]], Service]) -> None:

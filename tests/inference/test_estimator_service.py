@@ -9,11 +9,13 @@ import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.config import load_cell
+from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.keys import ADVISE_INSERTION, NEXT_TOUCH
+from crosspih_common.keys import ADVISE_INSERTION, NEXT_TOUCH, SEATED
 from crosspih_common.messages import (
     AdviseInsertion,
     BoreContact,
+    EstimateSeated,
     InsertionAction,
     NextTouch,
     PoseData,
@@ -37,6 +39,21 @@ def cell() -> Iterator[ServiceContext]:
     shell.close()
     for context in contexts:
         context.bus.close()
+
+
+def test_a_peg_that_is_not_in_yet_is_refused_as_not_seated(cell: ServiceContext) -> None:
+    workcell = cell.cell.workcell
+    hole = workcell.hole_prior.pose_base_hole()
+    short = hole @ Pose.from_translation([0.0, 0.0, -0.004 - workcell.peg.shape().taper_start_m])
+    request = EstimateSeated(
+        prior=PosePrior(pose_base_hole=PoseData.of(hole), covariance=floats(np.diag([1e-8] * 3 + [1e-5] * 3))),
+        pose_base_peg=PoseData.of(short),
+        joints_rad=workcell.home_joints_rad,
+        wrench=(0.0,) * 6,
+    )
+    with pytest.raises(CommandRefused, match=r"the peg's body is 5\.0 mm short of the bore") as refusal:
+        cell.bus.call(SEATED, request, 30.0)
+    assert refusal.value.code == "not_seated"
 
 
 def test_a_stalled_insertion_gets_advice(cell: ServiceContext) -> None:

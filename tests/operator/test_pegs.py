@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from crosspih_common.config import Workcell, load_cell
+from crosspih_common.config.cell import content_alone
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, Failure, PoseData, PosePrior, Strategy
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.swap import Trials, swapped
-from services.operator.bench.trials import TrialJob
+from services.operator.bench.trials import TrialJob, base_cell_text
 from services.operator.pegs import cell_with_peg, content_with_peg
 from services.operator.scoring import TrialFigures, pose_error, score
 
@@ -53,6 +55,52 @@ def test_a_cell_with_another_peg_lasts_as_long_as_it_is_wanted(tmp_path: Path, m
         pass
 
 
+def _drawing(path: Path, inside: str) -> Path:
+    path.parent.mkdir(exist_ok=True)
+    head = '<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="60mm" viewBox="0 0 60 60">'
+    path.write_text(f"{head}{inside}</svg>", encoding="utf-8")
+    return path
+
+
+def test_a_drawings_calibration_goes_by_its_contour_and_not_by_its_name(tmp_path: Path) -> None:
+    cell = load_cell(_cell(tmp_path))
+
+    def file_of(path: Path) -> str:
+        content = content_with_peg(cell, str(path))
+        assert content is not None
+        return str(content["force_torque"]["calibration_file"])
+
+    square, larger = '<rect width="30" height="30"/>', '<rect width="32" height="32"/>'
+    first = file_of(_drawing(tmp_path / "a" / "outline.svg", square))
+    assert first.startswith("run/{cell}/ft-calibration-drawing-")
+    assert file_of(_drawing(tmp_path / "b" / "other.svg", '<path d="M9 9v30h30v-30z"/>')) == first
+    assert file_of(_drawing(tmp_path / "b" / "outline.svg", larger)) != first
+    assert "drawing" in file_of(_drawing(tmp_path / "star.svg", square))
+
+
+@pytest.mark.parametrize("text", ["", "# nothing yet\n", "cell:\n"])
+def test_an_empty_cell_file_takes_another_peg(tmp_path: Path, text: str) -> None:
+    content = content_with_peg(load_cell(_cell(tmp_path, text)), "star")
+    assert content is not None and content["cell"] == {"peg": {"outline": "star"}}
+
+
+def test_a_drawing_beside_the_cells_file_is_not_lost_where_a_bench_writes_its_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _drawing(tmp_path / "own.svg", '<rect width="30" height="30"/>')
+    path = _cell(tmp_path, "cell: {peg: {outline: own.svg}}\nvision:\n")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    copies = [content_alone(load_cell(path))]
+    monkeypatch.setenv("CROSSPIH_CELL", str(path))
+    copies.append(cell_content(base_cell_text(), Condition()))
+    for content in copies:
+        copy = elsewhere / "cell.yaml"
+        copy.write_text(yaml.safe_dump(content), encoding="utf-8")
+        assert load_cell(copy).workcell.peg.shape().outline.area_m2 == pytest.approx(9e-4)
+        assert content["vision"] == {}
+
+
 @pytest.mark.parametrize(("order", "turn", "left"), [(4, 90.0, 0.0), (3, 120.0, 0.0), (3, 90.0, 30.0), (1, 90.0, 90.0)])
 def test_turns_of_the_section_do_not_count(order: int, turn: float, left: float) -> None:
     estimate = HOLE @ Pose.from_rotvec([0.0, 0.0, np.deg2rad(turn)], np.zeros(3))
@@ -74,7 +122,7 @@ def _figures(seed: int, inserted: bool, strategy: Strategy) -> TrialFigures:
         failure=None if inserted else Failure.NOT_CONVERGED,
         backed_off=not inserted,
         pose_base_hole=PoseData.of(HOLE @ Pose.from_translation([0.0, 0.0, seed * 1e-6])),
-        covariance=(1e-10,) * 36,
+        covariance=tuple(np.diag([1e-10] * 6).ravel().tolist()),
         pose_base_peg=None,
         vision_pose_base_hole=None,
         motion_s=5.0,

@@ -27,7 +27,7 @@ from crosspih_common.messages import (
     SetPayload,
 )
 from crosspih_common.messages.base import PoseData, floats
-from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_payload
+from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_payload, mean_and_sd
 from services.hardware.control.admittance import Admittance
 from services.hardware.control.config import LimitsConfig
 from services.hardware.control.effort import Effort
@@ -177,7 +177,7 @@ class ArmController:
                 and motion.observed_travel_m is not None
                 and motion.observed_joints_rad is not None
             ):
-                mean, sd = _mean(motion.observed_raw)
+                mean, sd = mean_and_sd(motion.observed_raw)
                 found["pose_base_peg_observed"] = PoseData.of(path.pose_at(motion.observed_travel_m))
                 found["joints_observed_rad"] = floats(motion.observed_joints_rad)
                 found["wrench_observed_raw"], found["wrench_observed_sd"] = floats(mean), floats(sd)
@@ -217,7 +217,7 @@ class ArmController:
             outcome = self._carry_out(motion, self._limits(), [], lambda: 0.0)
             if len(motion.samples) < 2:
                 return outcome
-            mean, sd = _mean(np.array(motion.samples))
+            mean, sd = mean_and_sd(np.array(motion.samples))
             return outcome.model_copy(update={"wrench_raw": floats(mean), "wrench_sd": floats(sd)})
 
     def set_payload(self, command: SetPayload) -> None:
@@ -232,7 +232,7 @@ class ArmController:
             if len(runner.last_samples) < (runner.last_samples.maxlen or 0):
                 self._execution.hold_still(LAST_S)
             mean, sd = (
-                _mean(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.full(6, np.inf))
+                mean_and_sd(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.full(6, np.inf))
             )
             why = judge_payload(payload, mean, sd, runner.pose_base_peg.rotation, self._payload_limits)
             if why is not None:
@@ -372,7 +372,7 @@ class ArmController:
         if travel_m is None:
             travel_m = pose.distance_to_m(runner.forward(self._start_joints))
         runner.speeds_rad_s = np.zeros(len(runner.joints_rad))
-        mean, sd = _mean(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.zeros(6))
+        mean, sd = mean_and_sd(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.zeros(6))
         return MotionOutcome(
             stamp_ns=runner.now_ns,
             stop_reason=ending.reason,
@@ -389,10 +389,3 @@ class ArmController:
             peak_moment_nm=execution.peak_moment_nm,
             **dataclasses.asdict(self._effort.figures()),
         )
-
-
-def _mean(samples: Array) -> tuple[Array, Array]:
-    """Mean (6,) and standard deviation of the mean (6,) of samples (n, 6)."""
-    count = len(samples)
-    sd = samples.std(axis=0, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(samples.shape[1])
-    return np.asarray(samples.mean(axis=0)), np.asarray(sd)

@@ -19,8 +19,8 @@ class BoreWalls:
     """Both ends of every stretch on which a side of the peg and a wall of the bore face each other, hole frame.
 
     places_m (J, 2); normals (J, 2): unit, from the wall into the peg; clearances_m (J,), of the centred peg.
-    turn_fixed: whether the walls hold the rotation about the axis; a round peg's do not, however its circle is cut
-    into sides.
+    turn_fixed: whether the walls hold the rotation about the axis; those of a round do not, however its circle is cut
+    into sides, nor those of any peg that turns freely in its hole.
     """
 
     places_m: Array
@@ -49,7 +49,8 @@ class BoreWalls:
                     clearances.append(clearance)
         if not places:
             raise ValueError("no side of the peg faces a wall of the hole: want the hole's outline around the peg's")
-        return cls(np.array(places), np.array(normals), np.array(clearances), peg.outline.symmetry_order != 0)
+        held = peg.outline.symmetry_order != 0 and peg.outline.radius_m > hole.outline.inner_radius_m
+        return cls(np.array(places), np.array(normals), np.array(clearances), held)
 
     @property
     def clearance_m(self) -> float:

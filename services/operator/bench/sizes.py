@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-import yaml
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.config import CameraSection, load_cell
+from crosspih_common.config.cell import content_alone
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import LOCATE
 from crosspih_common.messages import LocateHole, ResetCell
@@ -117,7 +117,7 @@ def sizes(
     console = Console(stderr=True)
     with told(console):
         cell = load_cell(cell_path())
-        content = {name: value or {} for name, value in (yaml.safe_load(cell.text) or {}).items()}
+        content = content_alone(cell)
         rows = []
         before = dict(os.environ)
         for width_px, height_px in SIZES:

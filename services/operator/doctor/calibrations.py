@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import CameraSection, CellFile
+from crosspih_common.shapes.likeness import is_same_peg
 from services.operator.rows import Row, ok, warning, wrong
 
 OLD_DAYS = 30.0
@@ -45,8 +46,23 @@ def ft_rows(cell: CellFile, now: datetime, temperature_c: float | None) -> Itera
     if content.get("cell") not in (None, cell.workcell.name):
         yield warning(name, f"{file} is of the cell {content.get('cell')}", CALIBRATE_FT)
         return
+    if not _of_this_peg(content, cell):
+        peg = cell.workcell.peg.outline
+        yield warning(name, f"{file} was made with another peg than {peg}: it is not used", CALIBRATE_FT)
+        return
+    for said in content.get("warnings") or ():
+        yield warning(name, str(said), CALIBRATE_FT)
     weight = float(content.get("weight_n", 0.0))
     yield _aged(name, f"{file}: {weight:.2f} N hang on it", content, now, temperature_c, CALIBRATE_FT)
+
+
+def _of_this_peg(content: dict[str, Any], cell: CellFile) -> bool:
+    """By its contour; a file of before does not tell."""
+    said = content.get("peg")
+    try:
+        return said is None or is_same_peg(said, cell.workcell.peg.shape())
+    except (KeyError, TypeError, ValueError):
+        return False
 
 
 def other_rows(cell: CellFile, now: datetime, temperature_c: float | None, root: Path) -> Iterator[Row]:

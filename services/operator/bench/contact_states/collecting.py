@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from rich.console import Console
 
 from crosspih_common.config import CellFile, Workcell
+from crosspih_common.config.cell import content_alone
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.contact_states.labels import TrueState, label_contacts
 from services.operator.bench.contact_states.plan import (
@@ -76,7 +78,7 @@ class Collection:
 
     def _prepare(self, stiffness: float) -> None:
         condition = stiffness_condition(self._cell.workcell, stiffness)
-        content = cell_content(self._cell.text, condition)
+        content = cell_content(yaml.safe_dump(content_alone(self._cell), sort_keys=False), condition)
         workcell = Workcell.model_validate(content.get("cell") or {})
         friction = float(((content.get("hardware") or {}).get("simulated") or {}).get("friction_coefficient", 0.1))
         each = round(SPARE * self._quota())
