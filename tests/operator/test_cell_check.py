@@ -123,7 +123,7 @@ def test_the_cameras_alone_need_no_arm_to_hold(tmp_path: Path) -> None:
 
 def test_the_table_shows_found_and_mend(found: Callable[..., list[Any]]) -> None:
     checks = found(PLANTED["size against calibration"][0], LEVEL)
-    table = table_of("mistaken", checks)
+    table = table_of(checks, "mistaken")
     assert table.row_count == len(checks)
     assert [str(column.header) for column in table.columns] == ["check", "verdict", "found", "mend"]
 
