@@ -276,12 +276,12 @@ def _inserted(document: Drawing, case: str) -> None:
     space, block = document.modelspace(), document.blocks.new("b", base_point=(10, 12))
     scaled = [(x / 2, y / 2) for x, y in CORNERS] if case in ("scaled", "mirrored") else CORNERS
     block.add_lwpolyline(scaled, close=True)
-    how: dict[str, Any] = {
+    hows: dict[str, dict[str, Any]] = {
         "plain": {}, "turned": {"rotation": 30}, "scaled": {"xscale": 2, "yscale": 2},
         "mirrored": {"xscale": -2, "yscale": 2}, "array": {"column_count": 1, "row_count": 1},
         "extruded": {"extrusion": (0, 0, -1)},
-    }[case]  # fmt: skip
-    space.add_blockref("b", (3, 4), dxfattribs=how)
+    }  # fmt: skip
+    space.add_blockref("b", (3, 4), dxfattribs=hows[case])
 
 
 @pytest.mark.parametrize("case", ["plain", "turned", "scaled", "mirrored", "array", "extruded"])
