@@ -29,9 +29,6 @@ RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.5, 4.0, 10.0
 INSIDE_SATURATED_MOST = 0.4
 # a chamfer that is white alone, the inside seen: its outer line looks wider by where the blur is cut off
 WHITE_RIM_INSIDE, WHITE_RIM_SIZES = 0.1, 18.0
-# a white inside is no harm where that much of the rim is seen and none of the face is white: a fit that is aside by a
-# chamfer's width takes the white chamfer for a part of the face
-CLEAR_SUPPORT, CLEAR_FACE = 0.75, 0.02
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY = 25.0
@@ -53,8 +50,7 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             "expose less, or take the glare off it"
         )
     saturated = quality.rim_saturated > RIM_SATURATED_MOST
-    clear = quality.supported > CLEAR_SUPPORT and quality.saturated < CLEAR_FACE
-    blind = quality.inside < INSIDE_LEAST or (quality.inside_saturated > INSIDE_SATURATED_MOST and not clear)
+    blind = quality.inside < INSIDE_LEAST or quality.inside_saturated > INSIDE_SATURATED_MOST
     sizes_most = WHITE_RIM_SIZES if quality.inside_saturated < WHITE_RIM_INSIDE else SATURATED_SIZES_MOST
     odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > sizes_most
     if saturated and (odd or blind):

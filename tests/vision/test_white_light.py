@@ -51,16 +51,6 @@ def test_a_white_chamfer_may_look_wider() -> None:
         require_sound(replace(SOUND, sizes_conflict=16.0, inside_saturated=0.3), RIM)
 
 
-def test_a_white_inside_is_believed_with_a_face_that_is_not_white() -> None:
-    white = replace(SOUND, inside_saturated=0.6)
-    require_sound(white, RIM)
-    # aside by a chamfer's width the chamfer is taken for the face
-    with pytest.raises(TooBright):
-        require_sound(replace(white, saturated=0.16), RIM)
-    with pytest.raises(TooBright):
-        require_sound(replace(white, support=np.full((2, RIM.shape[0]), 0.6)), RIM)
-
-
 @pytest.mark.parametrize(("deep", "uneven", "hole"), [(0.43, 0.19, True), (0.6, 0.19, False), (0.43, 0.13, False)])
 def test_what_is_faintly_seen_tells_where_a_deep_plane_explains_it(deep: float, uneven: float, hole: bool) -> None:
     noise, structure = 2.6, 4.4
