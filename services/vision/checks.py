@@ -27,6 +27,8 @@ SATURATED_MOST = 0.25
 # the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
 RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.5, 4.0, 10.0
 INSIDE_SATURATED_MOST = 0.4
+# a chamfer that is white alone, the inside seen: its outer line looks wider by where the blur is cut off
+WHITE_RIM_INSIDE, WHITE_RIM_SIZES = 0.1, 18.0
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY = 25.0
@@ -49,7 +51,8 @@ def require_sound(quality: Quality, rim: Rim) -> None:
         )
     saturated = quality.rim_saturated > RIM_SATURATED_MOST
     blind = quality.inside < INSIDE_LEAST or quality.inside_saturated > INSIDE_SATURATED_MOST
-    odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > SATURATED_SIZES_MOST
+    sizes_most = WHITE_RIM_SIZES if quality.inside_saturated < WHITE_RIM_INSIDE else SATURATED_SIZES_MOST
+    odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > sizes_most
     if saturated and (odd or blind):
         raise TooBright(
             f"{quality.rim_saturated:.0%} of the rim is beside something saturated: expose less, or take the glare "

@@ -66,6 +66,8 @@ def linear_light(pixels: Pixels, encoding: str, gamma: Gamma) -> Light:
 
 def shown(light: Light, gamma: Gamma) -> NDArray[np.uint8]:
     """The picture for people, (height, width) uint8: with the gamma that it came with."""
+    if gamma is Gamma.LINEAR:
+        return np.asarray(np.rint(np.clip(light, 0.0, FULL)), dtype=np.uint8)
     share = np.clip(light / np.float32(FULL), 0.0, 1.0)
     if gamma is Gamma.SRGB:
         share = np.where(share <= 0.0031308, share * 12.92, 1.055 * share ** (1 / 2.4) - 0.055)

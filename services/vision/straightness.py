@@ -174,7 +174,7 @@ def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] |
         return None
     ideal = slopes * focal
     middle = ideal.mean(axis=0)
-    _, _, axes = np.linalg.svd(ideal - middle)
+    _, _, axes = np.linalg.svd(ideal - middle, full_matrices=False)
     s, off = (ideal - middle) @ axes[0], (ideal - middle) @ axes[1]
     half = 0.5 * float(np.ptp(s))
     straight = np.stack([np.ones_like(s), s / half], axis=1)

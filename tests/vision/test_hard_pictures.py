@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from services.vision.covariance import covariance_of
+from services.vision.fit.blur import BLUR_MEAN_PX2, roundness_cost
 from services.vision.fit.climb import climb, rims
 from services.vision.fit.noise import likeness
 from services.vision.fit.quality import Quality, quality_of
-from services.vision.fit.solve import BLUR_MEAN_PX2, Doubts, Fit, roundness_cost, start_state
+from services.vision.fit.solve import Doubts, Fit, start_state
 from tests.vision.drawn_pairs import Look, drawn_pair
 from tests.vision.test_detect import HALF_RANGES, STEREO, truth_of
 
@@ -89,8 +88,8 @@ def test_a_profile_that_is_no_rim_counts_less_and_its_edge_too() -> None:
 
 def test_a_round_blur_costs_nothing_and_a_dragged_one_not_without_end() -> None:
     state = start_state(rims(HOLE)[0], truth_of(STEREO, 1), BLUR_MEAN_PX2)
-    assert roundness_cost(state) == 0.0
-    costs = [roundness_cost(replace(state, blur_px2=np.tile([1.0 + off, 0.0, 1.0], (2, 1)))) for off in (0.1, 1.0, 3.0)]
+    assert roundness_cost(state.blur_px2) == 0.0
+    costs = [roundness_cost(np.tile([1.0 + off, 0.0, 1.0], (2, 1))) for off in (0.1, 1.0, 3.0)]
     assert 0.0 < costs[0] < costs[1] < costs[2] < 13.0
 
 

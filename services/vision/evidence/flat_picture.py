@@ -8,7 +8,7 @@ import numpy as np
 
 from services.vision.fit.climb import misfit
 from services.vision.fit.rim import Rim
-from services.vision.fit.solve import Doubts, Fit, Images, State, iterate
+from services.vision.fit.solve import Doubts, Fit, Images, Look, State, iterate, look
 from services.vision.stereo import StereoModel
 
 STEPS = 3
@@ -26,7 +26,7 @@ def deeper_by(images: Images, rim: Rim, stereo: StereoModel, fit: Fit, doubts: D
     return (misfit(drawn, down.even) - misfit(down, down.even)) * pixels * float(np.mean(down.weight > 0.0))
 
 
-def _settled(images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts) -> Fit:
-    for _ in range(STEPS):
-        state, fit = iterate(images, rim, stereo, state, doubts)
-    return fit
+def _settled(images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts) -> Look:
+    for _ in range(STEPS - 1):
+        state, _ = iterate(images, rim, stereo, state, doubts)
+    return look(images, rim, stereo, state)

@@ -31,6 +31,8 @@ FAINTLY_BETTER, PLAINLY_BETTER = 0.08, 0.15
 # what is faintly seen says something where it is no mere shade of ink, nor what glossy ink mirrors, as a share of its
 # grey; and no print's chamfer is drawn beside ink as uneven as the second
 FAINTLY_UNEVEN, INK_UNEVEN = 0.26, 0.15
+# how much better a deep plane explains it than the face's, where it is less uneven but no mirror's: ink stays below
+FAINTLY_DEEP = 0.28
 # how much better or worse a plane must explain it than another, share of what is seen
 BETTER = 0.12
 # a glossy print mirrors what is far away: it is as even as that, and a deep plane leaves that share of what the face's
@@ -142,7 +144,8 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
         return depth if shallow and share[best] < EXPLAINED else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
     told = (share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
-    return np.inf if told and inside.uneven > FAINTLY_UNEVEN else None
+    behind = gain > FAINTLY_DEEP and depth > DEEP_M and inside.uneven > MIRRORED_UNEVEN
+    return np.inf if behind or (told and inside.uneven > FAINTLY_UNEVEN) else None
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:

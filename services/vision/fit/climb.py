@@ -13,6 +13,8 @@ import numpy as np
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from services.vision.fit.blur import roundness_cost
+from services.vision.fit.medians import median, median_of_last
 from services.vision.fit.quality import roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
 from services.vision.fit.solve import (
@@ -20,11 +22,13 @@ from services.vision.fit.solve import (
     Doubts,
     Fit,
     Images,
+    Look,
     State,
     believed,
     iterate,
-    roundness_cost,
+    look,
     start_state,
+    stepped,
 )
 from services.vision.fit.steps import STEP_PX
 from services.vision.stereo import StereoModel
@@ -92,14 +96,16 @@ def _blurred(images: Images, variance_px2: float, rim: Rim, stereo: StereoModel,
 
 def _settled(before: State, after: State) -> bool:
     moved = before.pose_camera_hole.inverse() @ after.pose_camera_hole
-    return bool(np.linalg.norm(moved.translation_m) < SETTLED_M and np.linalg.norm(moved.rotvec_rad()) < SETTLED_RAD)
+    # of a small turn its angle is that of the matrix's distance to one, by the root of 2
+    turned_rad = float(np.linalg.norm(moved.rotation - np.eye(3))) / np.sqrt(2.0)
+    return bool(np.linalg.norm(moved.translation_m) < SETTLED_M and turned_rad < SETTLED_RAD)
 
 
 def _same(one: State, other: State) -> bool:
     return one.pose_camera_hole.distance_to_m(other.pose_camera_hole) < SAME_M
 
 
-def misfit(fit: Fit, even: Array) -> float:
+def misfit(fit: Fit | Look, even: Array) -> float:
     """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even`
     s^2 (2, G)."""
     inside = fit.profiles.inside
@@ -107,24 +113,24 @@ def misfit(fit: Fit, even: Array) -> float:
     return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
 
 
-def ridges(fit: Fit) -> float:
+def ridges(fit: Fit | Look) -> float:
     """How much looks like a chamfer where the bore should begin: brighter than the face and than what is farther in; by
     edges, in both pictures, 1 for an edge where it is brighter by the face's grey."""
-    bore, face = np.median(fit.steps.bore, axis=2), np.median(fit.steps.face, axis=2)
-    rest = np.maximum(face, np.median(fit.profiles.beyond, axis=2))
-    noise = np.sqrt(np.median(fit.variance, axis=(2, 3)))
+    bore, face = median_of_last(fit.steps.bore), median_of_last(fit.steps.face)
+    rest = np.maximum(face, median_of_last(fit.profiles.beyond))
+    noise = np.sqrt(median_of_last(fit.variance.reshape(*face.shape, -1)))
     excess = (bore - RIDGE_FREE * rest - RIDGE_NOISES * noise) / np.maximum(face, RIDGE_FACE)
     return float(np.sum(np.clip(excess, 0.0, 1.0)))
 
 
-def unlikely(fit: Fit, even: Array, doubts: Doubts) -> float:
+def unlikely(fit: Fit | Look, even: Array, doubts: Doubts) -> float:
     """The misfit, and what an odd blur, odd sizes and ridges cost: minus the log likelihood a sample, but for a
     constant."""
     sizes = 0.5 * float(np.sum((fit.state.sizes_m / doubts.sds()) ** 2)) + RIDGE_COST * ridges(fit)
     # neighbours along a profile and along the rim see the same pixels
     independent = 2.0 * STEP_PX * float(np.mean(np.minimum(fit.seen.spacing_px, 1.0)))
     samples = max(float(fit.profiles.inside.sum()), 1.0)
-    return misfit(fit, even) + (roundness_cost(fit.state) + sizes) / (independent * samples)
+    return misfit(fit, even) + (roundness_cost(fit.state.blur_px2) + sizes) / (independent * samples)
 
 
 def gloss_of(fit: Fit) -> float:
@@ -132,8 +138,8 @@ def gloss_of(fit: Fit) -> float:
     face = np.maximum(fit.steps.face, 1.0)
     ratio = np.log(face[0] / face[1])
     # noise alone makes them differ too
-    noise = np.sqrt(np.median(fit.variance) / 3.0) / np.maximum(np.median(face), 1.0)
-    spread = float(np.median(np.abs(ratio - np.median(ratio))) * 1.4826)
+    noise = np.sqrt(median(fit.variance) / 3.0) / max(median(face), 1.0)
+    spread = median(np.abs(ratio - median(ratio))) * 1.4826
     return float(np.sqrt(max(spread**2 - 2.0 * noise**2, 0.0)))
 
 
@@ -272,11 +278,12 @@ def _alike(images: Images, rim: Rim, stereo: StereoModel, climbed: _Climbed, dou
             passed: list[tuple[float, _Climbed]] = []
             with suppress(np.linalg.LinAlgError):
                 for number in range(OTHER_STEPS):
-                    before = state
-                    state, fit = iterate(images, rim, stereo, before, doubts, hold_blur=number < OTHER_HELD)
-                    passed.append((unlikely(fit, climbed.fit.even, doubts), _Climbed(before, fit)))
-                    if number == 1 and passed[-1][0] > AT_SECOND_SIGHT * least:
+                    before, looked = state, look(images, rim, stereo, state)
+                    cost = unlikely(looked, climbed.fit.even, doubts)
+                    if number == 1 and cost > AT_SECOND_SIGHT * least:
                         break
+                    state, fit = stepped(rim, looked, doubts, hold_blur=number < OTHER_HELD)
+                    passed.append((cost, _Climbed(before, fit)))
                 else:
                     others.append(_Climbed(state, fit))
                     # where nothing tells one place from the next the way there is as likely as its end

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
+from services.vision.fit.medians import median, median_of_last
 
 BINS = 6
 THIN = 3  # neighbours along a profile are half a pixel apart
@@ -36,7 +37,7 @@ def variance_by_grey(
     for side in range(2):
         use = inside[side] > 0
         if known is not None:
-            use &= (known[side] >= 0.5 * np.median(known[side]))[..., None]
+            use &= (known[side] >= 0.5 * median(known[side]))[..., None]
         grey, error = model[side][use][::THIN], np.abs(residual[side][use][::THIN])
         if grey.size < 4 * BINS:
             out[side] = floor**2
@@ -44,7 +45,7 @@ def variance_by_grey(
         # as many in each bin, the few that are left over among the darkest dropped
         order = np.argsort(grey)[grey.size % BINS :].reshape(BINS, -1)
         # of a profile of some 12 samples two or three went into its own greys
-        values = np.maximum(1.15 * 1.4826 * np.median(error[order], axis=1), floor) ** 2
+        values = np.maximum(1.15 * 1.4826 * median_of_last(error[order]), floor) ** 2
         out[side] = np.interp(model[side], grey[order[:, order.shape[1] // 2]], values)
     return out
 
@@ -56,7 +57,7 @@ def likeness(model: Array, residual: Array, variance: Array, inside: Array) -> A
     noise = np.sum(variance * inside, axis=-1)
     shown = np.sum((model - level[..., None]) ** 2 * inside, axis=-1) + noise
     left = np.maximum(np.sum(residual**2 * inside, axis=-1) - noise, 0.0) / np.maximum(shown, TINY)
-    most = np.maximum(UNLIKE_SHARE, UNLIKE_MEDIAN * np.median(left, axis=(1, 2)))[:, None, None]
+    most = np.maximum(UNLIKE_SHARE, UNLIKE_MEDIAN * median_of_last(left.reshape(2, -1)))[:, None, None]
     like = 1.0 / (1.0 + (left / most) ** 2)
     # what covers a part of an edge may look like a rim elsewhere along it
     return np.asarray(like * np.mean(like, axis=2, keepdims=True) ** GROUP_POWER)
@@ -71,7 +72,7 @@ def robust_weight(
     `step` (2, G, S): height of the whole step, grey; `glint` (2, G): how much brighter than the face a chamfer shines,
     0 to 1, by the face's grey.
     """
-    usual = np.median(step, axis=(1, 2))[:, None, None]
+    usual = median_of_last(step.reshape(2, -1))[:, None, None]
     scale = variance + (STEP_SHARE * np.minimum(step, STEP_MOST * usual)[..., None]) ** 2
     square = residual**2 / scale
     one = (DEGREES + 1.0) / (DEGREES + square)

@@ -174,8 +174,11 @@ def seen(rim: Rim, stereo: StereoModel, pose_camera_hole: Pose) -> SeenRim:
     normal = normal * np.sign(np.sum(normal * inward, axis=-1, keepdims=True))
     # normal shift per metre along the hole's axes (2, outer and inner, G, S, 3)
     pull = np.einsum("kgsi,kogsia->kogsa", normal, by_axis)
-    turn = np.cross(points[None], pull)
-    slopes = np.concatenate([pull, turn], axis=-1)
+    x, y, z = (points[..., axis] for axis in range(3))
+    by_x, by_y, by_z = (pull[..., axis] for axis in range(3))
+    # with the moment of each point, points x pull
+    turns = [y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x]
+    slopes = np.stack([by_x, by_y, by_z, *turns], axis=-1)
     if rim.round:
         # the facets of a round rim are the drawing's, not the hole's
         slopes[..., 5] = 0.0

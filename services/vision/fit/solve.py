@@ -15,6 +15,8 @@ from scipy.linalg.lapack import dpotrf, dpotri
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from services.vision.fit.blur import BLUR_ALIKE, BLUR_ALIKE_SD_PX2, BLUR_ROUND, blur_belief, roundness
+from services.vision.fit.medians import median
 from services.vision.fit.noise import robust_weight, variance_by_grey
 from services.vision.fit.rim import Rim, SeenRim, perturbed, seen
 from services.vision.fit.steps import STEP_PX, Profiles, Steps, columns_of, profiles, steps
@@ -31,14 +33,6 @@ LOCAL = 21
 TWICE = [*range(LOCAL), 15]
 BLUR_START_PX2 = 0.8
 HELD = 1e9
-# of uu and vv the logarithm's sd: lenses from .25 px, the pixel's own width, to 2; of uv the sd
-BLUR_MEAN_PX2, BLUR_LOG_SD = 0.6, 1.0
-BLUR_SKEW_SD_PX2 = 0.15
-# uu and uu of both pictures, vv and vv of both; uu and vv of one
-BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 3), (2, 5)), 0.3
-BLUR_ROUND = ((0, 2), (3, 5))
-# by how much a lens is not round, of the blur, or px^2 at least; a Cauchy's: a dragged picture is not round at all
-BLUR_ROUND_SHARE, BLUR_ROUND_LEAST_PX2 = 0.15, 0.15
 BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
 BLUR_FACTOR_MOST = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
@@ -111,7 +105,6 @@ class Fit:
     weight: Array
     local: Array
     gradient: Array
-    cost: float
 
 
 GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "lip": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
@@ -142,14 +135,14 @@ def grown(rim: Rim, sizes: Array) -> Rim:
     )
 
 
-def _look(
+def _taken(
     images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2: float
 ) -> tuple[SeenRim, Array, Array, Profiles]:
     moved = seen(grown(rim, state.sizes_m), stereo, state.pose_camera_hole)
     n = moved.normal
     square = np.stack([n[..., 0] ** 2, 2.0 * n[..., 0] * n[..., 1], n[..., 1] ** 2], axis=-1)
     variance_px2 = np.einsum("kgsi,ki->kgs", square, state.blur_px2) + extra_px2
-    blur = float(np.sqrt(np.clip(np.median(variance_px2), 0.25, 6.0)))
+    blur = float(np.sqrt(np.clip(median(variance_px2), 0.25, 6.0)))
     taken = profiles(images, moved, blur)
     return moved, square, variance_px2, taken
 
@@ -177,17 +170,27 @@ def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
     return maps
 
 
-def _share(moved: SeenRim) -> Array:
-    """(2, G, S): how many independent pixels a sample stands for."""
-    return np.minimum(moved.spacing_px, 1.0) * STEP_PX
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """What the pictures show at a state, before anything is made of it: what a fit holds of it, and what the step
+    needs: chamfer_grey (2, G), height (2, G, S) of the step, and the square of the normals (2, G, S, 3)."""
+
+    state: State
+    seen: SeenRim
+    profiles: Profiles
+    steps: Steps
+    variance: Array
+    even: Array
+    weight: Array
+    chamfer_grey: Array
+    profile_weight: Array
+    height: Array
+    square: Array
 
 
-def iterate(
-    images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts, extra_px2: float = 0.0,
-    hold_blur: bool = False,
-) -> tuple[State, Fit]:  # fmt: skip
-    """One Gauss-Newton step; `extra_px2` blur was added to the pictures. `hold_blur`: the blur stays what it is."""
-    moved, square, variance_px2, taken = _look(images, rim, stereo, state, extra_px2)
+def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2: float = 0.0) -> Look:
+    """The first half of a step: enough to tell how likely the state is. `extra_px2` blur was added to the pictures."""
+    moved, square, variance_px2, taken = _taken(images, rim, stereo, state, extra_px2)
     columns = columns_of(taken, moved, variance_px2)
     known = state.profile_weight if state.profile_weight is not None else np.ones(taken.grey.shape[:3])
     first = steps(columns, taken.inside * known[..., None] / ROUGH_GREY**2, state.chamfer_grey, greys_only=True)
@@ -199,25 +202,45 @@ def iterate(
     chamfer = state.chamfer_grey
     if chamfer is None:
         chamfer = np.asarray(first.chamfer.mean(axis=2))
-    share = _share(moved)
+    # how many independent pixels a sample stands for
+    share = np.minimum(moved.spacing_px, 1.0) * STEP_PX
     now = steps(columns, weight * share[..., None], chamfer)
-    cost = float(np.sum(weight * now.residual**2) / max(float(np.sum(taken.inside)), 1.0))
-    maps = _maps(rim, moved, square)
+    return Look(state, moved, taken, now, variance, even, weight, chamfer, profile_weight, height, square)
+
+
+def stepped(rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False) -> tuple[State, Fit]:
+    """The second half: one Gauss-Newton step from what was seen. `hold_blur`: the blur stays what it is."""
+    state, now, chamfer = looked.state, looked.steps, looked.chamfer_grey
+    maps = _maps(rim, looked.seen, looked.square)
     table = now.table[..., 1:, 1:]
-    local = np.einsum("kgsim,kgsij,kgsjn->kgmn", maps, table, maps, optimize=True)
-    to_four = np.einsum("kgsim,kgsif->kgmf", maps, now.shared[..., 1:, :], optimize=True)
-    local = local - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
-    pull = np.einsum("kgsim,kgsi->kgm", maps, now.table[..., 0, 1:], optimize=True)
+    # of each edge at once: by its local parameters, by what its profiles share, and the pull
+    beside = np.concatenate([table @ maps, now.shared[..., 1:, :], now.table[..., 0, 1:, None]], axis=-1)
+    rows = 2, rim.shape[0], -1
+    summed = np.swapaxes(maps.reshape(*rows, LOCAL), -1, -2) @ beside.reshape(*rows, beside.shape[-1])
+    to_four, pull = summed[..., LOCAL:-1], summed[..., -1]
+    local = summed[..., :LOCAL] - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
     # a chamfer that is saturated is not known: its own height must not be what its grey is held against
-    rise = height.mean(axis=2)
-    level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * np.median(rise))) + 1.0
+    rise = looked.height.mean(axis=2)
+    level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * median(rise))) + 1.0
     covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
-    fit = Fit(state, covariance, effects, moved, taken, now, variance, even, weight, local, pull, cost)
-    return _stepped(rim, replace(state, profile_weight=profile_weight), chamfer, covariance, effects, level), fit
+    fit = Fit(
+        state, covariance, effects, looked.seen, looked.profiles, now, looked.variance, looked.even, looked.weight,
+        local, pull,
+    )  # fmt: skip
+    after = replace(state, profile_weight=looked.profile_weight)
+    return _moved(rim, after, chamfer, covariance, effects, level), fit
+
+
+def iterate(
+    images: Images, rim: Rim, stereo: StereoModel, state: State, doubts: Doubts, extra_px2: float = 0.0,
+    hold_blur: bool = False,
+) -> tuple[State, Fit]:  # fmt: skip
+    """A look and a step."""
+    return stepped(rim, look(images, rim, stereo, state, extra_px2), doubts, hold_blur)
 
 
 def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
-    return _indices_of(rim.shape[0], tuple(int(way) for way in rim.facing))
+    return _indices_of(rim.shape[0], tuple(rim.facing.tolist()))
 
 
 @lru_cache(maxsize=32)
@@ -257,6 +280,13 @@ def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64]
     return index, total, kinds
 
 
+@lru_cache(maxsize=32)
+def _cells_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Where in a square of all parameters each pair of local ones is added up, and what lies above its diagonal."""
+    index, total, _ = _indices_of(groups, facing)
+    return (index[..., :, None] * total + index[..., None, :]).ravel(), np.triu(np.ones((total, total), dtype=bool), 1)
+
+
 def kinds_of(rim: Rim) -> dict[str, slice]:
     """Where each kind of effect lies in the covariance and in the effects."""
     return _indices(rim)[2]
@@ -272,8 +302,8 @@ def _solve(
     rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
 ) -> tuple[Array, Array]:
     index, total, kinds = _indices(rim)
+    cells, above = _cells_of(rim.shape[0], tuple(rim.facing.tolist()))
     wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
-    cells = (index[..., :, None] * total + index[..., None, :]).ravel()
     information = np.asarray(np.bincount(cells, wide.ravel(), total * total), dtype=float).reshape(total, total)
     gradient = np.asarray(np.bincount(index.ravel(), wide_pull.ravel(), total), dtype=float)
     prior = np.zeros(total)
@@ -284,17 +314,19 @@ def _solve(
     if hold_blur:
         prior[COMMON : COMMON + 6] = HELD
     else:
-        blur, off = _blur_belief(state.blur_px2)
+        blur, off = blur_belief(state.blur_px2)
         prior[COMMON : COMMON + 6] = blur
         gradient[COMMON : COMMON + 6] -= blur * off
         # a lens is round and both are alike, more or less
         flat = state.blur_px2.ravel()
-        off, scale = _roundness(state.blur_px2)
+        off, scale = roundness(state.blur_px2)
         sds = [*np.sqrt(0.5 * (scale**2 + off**2)), *[BLUR_ALIKE_SD_PX2] * len(BLUR_ALIKE)]
         for (one, other), sd in zip(BLUR_ROUND + BLUR_ALIKE, sds, strict=True):
-            pair, row = [COMMON + one, COMMON + other], np.array([1.0, -1.0]) / sd
-            information[np.ix_(pair, pair)] += np.outer(row, row)
-            gradient[pair] -= row * (row @ flat[[one, other]])
+            known, apart = 1.0 / sd**2, flat[one] - flat[other]
+            for way, at, to in ((1.0, COMMON + one, COMMON + other), (-1.0, COMMON + other, COMMON + one)):
+                information[at, at] += known
+                information[at, to] -= known
+                gradient[at] -= way * known * apart
     for kind, variances in state.effects.items():
         if kind != "chamfer":
             prior[kinds[kind]] = 1.0 / variances
@@ -317,36 +349,13 @@ def _solve(
     factor, failed = dpotrf(information * scale[:, None] * scale, lower=True)
     if failed:
         raise np.linalg.LinAlgError("the rim's equations have no solution")
-    lower, _ = dpotri(factor, lower=True)
-    inverse = np.tril(lower) + np.tril(lower, -1).T
+    inverse, _ = dpotri(factor, lower=True)
+    np.copyto(inverse, inverse.T.copy(), where=above)
     covariance = inverse * scale[:, None] * scale
     return covariance, covariance @ gradient
 
 
-def _roundness(blur_px2: Array) -> tuple[Array, Array]:
-    """(2,) each, by picture: how far the blur (2, 3) is from round, and how far a lens usually is, px^2."""
-    wide = blur_px2[:, [0, 2]]
-    return wide[:, 0] - wide[:, 1], np.maximum(BLUR_ROUND_SHARE * wide.mean(axis=1), BLUR_ROUND_LEAST_PX2)
-
-
-def roundness_cost(state: State) -> float:
-    """How unlikely the blur's shape is for a lens: minus the log likelihood of both pictures."""
-    off, scale = _roundness(state.blur_px2)
-    return float(np.sum(np.log1p((off / scale) ** 2)))
-
-
-def _blur_belief(blur_px2: Array) -> tuple[Array, Array]:
-    """What is believed of the blur before a picture is seen, about where it stands, (2, 3) px^2: one over the variance
-    (6,), and how far it is off, px^2."""
-    wide = blur_px2[:, [0, 2]]
-    precision, off = np.empty((2, 3)), np.empty((2, 3))
-    precision[:, [0, 2]] = (BLUR_LOG_SD * wide) ** -2.0
-    off[:, [0, 2]] = wide * np.log(wide / BLUR_MEAN_PX2)
-    precision[:, 1], off[:, 1] = BLUR_SKEW_SD_PX2**-2.0, blur_px2[:, 1]
-    return precision.ravel(), off.ravel()
-
-
-def _stepped(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
+def _moved(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
     _, _, kinds = _indices(rim)
     step = effects[:POSE].copy()
     # far from the rim the profile is flat and a step means nothing

@@ -27,8 +27,8 @@ SATURATED_GREY, SATURATED_REACH = 250.0, 2
 # of a face or a bore that is saturated, one sd of its grey
 UNSEEN_GREY = 2000.0
 # columns of a profile's table
-FACE, BORE, GREY, CHAMFER, FACE_SLOPE, BORE_SLOPE, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
-GREYS = 6  # the first of them, without the derivatives
+FACE, BORE, CHAMFER, FACE_SLOPE, BORE_SLOPE, GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
+SHOWN, GREYS = 5, 6  # the first of them: what makes up the grey; with the grey, without the derivatives
 
 
 def sample(image: NDArray[np.float32], points_px: Array) -> Array:
@@ -61,8 +61,13 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
     grey = np.stack([sample(images[side], points[side]) for side in range(2)])
     grey, beyond, points = grey[..., :-1], grey[..., -1], points[..., :-1, :]
     inside = np.ones_like(grey)
+    reach = float(np.abs(offsets).max())
     for side in range(2):
         height, width = images[side].shape
+        ends = rim.outer_px[side].reshape(-1, 2)
+        low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
+        if low.min() > 1.0 and high[0] < width - 2.0 and high[1] < height - 2.0:
+            continue
         u, v = points[side, ..., 0], points[side, ..., 1]
         inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
     inside *= offsets < chamfer[..., None] + bore
@@ -140,8 +145,8 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
     scale[:, 0] = ramp
     between = left[..., kinds] * scale[:, None, :]
     within = (between[..., kinds, :] * scale[:, :, None]).sum(axis=2)
-    to_grey = between[..., 0, :].sum(axis=2)
-    height = np.sqrt(np.mean((solved[..., 0, 0] - solved[..., 1, 0]) ** 2, axis=-1)) + 1.0
+    to_grey = between[..., GREY - 2, :].sum(axis=2)
+    height = np.sqrt(np.mean((solved[..., 0, GREY - 2] - solved[..., 1, GREY - 2]) ** 2, axis=-1)) + 1.0
     ridge = np.zeros((2, groups, 4, 4))
     ridge[..., 0, 0] = 1.0 / (CHAMFER_CHANGE_SHARE * height) ** 2
     ridge[..., 1, 1] = 1.0 / (FACE_SLOPE_SHARE * height) ** 2
@@ -156,7 +161,7 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
         made = np.concatenate([np.einsum("kgij,kgj->kgi", inverse, rest), chamfer_grey[..., None]], axis=-1)
     change, slope_face, slope_bore, middle = (made[..., index, None] for index in range(4))
     grey_chamfer = middle + change * ramp
-    taken = solved[..., 0] - (
+    taken = solved[..., GREY - 2] - (
         solved[..., CHAMFER - 2] * grey_chamfer[..., None]
         + solved[..., FACE_SLOPE - 2] * slope_face[..., None]
         + solved[..., BORE_SLOPE - 2] * slope_bore[..., None]
@@ -164,8 +169,7 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
     face, bore = taken[..., 0], taken[..., 1]
     ones = np.ones_like(face)
     amounts = np.stack([face, bore, grey_chamfer, slope_face * ones, slope_bore * ones], axis=-1)
-    shown = [FACE, BORE, CHAMFER, FACE_SLOPE, BORE_SLOPE]
-    model = (amounts[..., None, :] @ columns[..., shown, :])[..., 0, :]
+    model = (amounts[..., None, :] @ columns[..., :SHOWN, :])[..., 0, :]
     if greys_only:
         none = np.empty(0)
         return Steps(face, grey_chamfer, bore, model, grey - model, none, none, inverse)
