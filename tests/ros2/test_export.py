@@ -98,7 +98,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bag(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("bags") / "out"
-    done = CliRunner().invoke(app, ["export", "ros2", str(recording), str(out), "--cell-stamps"])
+    done = CliRunner().invoke(app, ["recording", "export", "ros2", str(recording), str(out), "--cell-stamps"])
     assert done.exit_code == 0, done.output
     assert "/joint_states" in done.output
     return out
@@ -179,6 +179,6 @@ def test_what_is_wrong_is_said(recording: Path, bag: Path, tmp_path: Path) -> No
         ([str(tmp_path / "none.mcap"), str(tmp_path / "x")], "cannot be read"),
         ([str(recording), str(tmp_path / "x"), "--distro", "foxy"], "want humble, jazzy"),
     ):
-        done = CliRunner().invoke(app, ["export", "ros2", *arguments])
+        done = CliRunner().invoke(app, ["recording", "export", "ros2", *arguments])
         assert done.exit_code == 1 and why in " ".join(done.output.split()), done.output
     assert not (tmp_path / "x").exists()
