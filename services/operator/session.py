@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
-from crosspih_common.bus.clock import AHEAD_NS
 from crosspih_common.bus.workers import Pump
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import NoService
@@ -48,6 +47,7 @@ from crosspih_common.messages import (
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from deploy.launcher.state import default_run_root
 from services.operator.cell_check.first import check_before_first
+from services.operator.new_events import only_new
 from services.operator.recorded import Kept, Recorded
 from services.operator.scoring import TrialFigures, score
 
@@ -184,27 +184,10 @@ class Session:
         """Call with everything that happens from now on."""
         self.bus.subscribe(PHASE, on_phase)
         self.bus.subscribe(TOUCH, on_touch)
-        self.bus.subscribe(EVENTS, self._only_new(on_event))
+        self.bus.subscribe(EVENTS, only_new(on_event, self.bus.clock, self._told_before.values()))
         pump: Pump[Event] = Pump(on_event, 64, name="operator:lost", on_error=lambda error: None)
         self.bus.also_close(pump)
         self._on_lost = pump.offer
-
-    def _only_new(self, on_event: Callable[[Event], None]) -> Callable[[Event], None]:
-        """Without the events of before: those heard already, those from before now, and those of a run of the cell
-        before this one, whose clock was further."""
-        clock = self.bus.clock
-        begun_ns, boot_id = clock.now_ns(), clock.boot_id
-        before = {(event.service, event.seq, event.stamp_ns) for event in self._told_before.values()}
-
-        def new(event: Event) -> None:
-            same_run = clock.boot_id == boot_id
-            past = event.stamp_ns < begun_ns if same_run else False
-            if past or event.stamp_ns > clock.now_ns() + AHEAD_NS:
-                return
-            if (event.service, event.seq, event.stamp_ns) not in before:
-                on_event(event)
-
-        return new
 
     def reset(self, command: ResetCell) -> SimulationTruth:
         """A new trial in the simulated cell."""

@@ -85,7 +85,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
     config = RecorderConfig(directory=folder, quiet_s=0.0)
     failures: list[str] = []
-    recorder = Recorder(config, lambda: {"cell": {"name": "c", "path": "c.yaml", "yaml": CELL}}, failures.append)
+    words = {"cell": {"name": "c", "path": "c.yaml", "yaml": CELL}}
+    recorder = Recorder(config, lambda: words, lambda code, text: failures.append(text))
     path = Path(recorder.start("one", 0).path)
     for topic, value in said():
         recorder.take(topic, topic.key("c", "vision"), encode(value), value.seq)
