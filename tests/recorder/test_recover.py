@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.records import Channel as McapChannel
 from mcap.records import Chunk
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -28,7 +29,7 @@ from services.recorder.config import Compression, RecorderConfig
 from services.recorder.file import RecordingFile
 from services.recorder.sample import Sample
 
-MESSAGES = 1200
+MESSAGES = 600
 A_FLUSH = 40  # messages
 Told = tuple[str, int, int, int, bytes]  # key, number, log time, publish time, payload
 
@@ -98,7 +99,7 @@ def original(path: Path) -> Original:
                         if isinstance(inner, McapMessage):
                             key = topics[inner.channel_id]
                             told.append((key, inner.sequence, inner.log_time, inner.publish_time, inner.data))
-                        elif hasattr(inner, "topic"):
+                        elif isinstance(inner, McapChannel):
                             topics[inner.id] = inner.topic
                     chunks.append((at, end, told))
                 at = end
@@ -152,7 +153,7 @@ def recovered(data: bytes, folder: Path) -> tuple[list[Told], int]:
     return told, sum(part.nameless for part in made.parts)
 
 
-def untouched(whole: Original, damaged: bytes) -> list[Told]:
+def untouched(whole: Original, damaged: bytes | bytearray) -> list[Told]:
     """The messages of the chunks whose bytes are as they were."""
     return [told for at, end, chunk in whole.chunks if damaged[at:end] == whole.data[at:end] for told in chunk]
 
@@ -163,11 +164,11 @@ def assert_exact_or_absent(told: list[Told], whole: Original) -> None:
 
 
 KINDS = st.sampled_from(["finished", "torn", "lz4", "bare"])
-FEW = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FEW = settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @FEW
-@given(KINDS, st.floats(0.0, 1.0), st.binary(min_size=1, max_size=64))
+@given(kind=KINDS, where=st.floats(0.0, 1.0), garbage=st.binary(min_size=1, max_size=64))
 def test_damage_in_one_place_costs_the_chunk_that_it_hits(
     kind: str, where: float, garbage: bytes, originals: dict[str, Original], folder: Path
 ) -> None:
@@ -183,8 +184,8 @@ def test_damage_in_one_place_costs_the_chunk_that_it_hits(
 
 @FEW
 @given(
-    KINDS,
-    st.lists(st.tuples(st.floats(0.0, 1.0), st.binary(min_size=1, max_size=300)), min_size=2, max_size=8),
+    kind=KINDS,
+    damages=st.lists(st.tuples(st.floats(0.0, 1.0), st.binary(min_size=1, max_size=300)), min_size=2, max_size=8),
 )
 def test_damage_in_many_places(
     kind: str, damages: list[tuple[float, bytes]], originals: dict[str, Original], folder: Path
@@ -201,7 +202,13 @@ def test_damage_in_many_places(
 
 
 @FEW
-@given(KINDS, st.integers(0, 10**6), st.integers(0, 2**64 - 1), st.integers(0, 255), st.booleans())
+@given(
+    kind=KINDS,
+    which=st.integers(0, 10**6),
+    length=st.integers(0, 2**64 - 1),
+    opcode=st.integers(0, 255),
+    both=st.booleans(),
+)
 def test_damage_in_a_records_length_and_head(
     kind: str, which: int, length: int, opcode: int, both: bool, originals: dict[str, Original], folder: Path
 ) -> None:
@@ -222,7 +229,7 @@ def test_damage_in_a_records_length_and_head(
 
 
 @FEW
-@given(KINDS, st.floats(0.0, 1.0), st.integers(1, 5000))
+@given(kind=KINDS, where=st.floats(0.0, 1.0), count=st.integers(1, 5000))
 def test_bytes_cut_out_or_put_in(
     kind: str, where: float, count: int, originals: dict[str, Original], folder: Path
 ) -> None:
@@ -242,9 +249,9 @@ def test_bytes_cut_out_or_put_in(
 
 def test_truncated_at_a_hundred_places(originals: dict[str, Original], folder: Path) -> None:
     rng = random.Random(1)
-    for kind in ("finished", "bare"):
+    for kind, places in (("finished", 70), ("bare", 30)):
         whole = originals[kind]
-        for cut in [0, 1, 7, 8, *(rng.randrange(len(whole.data)) for _ in range(100))]:
+        for cut in [0, 1, 7, 8, *(rng.randrange(len(whole.data)) for _ in range(places))]:
             told, nameless = recovered(whole.data[:cut], folder)
             assert told == [entry for _, end, chunk in whole.chunks if end <= cut for entry in chunk]
             assert nameless == 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.keys import Kind
@@ -72,6 +72,7 @@ def test_a_publisher_that_begins_again() -> None:
     assert lost([0, 1, 4, 5, 0, 1, 2, 3, 4, 5, 6, 7, 8]) == 2
 
 
+@settings(max_examples=50)
 @given(
     st.integers(50, 300),
     st.sets(st.integers(1, 299), max_size=30),
@@ -95,6 +96,7 @@ def test_what_is_lost_is_what_never_came(
         assert tally.lost().get("k", 0) == len([number for number in missing if numbers[0] < number <= last])
 
 
+@settings(max_examples=50)
 @given(st.lists(st.integers(0, 10**15), max_size=200))
 def test_no_numbers_can_say_that_more_was_lost_than_can_have_been_sent(numbers: list[int]) -> None:
     assert 0 <= lost(numbers) <= len(numbers) * (JUMP + 4 * RATE_HZ * PERIOD_S)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crosspih_common.errors import ConfigError
-from crosspih_common.keys import ASSEMBLE, CLOCK, Kind
+from crosspih_common.keys import ASSEMBLE, Kind
 from crosspih_common.recording import RecordingError, parts_of, read_recording
 from crosspih_common.recording.rerun import begun_ns
 from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
@@ -90,7 +90,7 @@ class Assembly:
 
 def assemblies_in(path: Path) -> tuple[int, int, list[Assembly]]:
     """(when the recording began, its last stamp, its assemblies in order), cell time. Raises RecordingError."""
-    recording = read_recording(path, (CLOCK, ASSEMBLE.request_echo, ASSEMBLE.reply_echo))
+    recording = read_recording(path)
     found = [
         Assembly(
             number,
