@@ -1,4 +1,4 @@
-"""What damage costs: `python -m tests.recorder.measure_damage FILE` puts 64 random bytes in one place after the other and
+"""What damage costs: `python -m tests.recorder.measure_damage FILE` puts 64 random bytes in one place after another and
 counts the messages that are then missing. FILE itself is not touched.
 """
 
