@@ -26,6 +26,7 @@ from crosspih_common.keys import (
     PHASE,
     RECORD_START,
     RECORD_STOP,
+    STATUS,
     Topic,
 )
 from crosspih_common.messages import (
@@ -36,6 +37,7 @@ from crosspih_common.messages import (
     Image,
     JointState,
     Phase,
+    ServiceState,
     StartRecording,
     StopRecording,
 )
@@ -224,13 +226,16 @@ def test_a_kill_loses_no_more_than_the_last_flush_and_the_next_recorder_goes_on(
         clock = recording.last(CLOCK)
         assert clock is not None and clock.stamp_ns >= flushed_ns
 
-        events = bus.latest(EVENTS, 8)
+        events, statuses = bus.latest(EVENTS, 8), bus.latest(STATUS, 8)
         process = spawn("recorder", "--cell", str(cell_file(tmp_path)), "--endpoint", endpoint)
         resumed = events.wait_for(lambda event: event.code == "recording_resumed", DEADLINE_S)
         assert resumed is not None and "torn-0001.part2.mcap" in resumed.text, "".join(process.output)
         for _ in range(100):
             source.publish(JOINT_STATE, joints)
         source.tick()
+        pid = process.process.pid
+        ready = statuses.wait_for(lambda status: (status.pid, status.state) == (pid, ServiceState.READY), DEADLINE_S)
+        assert ready is not None, "".join(process.output)
         stopped = bus.call(RECORD_STOP, StopRecording(), DEADLINE_S)
         assert process.terminate() == 0
     part = path.with_name("torn-0001.part2.mcap")

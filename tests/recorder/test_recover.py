@@ -164,7 +164,7 @@ def assert_exact_or_absent(told: list[Told], whole: Original) -> None:
 
 
 KINDS = st.sampled_from(["finished", "torn", "lz4", "bare"])
-FEW = settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FEW = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 
 
 @FEW
