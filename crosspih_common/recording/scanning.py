@@ -102,12 +102,14 @@ class Scan:
 
     def __iter__(self) -> Iterator[Whole | Damage]:
         at = len(MAGIC) if self._data[: len(MAGIC)] == MAGIC else 0
+        checked = at  # up to here a check says that all is whole; a mere length may have led too far
         while at < self._records_end:
             try:
                 found = self._at(at)
             except Malformed as error:
-                after = self._resume(at + 1)
+                after = self._resume(checked)
                 end = self._records_end if after is None else after.offset
+                at = at if at < end else checked
                 # a summary that passed its check follows: then it is no tear
                 yield Damage(at, end, str(error), after is None and self.summary is None)
                 if after is None:
@@ -115,6 +117,8 @@ class Scan:
                 found = after
             yield found
             at = found.end
+            if found.records or found.content is not None:
+                checked = at
             if found.data_end:
                 self.ended = True
                 return
