@@ -173,10 +173,11 @@ class Bus:
         """Call the handler with every sample on the transport's own thread: at once, and so it must return at once."""
         self._listen(topic, handler)
 
-    def tap(self, topic: Topic[Any], handler: Handler) -> None:
+    def tap(self, topic: Topic[Any], handler: Handler, on_refused: Callable[[str], None] = lambda key: None) -> None:
         """Call with (key, payload, label) of every sample as it travels, undecoded, on the transport's thread.
 
-        The handler must only enqueue. A sample of another type or version is rejected, as everywhere.
+        The handler must only enqueue. A sample of another type or version is rejected, as everywhere; `on_refused` is
+        told its key.
         """
         expected = label_of(topic.type)
 
@@ -184,6 +185,7 @@ class Bus:
             name = split_label(label)[0]
             if name != expected:
                 self._reject(key, f"{key}: got {name[:80] or 'no type name'}, want {expected}")
+                on_refused(key)
                 return
             try:
                 check_size(topic.type, payload, key)

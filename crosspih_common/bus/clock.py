@@ -21,6 +21,11 @@ class BusClock:
         """The newest cell time known here."""
         return self._now_ns
 
+    @property
+    def boot_id(self) -> str:
+        """Which run of the cell's clock this is; empty before its first tick."""
+        return self._boot_id
+
     def observe(self, stamp_ns: int, boot_id: str | None = None) -> None:
         """Learn a stamp; with `boot_id`, a tick of the clock itself. A new boot id starts the clock anew.
 

@@ -1,5 +1,23 @@
 """Recordings: MCAP files of everything that was said on a cell's bus."""
 
-from crosspih_common.recording.reader import OVERTAKEN_NS, Recorded, Recording, RecordingError, Sent, read_recording
+from crosspih_common.recording.parts import parts_of
+from crosspih_common.recording.reader import (
+    OVERTAKEN_NS,
+    ReadPart,
+    Recorded,
+    Recording,
+    RecordingError,
+    Sent,
+    read_recording,
+)
 
-__all__ = ["OVERTAKEN_NS", "Recorded", "Recording", "RecordingError", "Sent", "read_recording"]
+__all__ = [
+    "OVERTAKEN_NS",
+    "ReadPart",
+    "Recorded",
+    "Recording",
+    "RecordingError",
+    "Sent",
+    "parts_of",
+    "read_recording",
+]

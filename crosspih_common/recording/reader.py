@@ -1,35 +1,33 @@
 """Read a recording back into typed messages, also one that a kill -9 or a power cut tore off.
 
 A torn MCAP file has no footer and no index, and its last record may be cut; everything before that is whole. So a file
-is always read from the front, record by record, up to its footer or to the tear.
+is always read from the front, record by record, and past what is damaged (scanning.py). A recording may have several
+files, its parts (parts.py): they are read as one.
 """
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Generic, TypeVar
-
-from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
 
 from crosspih_common.bus.codec import decode
 from crosspih_common.errors import ContractError, CrosspihError
 from crosspih_common.keys import REFUSAL, ROOT, Command, Payload, Topic
 from crosspih_common.messages import CommandRefusal
 from crosspih_common.messages import Message as BusMessage
+from crosspih_common.recording.numbering import Line
+from crosspih_common.recording.parts import parts_of
+from crosspih_common.recording.scanning import Damage
+from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=BusMessage)
 ReplyT = TypeVar("ReplyT", bound=BusMessage)
 OVERTAKEN_NS = 50_000_000  # of the recorder's clock
-# what a cut or garbled record raises somewhere below StreamReader
-_TORN = (McapError, EOFError, struct.error, ValueError, UnicodeDecodeError, MemoryError, ZstdError, KeyError)
+RATE_HZ = 1000.0  # no key is spoken on more often
 
 
 class RecordingError(CrosspihError):
@@ -59,11 +57,14 @@ class Sent(Generic[PayloadT]):
 
 @dataclass(slots=True)
 class Recording:
-    """A recording in memory. `finished` is False for a torn file; `problems` says what could not be decoded."""
+    """A recording in memory. `finished` is False where a file of it is torn or damaged, and `tear` says how;
+    `damage` is what lies within, `problems` say what could not be decoded."""
 
     path: Path
     finished: bool = False
     tear: str = ""
+    parts: list[ReadPart] = field(default_factory=list)
+    damage: list[Damage] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     samples: dict[str, list[Recorded]] = field(default_factory=dict)
     schemas: dict[str, tuple[str, str]] = field(default_factory=dict)  # key: (schema name, message encoding)
@@ -150,75 +151,80 @@ class Recording:
         stamps = [sample.stamp_ns for samples in self.samples.values() for sample in samples]
         return (min(stamps), max(stamps)) if stamps else (0, 0)
 
-    def seq_gaps(self) -> dict[str, int]:
-        """Missing numbers between neighbours, key by key; a lower number is a publisher started again, not a gap."""
-        gaps: dict[str, int] = {}
+    def numbers(self) -> dict[str, Line]:
+        """What the numbers of each key's samples say; of a file that has them as 32 bits."""
+        lines: dict[str, Line] = {}
         for key, samples in self.samples.items():
-            missing = sum(max(after.seq - before.seq - 1, 0) for before, after in pairwise(samples))
-            if missing:
-                gaps[key] = missing
-        return gaps
+            for sample in samples:
+                if key not in lines:
+                    lines[key] = Line(sample.seq + 1, sample.wall_ns * 1e-9)
+                else:
+                    lines[key].hear(sample.seq, sample.wall_ns * 1e-9, RATE_HZ)
+        return lines
 
-
-def _records(reader: StreamReader, recording: Recording) -> Iterator[McapRecord]:
-    try:
-        yield from reader.records
-    except _TORN as error:
-        recording.tear = f"{type(error).__name__}: {error}".rstrip(": ")
+    def seq_gaps(self) -> dict[str, int]:
+        """Samples that never came, key by key (numbering.py); a publisher that was started again is no gap."""
+        return {key: missing for key, line in self.numbers().items() if (missing := line.missing())}
 
 
 def read_recording(path: str | Path, only: Iterable[Topic[Any]] | None = None) -> Recording:
-    """Read a recording, whole or torn; with `only`, the samples of those topics alone.
+    """Read a recording with all its parts, whole, torn or damaged; with `only`, the samples of those topics alone.
 
-    Raises RecordingError when the file cannot be opened or is no MCAP file.
+    Raises RecordingError when its first file cannot be opened or is no MCAP file.
     """
     recording = Recording(Path(path))
     wanted = None if only is None else {topic.path for topic in only}
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    any_record = False
-    try:
-        with recording.path.open("rb") as stream:
-            # a garbled length must not ask for gigabytes
-            limit = max(recording.path.stat().st_size, 1)
-            for record in _records(StreamReader(stream, validate_crcs=True, record_size_limit=limit), recording):
-                any_record = True
-                if isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    channels[record.id] = record
-                elif isinstance(record, Metadata):
-                    recording.metadata[record.name] = dict(record.metadata)
-                elif isinstance(record, Footer):
-                    recording.finished = True
-                elif isinstance(record, Message):
-                    _take(record, channels, schemas, wanted, recording)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); `crosspih assemble` names its file") from None
-    if not any_record:
-        raise RecordingError(f"{path}: is no MCAP file, or was torn before its first record ({recording.tear})")
+    repeats = Repeats()
+    for file in parts_of(recording.path):
+        part = ReadPart(file)
+        repeats.begin_part()
+        try:
+            for said in walk(file, part):
+                if (wanted is None or said.channel.metadata.get("path") in wanted) and not repeats.has(said):
+                    _take(said, recording)
+        except OSError as error:
+            raise RecordingError(
+                f"{file}: cannot be read ({error.strerror}); `crosspih assemble` names its file"
+            ) from None
+        if part.records == 0 and not recording.parts:
+            why = part.damage[0].why if part.damage else "it is empty"
+            raise RecordingError(f"{file}: is no MCAP file, or was torn before its first record ({why})")
+        recording.parts.append(part)
+    _sum_up(recording)
     return recording
 
 
-def _take(
-    record: Message,
-    channels: dict[int, Channel],
-    schemas: dict[int, Schema],
-    wanted: set[str] | None,
-    recording: Recording,
-) -> None:
-    channel = channels.get(record.channel_id)
-    if channel is None:
-        return
-    if wanted is not None and channel.metadata.get("path") not in wanted:
-        return
+def _take(said: Said, recording: Recording) -> None:
+    channel, entry = said.channel, said.entry
     samples = recording.samples.get(channel.topic)
     if samples is None:
         samples = recording.samples[channel.topic] = []
-        schema = schemas.get(channel.schema_id)
-        recording.schemas[channel.topic] = (schema.name if schema else "", channel.message_encoding)
-    label = f"{channel.metadata.get('label', '')} {record.sequence}"
-    samples.append(Recorded(channel.topic, label, record.data, record.sequence, record.log_time, record.publish_time))
+        recording.schemas[channel.topic] = (said.schema.name if said.schema else "", channel.encoding)
+    label = f"{channel.metadata.get('label', '')} {entry.sequence}"
+    samples.append(Recorded(channel.topic, label, entry.data, entry.sequence, entry.log_time, entry.publish_time))
 
 
-__all__ = ["OVERTAKEN_NS", "Recorded", "Recording", "RecordingError", "Sent", "read_recording"]
+def _sum_up(recording: Recording) -> None:
+    """What all parts say together: the words of the first, drops added up, and whether each of them is whole."""
+    drops: Counter[str] = Counter()
+    for part in recording.parts:
+        for name, entries in part.metadata.items():
+            if name == "drops":
+                drops.update({key: int(value) for key, value in entries.items() if value.isdigit()})
+            else:
+                recording.metadata.setdefault(name, entries)
+    if any("drops" in part.metadata for part in recording.parts):
+        recording.metadata["drops"] = {key: str(count) for key, count in drops.items()}
+    recording.finished = all(part.finished for part in recording.parts)
+    recording.tear = "; ".join(
+        part.tear if len(recording.parts) == 1 else f"{part.path.name}: {part.tear}"
+        for part in recording.parts
+        if not part.finished
+    )
+    recording.damage = [damage for part in recording.parts for damage in part.damage if not damage.torn]
+    nameless = sum(part.nameless for part in recording.parts)
+    if nameless:
+        recording.problems.append(f"{nameless} messages whose key lay in what is damaged")
+
+
+__all__ = ["OVERTAKEN_NS", "ReadPart", "Recorded", "Recording", "RecordingError", "Sent", "read_recording"]

@@ -16,11 +16,11 @@ from services.operator.cell_init.command import init
 from services.operator.dataset import app as dataset_app
 from services.operator.doctor.command import doctor
 from services.operator.drivers import drivers
-from services.operator.export import export_app
 from services.operator.for_cell import for_cell
 from services.operator.keys_table import keys
 from services.operator.locate.command import locate
 from services.operator.peg_check.command import peg_app
+from services.operator.recording import recording_app
 from services.operator.replay.cli import replay
 from services.operator.report.cli import report
 from services.operator.results import results
@@ -50,7 +50,7 @@ app.add_typer(calibrate_app, name="calibrate")
 app.command()(locate)
 app.command()(report)
 app.command()(replay)
-app.add_typer(export_app, name="export")
+app.add_typer(recording_app, name="recording")
 app.command()(results)
 app.add_typer(dataset_app, name="dataset")
 app.command()(train)

@@ -14,6 +14,7 @@ from rich.console import Console
 from crosspih_common.config.drawing import CROSS, OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
+from crosspih_common.recording import RecordingError
 from deploy.launcher import LauncherError
 from services.operator.calibrate.ft import ft
 from services.operator.calibrate.pictures import board, hand_eye, stereo
@@ -69,9 +70,14 @@ def _assemble(
         truth = session.truth() if session.simulated else None
     if figures.recording is not None:
         page = Path(figures.recording).with_suffix(".html")
-        with console.status("making the report"):
-            make_report(Path(figures.recording), page)
-        figures = figures.model_copy(update={"report": str(page)})
+        try:
+            with console.status("making the report"):
+                make_report(Path(figures.recording), page)
+            figures = figures.model_copy(update={"report": str(page)})
+        except (RecordingError, OSError) as error:
+            # the assembly's own end must be told
+            said = (*figures.recording_warnings, f"no report: {error}")
+            figures = figures.model_copy(update={"recording_warnings": said})
     return _Done(figures, result, truth)
 
 

@@ -104,8 +104,10 @@ class TrialFigures(BaseModel):
     rank: int | None = None  # directions that the bore's walls hold, of five: all but along the axis
     warnings: tuple[str, ...] = ()  # what casts doubt on T2 though the peg is in
     found: PosePrior | None = None  # T2 with its covariance, for the assembly of another peg there
-    recording: str | None
+    recording: str | None  # its first file
     report: str | None
+    recording_parts: tuple[str, ...] = ()  # all its files
+    recording_warnings: tuple[str, ...] = ()  # what is missing from it
 
 
 def score(

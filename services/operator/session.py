@@ -12,7 +12,7 @@ from pathlib import Path
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
 from crosspih_common.bus.workers import Pump
 from crosspih_common.config import CellFile, load_cell
-from crosspih_common.errors import CrosspihError, NoService
+from crosspih_common.errors import NoService
 from crosspih_common.holding.soundness import require_one_clock
 from crosspih_common.keys import (
     ABORT,
@@ -21,8 +21,6 @@ from crosspih_common.keys import (
     CLOCK,
     EVENTS,
     PHASE,
-    RECORD_START,
-    RECORD_STOP,
     RESET,
     TOUCH,
     TRUTH,
@@ -41,8 +39,6 @@ from crosspih_common.messages import (
     ResetCell,
     Severity,
     SimulationTruth,
-    StartRecording,
-    StopRecording,
     Strategy,
     Touch,
     Withdraw,
@@ -51,21 +47,30 @@ from crosspih_common.messages import (
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from deploy.launcher.state import default_run_root
 from services.operator.cell_check.first import check_before_first
+from services.operator.new_events import only_new
+from services.operator.recorded import Kept, Recorded
 from services.operator.scoring import TrialFigures, score
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
 ASSEMBLY_DEADLINE_S = 900.0
 WITHDRAW_DEADLINE_S = 300.0
 RESET_DEADLINE_S = 120.0  # a busy machine builds a scene slowly
-RECORDER_DEADLINE_S = 60.0
 BACK_OFF_DEADLINE_S = 30.0
-# who else is lost the planner says
-PLANNER_LOST = Event(
-    service="operator",
-    severity=Severity.WARNING,
-    code="service_lost",
-    text="planning is gone: no sign of life from it (its liveliness token went)",
-)
+# who else is lost the planner says; of these two nobody else would
+LOST = {
+    "planning": Event(
+        service="operator",
+        severity=Severity.WARNING,
+        code="service_lost",
+        text="planning is gone: no sign of life from it (its liveliness token went)",
+    ),
+    "recorder": Event(
+        service="operator",
+        severity=Severity.WARNING,
+        code="service_lost",
+        text="the recorder is gone: nothing is recorded until it is back",
+    ),
+}
 
 
 def cell_path() -> str:
@@ -93,10 +98,6 @@ def endpoint() -> str:
     return os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT
 
 
-def _offer(pump: Pump[Event]) -> None:
-    pump.offer(PLANNER_LOST)
-
-
 class Session:
     """The operator's place on the bus."""
 
@@ -104,12 +105,15 @@ class Session:
         self.cell: CellFile = load_cell(cell_path())
         self.bus = Bus(open_zenoh(endpoint(), connect_timeout_s), self.cell.workcell.name, "operator")
         self._alive: set[str] = set()
-        self._on_planner_lost: Callable[[], None] = lambda: None
+        self._recording = False
+        self._on_lost: Callable[[Event], object] = lambda event: None
         self._changed = threading.Condition()
         self.bus.watch_alive(self._on_alive)
         self._truth = self.bus.latest(TRUTH)
         self._clock = self.bus.latest(CLOCK)
         self._phase = self.bus.latest(PHASE)
+        # whoever comes late is told the last event of every service again
+        self._told_before = self.bus.latest(EVENTS, 64)
 
     def __enter__(self) -> Session:
         return self
@@ -122,8 +126,8 @@ class Session:
             was_alive = service in self._alive
             (self._alive.add if alive else self._alive.discard)(service)
             self._changed.notify_all()
-        if service == "planning" and was_alive and not alive:
-            self._on_planner_lost()
+        if service in LOST and was_alive and not alive and (service != "recorder" or self._recording):
+            self._on_lost(LOST[service])
 
     def alive(self) -> set[str]:
         """The services that live now."""
@@ -180,10 +184,10 @@ class Session:
         """Call with everything that happens from now on."""
         self.bus.subscribe(PHASE, on_phase)
         self.bus.subscribe(TOUCH, on_touch)
-        self.bus.subscribe(EVENTS, on_event)
-        pump: Pump[Event] = Pump(on_event, 64, name="operator:planner", on_error=lambda error: None)
+        self.bus.subscribe(EVENTS, only_new(on_event, self.bus.clock, self._told_before.values()))
+        pump: Pump[Event] = Pump(on_event, 64, name="operator:lost", on_error=lambda error: None)
         self.bus.also_close(pump)
-        self._on_planner_lost = lambda: _offer(pump)
+        self._on_lost = pump.offer
 
     def reset(self, command: ResetCell) -> SimulationTruth:
         """A new trial in the simulated cell."""
@@ -227,9 +231,14 @@ class Session:
         if seed is not None:
             truth = self.reset(ResetCell(seed=seed))
         name = f"assembly-{strategy.value}" + ("" if seed is None else f"-seed{seed}")
-        recording: str | None = None
+        tape: Recorded | None = None
         if record:
-            self.bus.call(RECORD_START, StartRecording(name=name), RECORDER_DEADLINE_S)
+            required = bool(self.cell.sections.get("recorder", {}).get("required"))
+            tape = Recorded(self.bus, name, required)
+            if tape.trouble:
+                say = f"nothing is recorded: {tape.trouble}"
+                self._on_lost(Event(service="operator", severity=Severity.WARNING, code="not_recorded", text=say))
+        self._recording = tape is not None and not tape.trouble
         on_begin(self.bus.clock.now_ns())
         started = time.monotonic()
         try:
@@ -245,15 +254,12 @@ class Session:
             raise
         finally:
             wall_s = time.monotonic() - started
-            if record:
-                try:
-                    recording = self.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S).path or None
-                except CrosspihError:
-                    # the assembly's own end must be told even when the recorder is lost
-                    recording = None
+            self._recording = False
+            kept = Kept() if tape is None else tape.end()
         if truth is not None:
             # the peg's pose at the end, not at the reset
             now_ns = self.bus.clock.now_ns()
             latest = self._truth.wait_for(lambda sample: sample.stamp_ns >= now_ns, 2.0)
             truth = latest or self._truth.value() or truth
-        return score(self.cell.workcell, result, truth, wall_s=wall_s, recording=recording), result
+        figures = score(self.cell.workcell, result, truth, wall_s=wall_s, recording=kept.path)
+        return figures.model_copy(update={"recording_parts": kept.parts, "recording_warnings": kept.warnings}), result

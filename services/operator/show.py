@@ -119,8 +119,10 @@ def summary(figures: TrialFigures) -> Table:
         row("directions the walls hold", directions_held(figures.rank))
     for warning in figures.warnings:
         row("[bold yellow]warning[/bold yellow]", f"[yellow]{escape(warning)}[/yellow]")
-    if figures.recording:
-        row("recording", _near(figures.recording))
+    for warning in figures.recording_warnings:
+        row("[bold yellow]recording[/bold yellow]", f"[yellow]{escape(warning)}[/yellow]")
+    for number, part in enumerate(figures.recording_parts or ((figures.recording,) if figures.recording else ())):
+        row("recording" if number == 0 else f"part {number + 1} of it", _near(part))
     if figures.report:
         row("report", _near(figures.report))
     return table

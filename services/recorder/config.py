@@ -19,11 +19,21 @@ class Compression(str, Enum):
 
 
 class RecorderConfig(Section):
-    """Where recordings go, and what a kill or a slow disk may cost."""
+    """Where recordings go, and what a kill, a slow or a full disk may cost."""
 
     directory: Path = Field(default=Path("recordings"), description="made when missing")
+    required: bool = Field(
+        default=False, description="refuse an assembly that cannot be recorded, rather than do it and say so"
+    )
+    min_free_bytes: int = Field(default=32 << 20, ge=0, description="a disk with less free counts as full")
+    retry_s: float = Field(default=1.0, gt=0.0, le=60.0, description="how often a disk that failed is tried again")
+    resume_s: float = Field(
+        default=60.0, ge=0.0, description="a recording that was broken off no longer ago goes on in a new part"
+    )
     flush_s: float = Field(default=0.25, gt=0.0, le=10.0, description="what a kill -9 loses at most")
-    chunk_bytes: int = Field(default=1 << 20, ge=1 << 12, description="a chunk is also closed when it holds this much")
+    chunk_bytes: int = Field(
+        default=1 << 16, ge=1 << 12, description="a chunk is also closed when it holds this much: what damage costs"
+    )
     compression: Compression = Compression.ZSTD
     # what waits for the disk, at most; beyond it samples are dropped and counted
     queue_samples: int = Field(default=50_000, ge=1)

@@ -1,17 +1,24 @@
-"""One MCAP file being written."""
+"""One MCAP file being written: a recording, or a part of one."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO
 
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from crosspih_common.bus.codec import label_of
+from crosspih_common.recording.parts import part_path
+from crosspih_common.recording.records import sealed
+from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
 from services.recorder.config import Compression, RecorderConfig
 from services.recorder.sample import Sample
 from services.recorder.schemas import channel_schema
@@ -32,7 +39,8 @@ def create_file(directory: Path, name: str) -> tuple[Path, IO[bytes]]:
     directory = directory.resolve()
     directory.mkdir(parents=True, exist_ok=True)
     stem = _UNFIT.sub("_", name).strip("._-")[:80] or "recording"
-    numbered = re.compile(re.escape(stem) + r"-(\d+)\.mcap")
+    # also those of which only a later part is left: their name is taken
+    numbered = re.compile(re.escape(stem) + r"-(\d+)(\.part\d+)?\.mcap")
     taken = [int(match.group(1)) for entry in directory.iterdir() if (match := numbered.fullmatch(entry.name))]
     number = max(taken, default=0) + 1
     while True:
@@ -43,10 +51,26 @@ def create_file(directory: Path, name: str) -> tuple[Path, IO[bytes]]:
             number += 1
 
 
+def create_part(first: Path, number: int) -> tuple[Path, int, IO[bytes]]:
+    """Make the next part of a recording, from that number on: (path, number, stream). Never overwrites.
+
+    Raises OSError.
+    """
+    first.parent.mkdir(parents=True, exist_ok=True)
+    while True:
+        path = part_path(first, number)
+        try:
+            return path, number, path.open("xb")
+        except FileExistsError:
+            number += 1
+
+
 class RecordingFile:
     """Writes samples as they are: payload bytes as message data, `seq` as sequence, cell time as log time.
 
-    Every method may raise OSError (a full disk); then only `abandon` makes sense.
+    Each schema and channel is written twice, in the chunk of its first message and in an attachment after it: one
+    damaged chunk must not take the meaning of all that follow. Every method may raise OSError (a full disk); then only
+    `abandon` makes sense.
     """
 
     def __init__(
@@ -59,9 +83,12 @@ class RecordingFile:
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._dirty = True
-        self._writer.start(profile="", library="crosspih recorder")
+        self._repeat = RecordBuilder()
+        self._flushed_bytes = self._flushed_messages = 0
+        self._unflushed: Counter[str] = Counter()
+        self._writer.start(profile="", library=LIBRARY)
         for name, entries in metadata.items():
-            self._writer.add_metadata(name, dict(entries))
+            self._writer.add_metadata(name, sealed(name, entries))
         self.flush()
 
     @property
@@ -78,6 +105,7 @@ class RecordingFile:
         channel = self._channels.get(sample.key)
         if channel is None:
             channel = self._register(sample)
+        self._unflushed[sample.key] += 1
         self._writer.add_message(
             channel,
             log_time=max(sample.stamp_ns, 0),
@@ -94,31 +122,41 @@ class RecordingFile:
         schema = self._schemas.get(topic.type)
         if schema is None:
             schema = self._schemas[topic.type] = self._writer.register_schema(name, encoding, data)
-        self._channels[sample.key] = self._writer.register_channel(
-            sample.key,
-            message_encoding,
-            schema,
-            {
-                "label": label_of(topic.type),
-                "path": topic.path,
-                "kind": topic.kind.value,
-                "publisher": topic.publisher,
-                "doc": topic.doc,
-            },
-        )
-        return self._channels[sample.key]
+            Schema(id=schema, name=name, encoding=encoding, data=data).write(self._repeat)
+        words = {
+            "label": label_of(topic.type),
+            "path": topic.path,
+            "kind": topic.kind.value,
+            "publisher": topic.publisher,
+            "doc": topic.doc,
+        }
+        channel = self._writer.register_channel(sample.key, message_encoding, schema, words)
+        Channel(
+            id=channel, topic=sample.key, message_encoding=message_encoding, schema_id=schema, metadata=words
+        ).write(self._repeat)
+        self._channels[sample.key] = channel
+        return channel
 
     def flush(self) -> None:
         """Close the chunk and hand everything to the operating system: a kill after this loses none of it."""
         if self._dirty:
-            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._close_chunk()
+            self._stream.flush()
+            self._flushed_bytes, self._flushed_messages = self._stream.tell(), self.messages
+            self._unflushed.clear()
             self._dirty = False
+
+    def _close_chunk(self) -> None:
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        if self._repeat.count:
+            data = zstandard.compress(self._repeat.end())  # type: ignore[no-untyped-call]
+            self._writer.add_attachment(0, 0, DEFINITIONS, "application/zstd", data)
 
     def finish(self, metadata: Mapping[str, Mapping[str, str]]) -> int:
         """Write what remains, the last metadata, the index and the footer, to the disk itself; returns the size."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._close_chunk()
         for name, entries in metadata.items():
-            self._writer.add_metadata(name, dict(entries))
+            self._writer.add_metadata(name, sealed(name, entries))
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.flush()
         os.fsync(self._stream.fileno())
@@ -126,7 +164,15 @@ class RecordingFile:
         self._stream.close()
         return size
 
-    def abandon(self) -> None:
-        """Let go of a file that cannot be written any more; what was flushed stays readable."""
+    def abandon(self) -> Counter[str]:
+        """Let go of a file that cannot be written any more: what was flushed stays, what was not is cut off; a file
+        without a message is removed. How many samples of each key that costs."""
         with contextlib.suppress(OSError, ValueError):
-            self._stream.close()
+            self._stream.close()  # may try to write what it still holds
+        with contextlib.suppress(OSError):
+            if self._flushed_messages == 0:
+                self.path.unlink()
+            else:
+                os.truncate(self.path, self._flushed_bytes)
+        self.messages = self._flushed_messages
+        return self._unflushed

@@ -1,43 +1,64 @@
-"""The recorder's core: takes samples from any thread, writes them on one, begins and finishes files."""
+"""The recorder's core: takes samples from any thread, writes them on one, begins, goes on with and finishes files."""
 
 from __future__ import annotations
 
+import errno
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from crosspih_common.errors import CommandRefused, ContractError
 from crosspih_common.keys import CLOCK, STATUS, Kind, Topic
 from crosspih_common.messages import RecordingStatus
+from services.recorder.broken_off import ASKED, SHUT_DOWN, BrokenOff
 from services.recorder.config import RecorderConfig
-from services.recorder.file import RecordingFile, create_file
+from services.recorder.file import RecordingFile
 from services.recorder.inbox import Inbox
+from services.recorder.losses import warnings_of
 from services.recorder.sample import Sample, stamp_of
 from services.recorder.tally import Tally
+from services.recorder.tape import DiskFull, Metadata, Tape, why_of
 
 DRAIN_S = 5.0
 # sent by wall time whatever the cell does: they say nothing about whether the cell has finished speaking
 ALWAYS_SPEAKING = (CLOCK.path, STATUS.path)
 # how far one service's cell clock may be ahead of another's: a few ticks of the clock
 CLOCK_SLACK_NS = 60_000_000
+# what is kept while it is not yet known whether a recording goes on
+UNDECIDED_SAMPLES = 20_000
+
+Tell = Callable[[str, str], None]
+Look = Callable[[], BrokenOff | bool | None]
+
+
+def _none() -> None:
+    return None
 
 
 class Recorder:
-    """At most one file at a time. `metadata()` gives what every file begins with; `on_failure` hears of a bad disk."""
+    """At most one recording at a time.
+
+    `metadata()` gives what every file begins with. `tell(code, text)` is called, once each, when the disk fails
+    (`recording_failed`), when a recording goes on in a new part (`recording_resumed`) and when samples are missing that
+    matter. `look()` gives the recording that a predecessor left, None where there is none, False while that cannot be
+    told yet.
+    """
 
     def __init__(
-        self,
-        config: RecorderConfig,
-        metadata: Callable[[], Mapping[str, Mapping[str, str]]],
-        on_failure: Callable[[str], None],
+        self, config: RecorderConfig, metadata: Callable[[], Metadata], tell: Tell, look: Look = _none
     ) -> None:
-        self._config, self._metadata, self._on_failure = config, metadata, on_failure
+        self._config, self._metadata, self._tell = config, metadata, tell
+        self._look: Look | None = look
         self._inbox = Inbox(config.queue_samples, config.queue_bytes)
         self._tally = Tally()
-        self._lock = threading.Lock()  # guards the file and the states
-        self._file: RecordingFile | None = None
+        self._lock = threading.Lock()  # guards the tape and the states
+        self._tape: Tape | None = None
         self._states: dict[str, Sample] = {}
+        self._kinds: dict[str, Kind] = {}
+        self._undecided: deque[Sample] = deque(maxlen=UNDECIDED_SAMPLES)
+        self._told: set[str] = set()
         self._last = RecordingStatus(recording=False)
         self._stop_stamp_ns: int | None = None
         self._spoke_at = 0.0
@@ -48,7 +69,9 @@ class Recorder:
 
     def take(self, topic: Topic[Any], key: str, payload: bytes, seq: int) -> bool:
         """A sample from the bus, on the bus's thread; False when there is no room. Raises ContractError."""
-        self._tally.arrived(key, seq)
+        now_s = time.monotonic()
+        self._tally.arrived(key, seq, now_s, topic.rate_hz)
+        self._kinds[key] = topic.kind
         try:
             stamp_ns = stamp_of(topic, payload)
         except ContractError:
@@ -58,82 +81,158 @@ class Recorder:
         if topic.path not in ALWAYS_SPEAKING and (
             topic.kind is not Kind.STREAM or stop_ns is None or stamp_ns <= stop_ns + CLOCK_SLACK_NS
         ):
-            self._spoke_at = time.monotonic()
+            self._spoke_at = now_s
         if self._inbox.offer(Sample(key, topic, payload, seq, stamp_ns, time.time_ns())):
             return True
         self._tally.count("overflow", key)
         return False
 
+    def refused(self, key: str) -> None:
+        """A sample that did not get so far: of another type than its key's."""
+        self._tally.count("refused", key)
+
     def _run(self) -> None:
         flush_at = time.monotonic() + self._config.flush_s
         while not self._inbox.closed:
             batch = self._inbox.take(max(flush_at - time.monotonic(), 0.0))
+            said: list[tuple[str, str]] = []
             with self._lock:
-                for sample in batch:
-                    if sample.topic.kind is Kind.STATE:
-                        self._states[sample.key] = sample
-                    self._attempt(RecordingFile.write, sample)
+                self._write(batch, said)
                 if time.monotonic() >= flush_at:
-                    self._attempt(RecordingFile.flush)
+                    self._periodically(said)
                     flush_at = time.monotonic() + self._config.flush_s
             self._inbox.settle(len(batch))
+            for code, text in said:
+                self._tell(code, text)
 
-    def _attempt(self, work: Callable[..., None], *arguments: Sample) -> None:
+    def _write(self, batch: list[Sample], said: list[tuple[str, str]]) -> None:
+        self._decide(said)
+        for sample in batch:
+            if sample.topic.kind is Kind.STATE:
+                self._states[sample.key] = sample
+            if self._tape is None:
+                if self._look is not None:
+                    self._undecided.append(sample)
+            elif self._tape.file is None:
+                self._tally.count("unwritten", sample.key)
+            else:
+                self._attempt(RecordingFile.write, said, sample)
+
+    def _periodically(self, said: list[tuple[str, str]]) -> None:
+        tape = self._tape
+        if tape is None:
+            return
+        self._attempt(RecordingFile.flush, said)
+        if tape.file is None and tape.may_try_again():
+            try:
+                path = tape.go_on(self._begin_with())
+            except OSError:
+                return  # it was said when it failed
+            self._tell_missing(said, "recording_resumed", f"the disk can be written again: goes on in {path}")
+        for code, text in warnings_of(self._tally.counts(), self._kinds).items():
+            if code not in self._told:
+                self._told.add(code)
+                said.append((code, text))
+
+    def _tell_missing(self, said: list[tuple[str, str]], code: str, text: str) -> None:
+        if self._tape is not None:
+            self._tape.warnings.append(text)
+        said.append((code, text))
+
+    def _attempt(self, work: Callable[..., None], said: list[tuple[str, str]], *arguments: Sample) -> None:
         """Work on the file, if there is one; a file that cannot be written is let go of and reported once."""
-        file = self._file
-        if file is None:
+        tape = self._tape
+        if tape is None or tape.file is None:
             return
         try:
-            work(file, *arguments)
+            work(tape.file, *arguments)
         except Exception as error:
             # whatever it was, the writer's thread must outlive it: the next file may do
-            self._let_go(file, error)
+            path = tape.file.path
+            for key, count in tape.let_go(error).items():
+                self._tally.count("unwritten", key, count)
+            self._tell_missing(
+                said,
+                "recording_failed",
+                f"{path}: {why_of(error)}; nothing is recorded until there is space; free some or set "
+                "recorder.directory",
+            )
 
-    def _let_go(self, file: RecordingFile, error: Exception) -> None:
-        self._last = self._status_of(file, recording=False)
-        self._file = None
-        file.abandon()
-        why = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-        self._on_failure(f"{file.path}: {why}; free space or set recorder.directory, then record anew")
+    def _begin_with(self) -> list[Sample]:
+        return sorted(self._states.values(), key=lambda sample: sample.wall_ns)
+
+    # --------------------------------------------------------------------------------------- a predecessor's recording
+
+    def _decide(self, said: list[tuple[str, str]]) -> None:
+        """Whether to go on with what a predecessor left, as soon as that can be told."""
+        if self._look is None:
+            return
+        found = self._look()
+        if found is False:
+            return
+        self._look = None
+        waiting, self._undecided = list(self._undecided), deque(maxlen=1)
+        if not isinstance(found, BrokenOff):
+            return
+        tape = Tape(self._config, self._metadata, found.name, found.first, found.last_part + 1)
+        self._tally.begin()
+        self._told.clear()
+        try:
+            path = tape.go_on([])
+        except OSError as error:
+            said.append(("recording_failed", f"{found.first} cannot go on: {why_of(error)}"))
+            return
+        self._tape = tape
+        for sample in waiting:
+            self._attempt(RecordingFile.write, said, sample)
+        text = f"the recorder was gone for {found.ago_s:.1f} s, of which nothing is recorded: goes on in {path}"
+        self._tell_missing(said, "recording_resumed", text)
+
+    def _wait_decided(self, deadline_s: float) -> None:
+        """Until it is known whether a recording goes on; at the deadline it does not."""
+        until = time.monotonic() + deadline_s
+        while self._look is not None and time.monotonic() < until:
+            time.sleep(0.02)
 
     # ----------------------------------------------------------------------------------------------------- commands
 
     def start(self, name: str, stamp_ns: int) -> RecordingStatus:
-        """Begin a file, the running one finished as by `stop`. Raises CommandRefused when it cannot be made."""
+        """Begin a recording, the running one finished as by `stop`. Where no file can be made: `trouble` in the reply,
+        or CommandRefused with `recorder.required`."""
         self._catch_up(stamp_ns)
         with self._lock:
-            self._finish()
+            self._look = None
+            self._undecided.clear()
+            self._finish(ASKED)
+            tape = Tape(self._config, self._metadata, name)
             try:
-                path, stream = create_file(self._config.directory, name)
-                try:
-                    file = RecordingFile(path, stream, self._config, self._metadata())
-                except OSError:
-                    stream.close()
-                    raise
+                tape.begin(self._begin_with())
             except OSError as error:
-                raise CommandRefused(
-                    "unwritable",
-                    f"cannot make a file in {self._config.directory}: {error.strerror or error}; "
-                    "set recorder.directory in the cell's file to a directory that can be written",
-                ) from None
+                mend = "free some space" if isinstance(error, DiskFull) or error.errno == errno.ENOSPC else (
+                    "set recorder.directory in the cell's file to a directory that can be written"
+                )  # fmt: skip
+                trouble = f"cannot make a file in {self._config.directory}: {why_of(error)}; {mend}"
+                if self._config.required:
+                    raise CommandRefused("unwritable", trouble) from None
+                self._last = RecordingStatus(recording=False, trouble=trouble)
+                return self._last
             self._tally.begin()
-            self._file = file
-            for state in sorted(self._states.values(), key=lambda sample: sample.wall_ns):
-                self._attempt(RecordingFile.write, state)
-            self._attempt(RecordingFile.flush)
+            self._told.clear()
+            self._tape = tape
             return self._status()
 
     def stop(self, stamp_ns: int) -> RecordingStatus:
-        """Finish the file once all that was sent before `stamp_ns` (cell clock) is in it."""
+        """Finish the recording once all that was sent before `stamp_ns` (cell clock) is in it."""
+        self._wait_decided(DRAIN_S)
         self._catch_up(stamp_ns)
         with self._lock:
-            self._finish()
+            self._finish(ASKED)
             return self._last
 
     def _catch_up(self, stamp_ns: int) -> None:
         """Samples and commands come by different ways, so a command may be first: give the samples time to arrive."""
         with self._lock:
-            recording = self._file is not None
+            recording = self._tape is not None
         if recording:
             begun = time.monotonic()
             limit = begun + self._config.quiet_limit_s
@@ -143,41 +242,47 @@ class Recorder:
             self._stop_stamp_ns = None
         self._inbox.drain(DRAIN_S)
 
-    def _finish(self) -> None:
-        file = self._file
-        if file is None:
+    def _finish(self, why: str) -> None:
+        tape = self._tape
+        if tape is None:
             return
-        try:
-            size = file.finish({"drops": self._tally.metadata()})
-        except OSError as error:
-            self._let_go(file, error)
-            return
-        self._last = self._status_of(file, recording=False).model_copy(update={"bytes_written": size})
-        self._file = None
+        if tape.file is not None:
+            try:
+                tape.finish({"drops": self._tally.metadata(), "end": {"why": why}})
+            except Exception as error:
+                for key, count in tape.let_go(error).items():
+                    self._tally.count("unwritten", key, count)
+                tape.warnings.append(f"its end could not be written: {why_of(error)}")
+        self._last = self._status_of(tape, recording=False)
+        self._tape = None
 
     def status(self) -> RecordingStatus:
-        """The file being written, or the last one."""
+        """The recording under way, or the last one."""
         with self._lock:
             return self._status()
 
     def _status(self) -> RecordingStatus:
-        return self._last if self._file is None else self._status_of(self._file, recording=True)
+        return self._last if self._tape is None else self._status_of(self._tape, recording=self._tape.file is not None)
 
-    def _status_of(self, file: RecordingFile, recording: bool) -> RecordingStatus:
+    def _status_of(self, tape: Tape, recording: bool) -> RecordingStatus:
+        warnings = warnings_of(self._tally.counts(), self._kinds)
         return RecordingStatus(
             recording=recording,
-            path=str(file.path),
-            messages=file.messages,
-            channels=file.channels,
-            bytes_written=file.bytes_written(),
+            path=str(tape.parts[0]) if tape.parts else "",
+            messages=tape.messages,
+            channels=tape.channels,
+            bytes_written=tape.bytes_written,
             dropped=self._tally.lost(),
+            parts=tuple(map(str, tape.parts)),
+            trouble=tape.trouble,
+            warnings=(*tape.warnings, *warnings.values()),
         )
 
     def close(self) -> None:
-        """Finish the file and end the writer."""
+        """End the writer; a recording that runs is finished as one that a successor may go on with."""
         self._inbox.drain(DRAIN_S)
         with self._lock:
-            self._finish()
+            self._finish(SHUT_DOWN)
         self._inbox.close()
         self._thread.join(2.0)
 

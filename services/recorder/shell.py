@@ -13,6 +13,7 @@ from crosspih_common.errors import ContractError
 from crosspih_common.keys import RECORD_START, RECORD_STOP, Topic, topics
 from crosspih_common.messages import RecordingStatus, Severity, StartRecording, StopRecording
 from crosspih_common.service import ServiceContext
+from services.recorder.broken_off import BrokenOff, broken_off
 from services.recorder.config import RecorderConfig
 from services.recorder.recorder import Recorder
 
@@ -34,11 +35,11 @@ class RecorderShell:
     """The recorder on the bus."""
 
     def __init__(self, context: ServiceContext, config: RecorderConfig) -> None:
-        self._context = context
-        self._recorder = Recorder(config, self._metadata, self._disk_failed)
+        self._context, self._config = context, config
+        self._recorder = Recorder(config, self._metadata, self._tell, self._left_behind)
         bus = context.bus
         for topic in topics():
-            bus.tap(topic, self._taker(topic))
+            bus.tap(topic, self._taker(topic), self._recorder.refused)
         bus.serve(RECORD_START, self._start)
         bus.serve(RECORD_STOP, self._stop)
 
@@ -59,16 +60,35 @@ class RecorderShell:
         return {
             "cell": {"name": cell.workcell.name, "path": str(cell.path.resolve()), "yaml": cell.text},
             "versions": library_versions(),
-            "recording": {"started": datetime.now(timezone.utc).isoformat(timespec="milliseconds")},
+            "recording": {
+                "started": datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
+                "boot_id": self._context.bus.clock.boot_id,
+            },
         }
 
-    def _disk_failed(self, why: str) -> None:
-        self._context.event(Severity.ERROR, "recording_failed", why)
+    def _left_behind(self) -> BrokenOff | bool | None:
+        """What a predecessor left; False before the cell's clock tells which run of the cell this is."""
+        boot_id = self._context.bus.clock.boot_id
+        if not boot_id:
+            return False
+        return broken_off(
+            self._config.directory.resolve(), self._context.cell.workcell.name, boot_id, self._config.resume_s
+        )
+
+    def _tell(self, code: str, text: str) -> None:
+        if code == "recording_failed":
+            self._context.reason = "nothing is recorded: " + text
+        elif code == "recording_resumed":
+            self._context.reason = ""
+        self._context.event(Severity.ERROR if code == "recording_failed" else Severity.WARNING, code, text)
 
     def _start(self, request: StartRecording) -> RecordingStatus:
-        return self._recorder.start(request.name, request.stamp_ns)
+        status = self._recorder.start(request.name, request.stamp_ns)
+        self._context.reason = "" if status.recording else f"nothing is recorded: {status.trouble}"
+        return status
 
     def _stop(self, request: StopRecording) -> RecordingStatus:
+        self._context.reason = ""
         return self._recorder.stop(request.stamp_ns)
 
     def close(self) -> None:

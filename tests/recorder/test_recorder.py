@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import queue
 import threading
-from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,13 @@ from crosspih_common.bus.codec import encode
 from crosspih_common.errors import CommandRefused, ContractError
 from crosspih_common.keys import FT_CALIBRATION, IMAGE_LEFT, PHASE, Topic
 from crosspih_common.messages import AssemblyPhase, FtCalibration, Image, Phase
-from crosspih_common.recording import RecordingError, read_recording
+from crosspih_common.recording import RecordingError, parts_of, read_recording
+from services.recorder.broken_off import BrokenOff, broken_off
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile, create_file
 from services.recorder.inbox import Inbox
 from services.recorder.recorder import Recorder
 from services.recorder.sample import Sample, stamp_of
-from services.recorder.tally import Tally
 
 KEY = PHASE.key("c")
 
@@ -52,7 +53,7 @@ def feed(recorder: Recorder, topic: Topic[Any], value: Any) -> bool:
 def make(tmp_path: Path, **settings: Any) -> tuple[Recorder, list[str]]:
     failures: list[str] = []
     config = RecorderConfig(directory=tmp_path / "r", quiet_s=0.0, **settings)
-    return Recorder(config, lambda: {"cell": {"name": "c"}}, failures.append), failures
+    return Recorder(config, lambda: {"cell": {"name": "c"}}, lambda code, text: failures.append(text)), failures
 
 
 def test_every_file_begins_with_the_states_known(tmp_path: Path) -> None:
@@ -81,6 +82,7 @@ def test_missing_numbers_are_counted_and_a_new_publisher_is_no_gap(tmp_path: Pat
     status = recorder.stop(0)
     recorder.close()
     assert status.dropped == {KEY: 2}
+    assert len(status.warnings) == 1 and status.warnings[0].startswith("2 samples never came")
     drops = read_recording(path).metadata["drops"]
     assert drops[f"gaps {KEY}"] == "2" and drops[f"restarts {KEY}"] == "1"
     assert read_recording(path).seq_gaps() == {KEY: 2}
@@ -115,11 +117,15 @@ def test_a_payload_without_a_stamp_is_refused_and_counted(tmp_path: Path) -> Non
 def test_a_directory_that_cannot_be_made_is_a_refusal(tmp_path: Path) -> None:
     (tmp_path / "r").write_text("a file where the directory should be")
     recorder, failures = make(tmp_path)
-    with pytest.raises(CommandRefused, match=r"recorder\.directory"):
-        recorder.start("x", 0)
-    assert not recorder.status().recording
+    said = recorder.start("x", 0)
+    assert not said.recording and "recorder.directory" in said.trouble
+    assert recorder.status() == said
     recorder.close()
     assert not failures
+    strict, _ = make(tmp_path, required=True)
+    with pytest.raises(CommandRefused, match=r"recorder\.directory"):
+        strict.start("x", 0)
+    strict.close()
 
 
 def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -127,11 +133,12 @@ def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypa
     recorder.start("full", 0)
     reported = threading.Event()
 
-    def report(why: str) -> None:
-        failures.append(why)
-        reported.set()
+    def report(code: str, why: str) -> None:
+        if code == "recording_failed":
+            failures.append(why)
+            reported.set()
 
-    recorder._on_failure = report
+    recorder._tell = report
 
     def no_room(self: RecordingFile, sample: Sample) -> None:
         raise OSError(28, "No space left on device")
@@ -142,13 +149,117 @@ def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypa
         feed(recorder, PHASE, phase(1))
         assert reported.wait(10.0)
     assert len(failures) == 1 and "No space left" in failures[0]
-    assert not recorder.status().recording
-    assert not recorder.stop(0).recording
+    assert not recorder.status().recording and "No space left" in recorder.status().trouble
+    stopped = recorder.stop(0)
+    assert not stopped.recording and stopped.dropped[KEY] >= 1
+    assert list((tmp_path / "r").iterdir()) == []  # nothing was written, and so nothing is left
     again = recorder.start("full", 0)
-    assert again.recording and again.path.endswith("full-0002.mcap")
+    assert again.recording and again.path.endswith("full-0001.mcap") and again.trouble == ""
     feed(recorder, PHASE, phase(2))
     recorder.close()
     assert len(read_recording(again.path).messages(PHASE)) == 1
+
+
+def test_a_disk_that_was_full_for_a_while_costs_that_while(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder, _ = make(tmp_path, flush_s=0.01, retry_s=0.01)
+    said: queue.Queue[str] = queue.Queue()
+    recorder._tell = lambda code, text: said.put(code)
+    feed(recorder, FT_CALIBRATION, calibration(0))
+    path = Path(recorder.start("while", 0).path)
+    for seq in range(20):
+        feed(recorder, PHASE, phase(seq))
+    assert recorder._inbox.drain(10.0)
+
+    def no_room(self: RecordingFile, sample: Sample) -> None:
+        self._unflushed[sample.key] += 1
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RecordingFile, "write", no_room)
+        patch.setattr("services.recorder.tape.shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
+        for seq in range(20, 30):
+            feed(recorder, PHASE, phase(seq))
+        assert said.get(timeout=10.0) == "recording_failed"
+        assert recorder._inbox.drain(10.0)
+    while said.get(timeout=10.0) != "recording_resumed":
+        pass
+    for seq in range(30, 40):
+        feed(recorder, PHASE, phase(seq))
+    stopped = recorder.stop(0)
+    recorder.close()
+    assert list(map(Path, stopped.parts)) == parts_of(path) == [path, path.with_name("while-0001.part2.mcap")]
+    assert stopped.path == str(path)
+    recording = read_recording(path)
+    numbers = [message.seq for message in recording.messages(PHASE)]
+    kept = numbers.index(30)
+    assert numbers == [*range(kept), *range(30, 40)] and kept <= 20
+    assert stopped.dropped == {KEY: 30 - kept} and stopped.messages == len(numbers) + 2
+    assert [message.weight_n for message in recording.messages(FT_CALIBRATION)] == [9.0]  # in both, read once
+    assert recording.metadata["drops"][f"unwritten {KEY}"] == str(30 - kept)
+    assert [part.finished for part in recording.parts] == [False, True]
+    assert any("did not get into the recording" in warning for warning in stopped.warnings)
+    assert any("goes on in" in warning for warning in stopped.warnings)
+
+
+def test_a_full_disk_is_told_and_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.recorder.tape.shutil.disk_usage", lambda folder: SimpleNamespace(free=10**6))
+    recorder, _ = make(tmp_path)
+    said = recorder.start("full", 0)
+    recorder.close()
+    assert not said.recording and "1.0 MB are free" in said.trouble and "free some space" in said.trouble
+    assert not (tmp_path / "r").exists()
+
+
+def left_behind(tmp_path: Path, boot_id: str = "b", within_s: float = 60.0) -> BrokenOff | None:
+    return broken_off(tmp_path / "r", "c", boot_id, within_s)
+
+
+def words(boot_id: str) -> dict[str, dict[str, str]]:
+    return {"cell": {"name": "c"}, "recording": {"boot_id": boot_id}}
+
+
+def test_a_successor_goes_on_in_a_new_part(tmp_path: Path) -> None:
+    config = RecorderConfig(directory=tmp_path / "r", quiet_s=0.0)
+    said: list[str] = []
+
+    def successor() -> Recorder:
+        return Recorder(config, lambda: words("b"), lambda code, text: said.append(code), lambda: left_behind(tmp_path))
+
+    path = None
+    for number in range(3):
+        recorder = successor()
+        if number == 0:
+            path = Path(recorder.start("again", 0).path)
+        for seq in range(10 * number, 10 * number + 8):
+            feed(recorder, PHASE, phase(seq))
+        assert recorder._inbox.drain(10.0)
+        recorder.close()  # as on SIGTERM: nobody asked for an end
+    assert path is not None
+    last = successor()
+    stopped = last.stop(0)
+    last.close()
+    assert [Path(part).name for part in stopped.parts] == [
+        "again-0001.mcap", "again-0001.part2.mcap", "again-0001.part3.mcap", "again-0001.part4.mcap",
+    ]  # fmt: skip
+    assert stopped.path == str(path) and said == ["recording_resumed"] * 3
+    assert any("the recorder was gone for" in warning for warning in stopped.warnings)
+    recording = read_recording(path)
+    assert [message.seq for message in recording.messages(PHASE)] == [
+        seq for number in range(3) for seq in range(10 * number, 10 * number + 8)
+    ]
+    assert recording.seq_gaps() == {KEY: 4}
+    assert [part.metadata["recording"]["part"] for part in recording.parts] == ["1", "2", "3", "4"]
+    # now that its end was asked for, nobody goes on with it; nor in another run of the cell, nor much later
+    assert left_behind(tmp_path) is None
+    path.with_name("again-0001.part4.mcap").unlink()
+    assert left_behind(tmp_path) is not None
+    assert left_behind(tmp_path, boot_id="other") is None
+    assert left_behind(tmp_path, within_s=0.0) is None
+    # a name whose first part is gone is taken all the same
+    path.unlink()
+    taken, stream = create_file(tmp_path / "r", "again")
+    stream.close()
+    assert taken.name == "again-0002.mcap"
 
 
 def test_a_file_is_never_overwritten(tmp_path: Path) -> None:
@@ -200,18 +311,6 @@ def test_the_stamp_is_read_without_decoding() -> None:
     for payload in (b"", b"[]", b"{}", b'{"stamp_ns": 1.5}', b'{"stamp_ns": 99999999999999999999}'):
         with pytest.raises(ContractError):
             stamp_of(PHASE, payload)
-
-
-@settings(deadline=None)
-@given(st.lists(st.integers(0, 30)))
-def test_the_tally_never_loses_count(numbers: list[int]) -> None:
-    tally = Tally()
-    gaps = 0
-    for before, after in pairwise(numbers):
-        gaps += max(after - before - 1, 0)
-    for number in numbers:
-        tally.arrived("k", number)
-    assert tally.lost() == ({"k": gaps} if gaps else {})
 
 
 def test_an_inbox_is_bounded_in_bytes_too() -> None:

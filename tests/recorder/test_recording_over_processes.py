@@ -19,12 +19,14 @@ from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.keys import (
     CLOCK,
     CONTACT_WRENCH,
+    EVENTS,
     FT_CALIBRATION,
     IMAGE_LEFT,
     JOINT_STATE,
     PHASE,
     RECORD_START,
     RECORD_STOP,
+    STATUS,
     Topic,
 )
 from crosspih_common.messages import (
@@ -35,6 +37,7 @@ from crosspih_common.messages import (
     Image,
     JointState,
     Phase,
+    ServiceState,
     StartRecording,
     StopRecording,
 )
@@ -189,9 +192,12 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
     assert ours.problems == []
 
 
-def test_a_kill_loses_no_more_than_the_last_flush(endpoint: str, spawn: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_kill_loses_no_more_than_the_last_flush_and_the_next_recorder_goes_on(
+    endpoint: str, spawn: Callable[..., Any], tmp_path: Path
+) -> None:
     with bus_beside_recorder(endpoint, spawn, tmp_path) as (bus, process):
         source = Source(bus)
+        source.tick()  # which run of the cell this is
         started = bus.call(RECORD_START, StartRecording(name="torn"), DEADLINE_S)
         path = Path(started.path)
         for _ in range(400):
@@ -210,15 +216,36 @@ def test_a_kill_loses_no_more_than_the_last_flush(endpoint: str, spawn: Callable
         for _ in range(200):
             source.publish(JOINT_STATE, joints)
         process.kill()
-    assert process.process.returncode == -signal.SIGKILL
-    recording = read_recording(path)
-    assert not recording.finished and recording.tear
-    assert "drops" not in recording.metadata and recording.metadata["cell"]["name"] == CELL
-    numbers = [message.seq for message in recording.messages(JOINT_STATE)]
-    assert 400 <= len(numbers) <= 600
-    assert numbers == list(range(len(numbers)))
-    clock = recording.last(CLOCK)
-    assert clock is not None and clock.stamp_ns >= flushed_ns
+        assert process.process.returncode == -signal.SIGKILL
+        recording = read_recording(path)
+        assert not recording.finished and recording.tear
+        assert "drops" not in recording.metadata and recording.metadata["cell"]["name"] == CELL
+        numbers = [message.seq for message in recording.messages(JOINT_STATE)]
+        assert 400 <= len(numbers) <= 600
+        assert numbers == list(range(len(numbers)))
+        clock = recording.last(CLOCK)
+        assert clock is not None and clock.stamp_ns >= flushed_ns
+
+        events, statuses = bus.latest(EVENTS, 8), bus.latest(STATUS, 8)
+        process = spawn("recorder", "--cell", str(cell_file(tmp_path)), "--endpoint", endpoint)
+        resumed = events.wait_for(lambda event: event.code == "recording_resumed", DEADLINE_S)
+        assert resumed is not None and "torn-0001.part2.mcap" in resumed.text, "".join(process.output)
+        for _ in range(100):
+            source.publish(JOINT_STATE, joints)
+        source.tick()
+        pid = process.process.pid
+        ready = statuses.wait_for(lambda status: (status.pid, status.state) == (pid, ServiceState.READY), DEADLINE_S)
+        assert ready is not None, "".join(process.output)
+        stopped = bus.call(RECORD_STOP, StopRecording(), DEADLINE_S)
+        assert process.terminate() == 0
+    part = path.with_name("torn-0001.part2.mcap")
+    assert stopped.path == str(path) and stopped.parts == (str(path), str(part))
+    assert any("the recorder was gone for" in warning for warning in stopped.warnings)
+    both = read_recording(path)
+    assert [each.finished for each in both.parts] == [False, True]
+    seen = [message.seq for message in both.messages(JOINT_STATE)]
+    assert seen == [*numbers, *range(600, 700)]
+    assert both.seq_gaps().get(JOINT_STATE.key(CELL), 0) == 600 - len(numbers)
 
 
 def test_sigterm_finishes_the_file(endpoint: str, spawn: Callable[..., Any], tmp_path: Path) -> None:

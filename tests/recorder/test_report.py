@@ -82,7 +82,7 @@ def test_a_torn_recording_says_so(tmp_path: Path) -> None:
     (tmp_path / "t.mcap").write_bytes(whole[:-7])
     text = page_of(tmp_path / "t.mcap")
     assert "No result in this recording" in text
-    assert "The end of the file" in text and "The result:" in text
+    assert "The end of t.mcap" in text and "The result:" in text
 
 
 def test_an_empty_recording_lists_all_that_is_missing(tmp_path: Path) -> None:

@@ -85,7 +85,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
     config = RecorderConfig(directory=folder, quiet_s=0.0)
     failures: list[str] = []
-    recorder = Recorder(config, lambda: {"cell": {"name": "c", "path": "c.yaml", "yaml": CELL}}, failures.append)
+    words = {"cell": {"name": "c", "path": "c.yaml", "yaml": CELL}}
+    recorder = Recorder(config, lambda: words, lambda code, text: failures.append(text))
     path = Path(recorder.start("one", 0).path)
     for topic, value in said():
         recorder.take(topic, topic.key("c", "vision"), encode(value), value.seq)
@@ -98,7 +99,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bag(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("bags") / "out"
-    done = CliRunner().invoke(app, ["export", "ros2", str(recording), str(out), "--cell-stamps"])
+    done = CliRunner().invoke(app, ["recording", "export", "ros2", str(recording), str(out), "--cell-stamps"])
     assert done.exit_code == 0, done.output
     assert "/joint_states" in done.output
     return out
@@ -179,6 +180,6 @@ def test_what_is_wrong_is_said(recording: Path, bag: Path, tmp_path: Path) -> No
         ([str(tmp_path / "none.mcap"), str(tmp_path / "x")], "cannot be read"),
         ([str(recording), str(tmp_path / "x"), "--distro", "foxy"], "want humble, jazzy"),
     ):
-        done = CliRunner().invoke(app, ["export", "ros2", *arguments])
+        done = CliRunner().invoke(app, ["recording", "export", "ros2", *arguments])
         assert done.exit_code == 1 and why in " ".join(done.output.split()), done.output
     assert not (tmp_path / "x").exists()

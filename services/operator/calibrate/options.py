@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -10,10 +10,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from crosspih_common.keys import RECORD_START, RECORD_STOP
-from crosspih_common.messages import StartRecording, StopRecording
 from services.operator.for_cell import CELL_HELP
-from services.operator.session import RECORDER_DEADLINE_S, Session
+from services.operator.recorded import Recorded
+from services.operator.session import Session
 
 CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
 ShareOption = Annotated[float, typer.Option(min=0.02, max=1.0, help="Of the arm's own speed limits, in free air.")]
@@ -33,18 +32,16 @@ def recorded(session: Session, what: str, record: bool, console: Console) -> Ite
     if not record:
         yield
         return
-    session.bus.call(RECORD_START, StartRecording(name=f"calibrate-{what}"), RECORDER_DEADLINE_S)
+    tape = Recorded(session.bus, f"calibrate-{what}", required=True)
     try:
         yield
     finally:
-        status = session.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)
-        console.print(f"recording: {status.path}", highlight=False, soft_wrap=True)
-        if status.dropped:
-            said = ", ".join(f"{count} of {key}" for key, count in status.dropped.items())
-            console.print(f"  not in it: {said}", style="yellow", highlight=False, markup=False, soft_wrap=True)
+        kept = tape.end()
+        console.print(f"recording: {' '.join(kept.parts)}", highlight=False, soft_wrap=True)
+        say_notes(console, [f"  {said}" for said in kept.warnings])
 
 
-def say_notes(console: Console, notes: list[str]) -> None:
+def say_notes(console: Console, notes: Sequence[str]) -> None:
     """What to know of a recording."""
     for note in notes:
         console.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)

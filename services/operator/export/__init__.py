@@ -1,13 +1,11 @@
-"""`crosspih export`: recordings in other programs' formats."""
+"""`crosspih recording export`: recordings in other programs' formats."""
 
 import typer
 
+from services.operator.export.into_tables import csv, parquet
 from services.operator.export.ros2 import ros2
 
 export_app = typer.Typer(no_args_is_help=True, help="Recordings for other programs.")
+export_app.command()(csv)
+export_app.command()(parquet)
 export_app.command()(ros2)
-
-
-@export_app.callback()
-def _several() -> None:
-    """Recordings for other programs."""

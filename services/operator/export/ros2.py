@@ -1,4 +1,4 @@
-"""`crosspih export ros2`: a recording as a ROS 2 bag, with the topics that the bridge publishes."""
+"""`crosspih recording export ros2`: a recording as a ROS 2 bag, with the topics that the bridge publishes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def ros2(
         read = read_recording(recording, [topic for topic, _ in HEARD])
         counts = write_bag(read, out, distro, tf_hz, cell_stamps)
         if not read.finished:
-            console.print(f"{recording}: was torn off ({read.tear}); what is whole is in the bag", highlight=False)
+            console.print(f"{recording}: is not whole ({read.tear}); what is whole is in the bag", highlight=False)
         for line in read.problems:
             console.print(f"left out: {line}", highlight=False, markup=False)
         for name, count in counts.items():

@@ -87,7 +87,7 @@ def _core_table(name: str, rows: list[dict[str, Any]]) -> Table:
 
 def _notes(recording: Recording) -> list[str]:
     """What may explain a difference: a torn file, and other versions than then."""
-    notes = [] if recording.finished else [f"{recording.path}: was torn off ({recording.tear}); what is whole is asked"]
+    notes = [] if recording.finished else [f"{recording.path}: is not whole ({recording.tear}); what is whole is asked"]
     changed = []
     for name, then in recording.metadata.get("versions", {}).items():
         try:

@@ -187,11 +187,17 @@ def collect(recording: Recording) -> Content:
 
 def _name_what_is_missing(content: Content) -> None:
     say = content.missing.append
-    if not content.recording.finished:
-        say(
-            "The end of the file: the recorder was killed or the disk failed while it was being written "
-            f"({content.recording.tear}). Everything up to then is here."
-        )
+    for part in content.recording.parts:
+        within = [str(damage) for damage in part.damage if not damage.torn]
+        if within:
+            say(f"What is damaged in {part.path.name} ({'; '.join(within)}). Everything before and behind it is here.")
+        elif not part.finished:
+            say(
+                f"The end of {part.path.name}: the recorder was killed or the disk failed while it was being written "
+                f"({part.tear}). Everything up to then is here."
+            )
+    for number, part in enumerate(content.recording.parts[1:], start=2):
+        say(f"What was said before {part.path.name} began: the recorder had to begin again (part {number}).")
     if content.result is None:
         say("The result: the file ends before the assembly did, or no assembly was asked for while it ran.")
     if content.truth is None:

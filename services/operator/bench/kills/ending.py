@@ -18,7 +18,8 @@ from deploy.launcher.health import Health
 from services.operator.bench.kills.judging import NAMED_S, Observed, stopped_after_s
 from services.operator.bench.kills.plan import Case, Ending, begins, ripe
 from services.operator.bench.kills.watching import Watch
-from services.operator.session import NEEDED, RECORDER_DEADLINE_S, Session
+from services.operator.recorded import RECORDER_DEADLINE_S
+from services.operator.session import NEEDED, Session
 
 RIPE_DEADLINE_S = 120.0
 END_DEADLINE_S = 240.0

@@ -1,0 +1,44 @@
+"""The files of one recording: `x.mcap`, and `x.part2.mcap` and so on where the recorder had to begin again."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_PART = re.compile(r"(?P<first>.+)\.part(?P<number>[1-9]\d*)\.mcap")
+
+
+def part_path(first: Path, number: int) -> Path:
+    """Where a part lies; the first is the recording's own name."""
+    return first if number == 1 else first.with_name(f"{first.stem}.part{number}.mcap")
+
+
+def part_number(path: Path) -> int:
+    """Which part a file is."""
+    match = _PART.fullmatch(path.name)
+    return int(match["number"]) if match else 1
+
+
+def first_part(path: Path) -> Path:
+    """The first part of the recording that a file belongs to."""
+    match = _PART.fullmatch(path.name)
+    return path.with_name(f"{match['first']}.mcap") if match else path
+
+
+def parts_of(path: Path) -> list[Path]:
+    """The files of a recording that is named by its first one, in order. A later part by itself is that part alone.
+
+    A file that is missing is no part; whoever reads the first one sees by its name that it is not there.
+    """
+    if first_part(path) != path:
+        return [path]
+    later = {}
+    if path.parent.is_dir():
+        for entry in path.parent.glob(f"{_escaped(path.stem)}.part*.mcap"):
+            if (number := part_number(entry)) > 1 and first_part(entry) == path:
+                later[number] = entry
+    return [path, *(later[number] for number in sorted(later))]
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([*?[])", r"[\1]", text)

@@ -1,0 +1,58 @@
+"""When what is missing from a recording matters, and how it is said. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from crosspih_common.keys import Kind
+
+# of a stream that drops rather than waits a few samples may be missing: fewer than so many, or than this share
+STREAM_SAMPLES, STREAM_SHARE = 10, 0.001
+STRAYS = 10  # one follows from each publisher that was started again and spoke once
+CODES = ("samples_dropped", "samples_missing", "samples_rejected", "numbers_in_doubt")
+
+
+def warnings_of(counts: Mapping[str, Mapping[str, int]], kinds: Mapping[str, Kind]) -> dict[str, str]:
+    """Event codes and what each says; `counts` as the tally gives them, `kinds` what travels on each key."""
+    found: dict[str, str] = {}
+    dropped = _added(counts["overflow"], counts["unwritten"])
+    if dropped:
+        text = f"{_samples(dropped)} did not get into the recording: the disk or this machine was too slow or full"
+        found["samples_dropped"] = f"{text}{_most(dropped)}"
+    gaps = {key: count for key, count in counts["gaps"].items() if _matters(key, count, counts["heard"], kinds)}
+    if gaps:
+        found["samples_missing"] = f"{_samples(gaps)} never came here over the bus{_most(gaps)}"
+    rejected = _added(counts["malformed"], counts["refused"])
+    if rejected:
+        text = f"{_samples(rejected)} were not what their key promises, and are not in the recording"
+        found["samples_rejected"] = f"{text}{_most(rejected)}"
+    strays = {key: count for key, count in counts["strays"].items() if count >= STRAYS}
+    if strays:
+        text = f"{_samples(strays)} carry numbers that follow from none: a second publisher on the key?"
+        found["numbers_in_doubt"] = f"{text}{_most(strays)}"
+    return found
+
+
+def _matters(key: str, count: int, heard: Mapping[str, int], kinds: Mapping[str, Kind]) -> bool:
+    if kinds.get(key) is not Kind.STREAM:
+        return True  # each event matters, and each state
+    return count >= STREAM_SAMPLES and count > STREAM_SHARE * (heard.get(key, 0) + count)
+
+
+def _added(*counts: Mapping[str, int]) -> dict[str, int]:
+    total: dict[str, int] = {}
+    for each in counts:
+        for key, count in each.items():
+            total[key] = total.get(key, 0) + count
+    return total
+
+
+def _samples(counts: Mapping[str, int]) -> str:
+    total = sum(counts.values())
+    return "1 sample" if total == 1 else f"{total} samples"
+
+
+def _most(counts: Mapping[str, int]) -> str:
+    key = max(sorted(counts), key=counts.__getitem__)
+    below = "/".join(key.split("/")[2:]) or key
+    return f" ({below})" if len(counts) == 1 else f" (most of {below}: {counts[key]}; of {len(counts)} keys in all)"
