@@ -121,6 +121,9 @@ class Scan:
                 checked = at
             if found.data_end:
                 self.ended = True
+                if self.summary is None:
+                    why = "the index at its end is not whole; no message is lost by that"
+                    yield Damage(at, self.size, why, False)
                 return
 
     def _resume(self, begin: int) -> Whole | None:

@@ -40,6 +40,8 @@ class Recorded:
             return
         if status.recording:
             self._started = status
+        elif required:
+            raise CommandRefused("unwritable", status.trouble)
         else:
             self.trouble = status.trouble
 

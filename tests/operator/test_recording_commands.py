@@ -42,6 +42,18 @@ def by_mcap(path: Path) -> list[tuple[str, int, int, bytes]]:
         ]
 
 
+def damaged_in_a_chunk(path: Path) -> bytes:
+    """64 bytes of its last chunk but one."""
+    data = bytearray(path.read_bytes())
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[-2]
+    at = chunk.chunk_start_offset + chunk.chunk_length // 2
+    data[at : at + 64] = bytes(64)
+    return bytes(data)
+
+
 def test_info_tells_what_is_in_it(recording: Path) -> None:
     found = json_of("info", recording)
     channels = {row["key"].removeprefix("crosspih/synth/"): row for row in found["channels"]}
@@ -65,11 +77,10 @@ def test_check_finds_nothing_wrong_with_a_whole_one(recording: Path) -> None:
 
 def test_check_names_what_is_wrong(recording: Path, tmp_path: Path) -> None:
     whole = recording.read_bytes()
-    damaged = bytearray(whole)
-    damaged[len(whole) // 2 : len(whole) // 2 + 64] = bytes(64)
+    damaged = damaged_in_a_chunk(recording)
     cases = {
         "torn": whole[: len(whole) // 2],
-        "damaged": bytes(damaged),
+        "damaged": damaged,
         "no_end": whole[: whole.rindex(b"drops") - 13],
     }
     for name, data in cases.items():
@@ -88,13 +99,11 @@ def test_check_names_what_is_wrong(recording: Path, tmp_path: Path) -> None:
 
 
 def test_recover_and_what_it_makes_is_whole(recording: Path, tmp_path: Path) -> None:
-    data = bytearray(recording.read_bytes())
-    data[len(data) // 2 : len(data) // 2 + 64] = bytes(64)
-    (tmp_path / "d.mcap").write_bytes(data)
+    (tmp_path / "d.mcap").write_bytes(damaged_in_a_chunk(recording))
     said = json_of("recover", tmp_path / "d.mcap", tmp_path / "out.mcap")
     told = by_mcap(tmp_path / "out.mcap")
     assert said["messages"] == len(told) and len(said["damage"]) == 1
-    assert set(told) <= set(by_mcap(recording)) and len(told) > 0.7 * len(by_mcap(recording))
+    assert set(told) <= set(by_mcap(recording)) and len(told) > 0.5 * len(by_mcap(recording))
     assert read_recording(tmp_path / "out.mcap").finished
     again = run("recover", tmp_path / "d.mcap", tmp_path / "out.mcap")
     assert again.exit_code == 1 and "is there already" in again.output
