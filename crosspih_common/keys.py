@@ -304,7 +304,7 @@ WITHDRAW = Command(
     "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator", "ros2"), "a seated peg straight out"
 )
 PHASE = Topic(
-    "planning/phase", AssemblyPhase, Kind.EVENT, "planning", ("operator", *RECORDED), "each step as it happens"
+    "planning/phase", AssemblyPhase, Kind.EVENT, "planning", ("operator", "ros2", *RECORDED), "each step as it happens"
 )
 TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", ("operator", *RECORDED), "each touch")
 

@@ -11,7 +11,6 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import PosePrior, Touch
 
-IMPLAUSIBLE = "implausible"
 MOST_PRIOR_M, MOST_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
 FAR_M = 0.5  # from the believed rim to the peg's tip: a touch there was on something else
 MOST_FORCE_N, MOST_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
@@ -22,7 +21,7 @@ def refuse_implausible_prior(prior: PosePrior, name: str) -> None:
     sd = np.sqrt(np.asarray(prior.covariance).reshape(6, 6).diagonal())
     if sd[:3].max() > MOST_PRIOR_M or sd[3:].max() > MOST_PRIOR_RAD:
         raise CommandRefused(
-            IMPLAUSIBLE,
+            "implausible",
             f"{name}.covariance: its standard deviations are up to {sd[:3].max():.3g} m and {sd[3:].max():.3g} rad; "
             f"give at most {MOST_PRIOR_M:g} m and {MOST_PRIOR_RAD:.3g} rad",
         )
@@ -33,7 +32,7 @@ def refuse_implausible_peg(pose_base_peg: Pose, tip_m: float, pose_base_hole: Po
     away_m = float(np.linalg.norm(pose_base_peg.apply([0.0, 0.0, tip_m]) - pose_base_hole.translation_m))
     if away_m > FAR_M:
         raise CommandRefused(
-            IMPLAUSIBLE, f"{name}: the peg's tip is {away_m:.3g} m from the believed hole; at most {FAR_M:g} m can be"
+            "implausible", f"{name}: the peg's tip is {away_m:.3g} m from the believed hole; at most {FAR_M:g} m can be"
         )
 
 
@@ -42,7 +41,7 @@ def refuse_implausible_wrench(wrench: Sequence[float] | Array, name: str) -> Non
     forces, moments = np.abs(np.asarray(wrench)).reshape(2, 3)
     if forces.max() > MOST_FORCE_N or moments.max() > MOST_MOMENT_NM:
         raise CommandRefused(
-            IMPLAUSIBLE,
+            "implausible",
             f"{name}: {forces.max():.3g} N and {moments.max():.3g} Nm; at most {MOST_FORCE_N:g} N and "
             f"{MOST_MOMENT_NM:g} Nm can be",
         )

@@ -48,8 +48,8 @@ def test_every_schema_is_flat(topic: Topic[Any]) -> None:
 def test_optional_fields_are_described_as_what_they_are_when_present() -> None:
     fields = flat_schema(GuardedMoveOutcome)["properties"]
     assert fields["travel_first_contact_m"]["type"] == "number"
-    assert fields["pose_base_peg_observed"]["properties"]["position_m"]["items"] == {"type": "number"}
-    assert fields["wrench_observed_raw"]["items"] == {"type": "number"}
+    assert fields["pose_base_peg_observed"]["properties"]["position_m"]["items"]["type"] == "number"
+    assert fields["wrench_observed_raw"]["items"]["type"] == "number"
     assert flat_schema(AssemblyResult)["properties"]["failure"]["type"] == "string"
 
 
