@@ -172,7 +172,7 @@ def main(endpoint: str, cell: str) -> None:
         found["refused"] = client.ask(
             "arm/guarded_move",
             "crosspih.GuardedMove/1",
-            {**held, "direction_base": [0, 0, 0], "speed_m_s": 0.01, "travel_limit_m": 0.01},
+            {**held, "direction_base": [0, 0, 1], "speed_m_s": 1e-6, "travel_limit_m": 0.3},
         )
         found["unserved"] = client.ask("arm/no_such_command", "crosspih.Dwell/1", dwell)
         found["capture"] = client.ask_until_served("camera/capture", "crosspih.CaptureStereo/1", {})

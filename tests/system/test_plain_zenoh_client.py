@@ -87,7 +87,7 @@ def test_a_plain_client_can_do_what_the_page_says(found: dict[str, Any]) -> None
     refusal(found["wrong_version"], "contract", "crosspih.Dwell/99")
     refusal(found["unknown_field"], "contract", "hurry")
     refusal(found["out_of_bounds"], "contract", "duration_s")
-    refusal(found["refused"], "direction", "direction_base")
+    refusal(found["refused"], "size", "speed_m_s")
     assert found["unserved"] == ["", ""]  # nobody serves it: no reply at all
 
     pair = StereoPair.model_validate_json(found["capture"][1])
