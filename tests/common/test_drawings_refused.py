@@ -87,7 +87,7 @@ def test_what_is_not_seen_is_left_out_by_name(tmp_path: Path, inside: str, left_
         '<use href="#s" width="60" height="60"/>',
         '<symbol id="s" viewBox="0 0 30 30"><path d="M 5 6 H 25 V 22 H 12 V 18 H 5 Z"/></symbol>'
         '<g transform="translate(10 0)"><use href="#s" width="120" height="60" x="-40"/></g>',
-        '<svg x="3" width="100%" height="50%" viewBox="0 0 240 120"><g transform="scale(8) translate(-5 -6)">'
+        '<svg x="3" width="100%" height="60%" viewBox="0 0 240 120"><g transform="scale(8) translate(-5 -6)">'
         '<path d="M 5 6 H 25 V 22 H 12 V 18 H 5 Z"/></g></svg>',
         '<g transform="matrix(0 1 -1 0 60 0)"><g transform="skewX(20) skewX(-20)"><path d="m 10,12 h 40 v 32 h-26 '
         'v-8h-14z" transform="rotate(-90, 30 30),rotate(90 30 30)"/></g></g>',
