@@ -61,6 +61,16 @@ def new_folder(cell: str, what: str) -> Path:
     return folder
 
 
+def named_folder(cell: str, given: Path) -> Path:
+    """What `--from` names: a path, or by its first word the newest folder of an earlier calibration (`mount`)."""
+    if given.exists() or len(given.parts) != 1:
+        return given
+    # their dates are in their names; one that was made offline holds nothing that was taken
+    folders = sorted((default_run_root() / cell / "calibration").glob(f"{given.name}-*"))
+    taken = [folder for folder in folders if (folder / PRESSED).exists() or (folder / TAKEN).exists()]
+    return taken[-1] if taken else given
+
+
 def write_picture(image: Image, path: Path) -> None:
     """As PGM or PPM: the numbers as the camera sent them."""
     pixels = image.pixels

@@ -17,7 +17,7 @@ from crosspih_common.calibration.stiffness import StiffnessFit, fit_stiffness
 from crosspih_common.calibration.tcp import TipFit, fit_tip
 from crosspih_common.config import CellFile, load_cell
 from services.operator.bench.options import AsJson, told
-from services.operator.calibrate.folder import PRESSED, new_folder, read_pressed, write_yaml
+from services.operator.calibrate.folder import PRESSED, named_folder, new_folder, read_pressed, write_yaml
 from services.operator.calibrate.options import (
     CellOption,
     OutOption,
@@ -38,7 +38,10 @@ from services.operator.session import cell_path, using_cell
 from services.operator.stack import cell_session
 
 NEEDED = ("hardware", "force_torque", "planning")
-FROM_HELP = "Offline: pressed.yaml of an earlier calibration of any of the three, or a recording (.mcap)."
+FROM_HELP = (
+    "Offline: an earlier calibration of any of the three (its folder, its pressed.yaml, or `mount` for the newest of "
+    "that name), or a recording (.mcap)."
+)
 FromOption = Annotated[Path | None, typer.Option("--from", help=FROM_HELP)]
 PressesOption = Annotated[int, typer.Option(min=4, max=100, help="Pushes, each in another posture.")]
 ForceOption = Annotated[float, typer.Option(min=4.0, max=40.0, help="The hardest push, N.")]
@@ -134,6 +137,7 @@ def _pressed(
     console: Console, kind: Kind, cell: CellFile, given: Path | None, manner: Manner, share: float, speed: str | None,
     record: bool, folder: Path,
 ) -> Pressed:  # fmt: skip
+    given = None if given is None else named_folder(cell.workcell.name, given)
     if given is None:
         with cell_session(speed, needed(NEEDED, record)) as (session, _), recorded(session, kind.name, record, console):
             shower = SoFar(console, kind.title, lambda pressed: kind.reckon(pressed, cell)[0])
