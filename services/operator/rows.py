@@ -74,7 +74,7 @@ def wrong_ones(rows: Sequence[Row]) -> list[Row]:
 def table_of(rows: Sequence[Row], title: str | None = None) -> Table:
     """One line each."""
     table = Table(title=title, show_lines=bool(wrong_ones(rows)))
-    for heading in ("what", "is", "found", "mend"):
+    for heading in ("check", "verdict", "found", "mend"):
         table.add_column(heading, overflow="fold")
     for row in rows:
         colour = COLOURS[row.verdict]
