@@ -39,6 +39,7 @@ from services.force_torque.online import Pipeline, step
 JOINT_STATES = 32  # the last ones, that an acceleration is taken from
 _FIRST_PERIOD_S = 1e-3  # until the first batch says its own
 _REMEMBER_NS = 100_000_000
+DRIFT_OVER = 0.8  # of its limit: from there on a drift that was told counts as gone
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +123,13 @@ class WrenchStream:
         )
         self._pipeline = result.pipeline
         stamp_ns = batch.stamp_ns + batch.period_ns * (len(batch.samples) - 1)
-        drift = result.free_air.reason if result.free_air.drifted and not self._drifted else ""
-        self._drifted = result.free_air.drifted
+        free, config = result.free_air, self._config
+        drift = free.reason if free.drifted and not self._drifted else ""
+        # told once: what lies on its limit would be told at every crossing
+        if free.drifted:
+            self._drifted = True
+        elif max(free.force_n / config.drift_force_n, free.moment_nm / config.drift_moment_nm) < DRIFT_OVER:
+            self._drifted = False
         state = None
         due = stamp_ns - self._judged_ns >= self._config.state_every_s * 1e9 or stamp_ns < self._judged_ns
         if result.in_contact and due:
