@@ -82,7 +82,7 @@ MOST_PLACE_M = 100.0  # from any frame of one cell to another
 Position3 = Annotated[
     tuple[Annotated[float, Field(ge=-MOST_PLACE_M, le=MOST_PLACE_M)], ...], Field(min_length=3, max_length=3)
 ]
-Direction = Annotated[Vector3, AfterValidator(_direction)]  # of any length but none
+Direction = Annotated[Vector3, AfterValidator(_direction), _said("direction")]  # of any length but none
 Quaternion = Annotated[
     tuple[Number, ...], Field(min_length=4, max_length=4), AfterValidator(_unit), _said("unit_quaternion")
 ]

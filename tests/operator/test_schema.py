@@ -23,12 +23,25 @@ MESSAGES: list[type[Message]] = [kind for kind in types() if issubclass(kind, Me
 Json = Any
 
 
+# what no JSON schema can ask of several numbers together: it is told by `format`
+LAWFUL: dict[str, st.SearchStrategy[Json]] = {
+    "unit_quaternion": st.sampled_from([[0.0, 0.0, 0.0, 1.0], [0.5, -0.5, 0.5, -0.5], [0.6, 0.0, 0.8, 0.0]]),
+    "direction": st.sampled_from([[0.0, 0.0, -1.0], [300.0, 4.0, 0.1]]),
+    "standard_deviations": st.lists(st.floats(0.0, 1e3), min_size=6, max_size=6),
+    "covariance": st.lists(st.floats(1e-9, 1.0), min_size=6, max_size=6).map(
+        lambda variances: [variances[at // 7] if at % 7 == 0 else 0.0 for at in range(36)]
+    ),
+}
+
+
 def values(schema: Json, definitions: Json) -> st.SearchStrategy[Json]:
     """Anything that a schema allows, of the few forms that our schemas have."""
     if "$ref" in schema:
         return values(definitions[schema["$ref"].rsplit("/", 1)[-1]], definitions)
     if "anyOf" in schema:
         return st.one_of(*(values(option, definitions) for option in schema["anyOf"]))
+    if schema.get("format") in LAWFUL:
+        return LAWFUL[schema["format"]]
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
     if "const" in schema:
