@@ -57,7 +57,8 @@ class Line:
 
     def _go_on_at(self, seq: int, plausible: float) -> None:
         """Two in a row where none was expected: that is where the publisher is now, started again or after a gap."""
-        self.strays -= 1  # the one before belongs to it
+        # the one before belongs to it, unless it was counted for the recording before
+        self.strays = max(self.strays - 1, 0)
         self.stray = None
         if self.expected < seq <= self.expected + plausible:
             self._skip_to(seq - 1)

@@ -92,7 +92,7 @@ def test_what_leaves_no_room_is_refused_with_what_is_allowed() -> None:
     with pytest.raises(CommandRefused, match="axial_force_n"):
         cell.arm.admittance_move(AdmittanceMove(direction_base=DOWN, speed_m_s=0.01, travel_m=0.02, axial_force_n=90.0))
     with pytest.raises(CommandRefused, match="the motion would take"):
-        cell.arm.guarded_move(GuardedMove(direction_base=DOWN, speed_m_s=1e-9, travel_limit_m=0.02))
+        cell.arm.guarded_move(GuardedMove(direction_base=DOWN, speed_m_s=1e-6, travel_limit_m=0.02))
 
 
 def test_an_absurd_payload_is_refused_and_the_old_one_stays() -> None:

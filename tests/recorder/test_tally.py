@@ -64,6 +64,14 @@ def test_late_samples_fill_their_hole() -> None:
     assert lost([0, 1, 1, 2, 2, 3]) == 0  # twice is not lost
 
 
+def test_a_stray_before_a_recording_is_no_less_than_none_in_it() -> None:
+    tally = heard([100, 101, 0])
+    tally.begin()
+    tally.arrived("k", 1, 1.0, RATE_HZ)
+    assert tally.metadata()["strays_total"] == "0"
+    assert tally.metadata()["restarts_total"] == "1"
+
+
 def test_a_publisher_that_begins_again() -> None:
     again = heard([*range(500), *range(300)])
     assert again.lost() == {} and again.counts()["restarts"] == {"k": 1}
