@@ -57,7 +57,6 @@ class Attacked(BaseModel):
 
     commands: list[Answered] = []
     samples: int = 0
-    rejected: int = 0
     restarts: dict[str, int] = {}
     grown_mb: dict[str, float] = {}
     tracebacks: dict[str, int] = {}
@@ -81,7 +80,6 @@ def attack(session: Session, payload: dict[str, int]) -> dict[str, Any]:
     for command in commands():
         done.commands.append(_ask_all(session, command, count, seed))
     done.samples = _put_all(session, count, seed)
-    done.rejected = session.bus.traffic.total("rejected")
     done.restarts = {row.service: row.restarts for row in _rows(session)}
     done.grown_mb = {name: round(now - before.get(name, now), 1) for name, now in _memory_mb(session).items()}
     done.tracebacks = {
