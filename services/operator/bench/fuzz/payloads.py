@@ -30,7 +30,7 @@ class Sort(str, Enum):
 class PayloadMaker:
     """Draws payloads for one JSON schema (as pydantic's `model_json_schema` gives it) from a seed."""
 
-    def __init__(self, schema: dict[str, Any], seed: int) -> None:
+    def __init__(self, schema: dict[str, Any], seed: int | str) -> None:
         self._schema, self._definitions = schema, schema.get("$defs", {})
         self._rng = random.Random(seed)
         self._wild = 0.0
