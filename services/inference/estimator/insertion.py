@@ -124,6 +124,7 @@ def advise_insertion(
 
     pose_base_hole, covariance (6, 6): the belief. pose_base_peg: motor-side pose of the peg; wrench_peg (6,) on the
     peg and compliance_peg (6, 6) give its deflection. push_force_n: axial force that the push went up to.
+    Raises NotSeated for a peg that is past the rim along the axis of the hole, but lies across it.
     """
     settings = settings or InsertionSettings()
     walls = BoreWalls.of(peg, hole)

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
+from crosspih_common.messages.base import MOST_PLACE_M
+
 # numbers that arithmetic does not like, each of which JSON can say
 EXTREMES = (0.0, -0.0, 5e-324, 1e-30, -1e-9, 1.0, -1.0, 1e3, -1e6, 1e12, -1e30, 1e154, 1.7e308, -1.7e308)
 WHOLE_EXTREMES = (0, -1, 1, 2**31, -(2**31), 2**53, 2**63 - 1, -(2**63), 2**64, 10**30, 10**400)
@@ -17,6 +19,7 @@ WORDS = ("", "a", "../../etc/passwd", "\x00", "é漢🦾", "%s%n", "*/**", "'; -
 WILD = (0.0, 0.03, 0.3, 1.0)
 DEPTH = 3000
 MOST_ITEMS = 12
+NEAR = 50.0  # newtons, radians, metres: beyond it hardly anything of a cell is
 
 
 class Sort(str, Enum):
@@ -34,10 +37,13 @@ class PayloadMaker:
         self._schema, self._definitions = schema, schema.get("$defs", {})
         self._rng = random.Random(seed)
         self._wild = 0.0
+        self._position: list[float] | None = None
+        self._quaternion: list[float] | None = None
 
     def payload(self, sort: Sort) -> bytes:
         """One payload."""
         self._wild = self._rng.choice(WILD)
+        self._position = self._quaternion = None
         value = self._value(self._schema)
         if sort is Sort.FITTING:
             return json.dumps(value).encode()
@@ -96,9 +102,19 @@ class PayloadMaker:
             if meant == "standard_deviations":
                 return [abs(self._value(of)) for _ in range(count)]
             if meant == "unit_quaternion":
-                vector = [self._rng.gauss(0.0, 1.0) for _ in range(count)]
-                return [one / math.hypot(*vector) for one in vector]
+                self._quaternion = self._near(self._quaternion, [self._rng.gauss(0.0, 1.0) for _ in range(count)])
+                return [one / math.hypot(*self._quaternion) for one in self._quaternion]
+            if count == 3 and of.get("maximum") == MOST_PLACE_M:
+                self._position = self._near(self._position, [self._value(of) for _ in range(count)])
+                return [min(max(one, -MOST_PLACE_M), MOST_PLACE_M) for one in self._position]
         return [self._value(of) for _ in range(count)]
+
+    def _near(self, last: list[float] | None, other: list[float]) -> list[float]:
+        """What a payload's poses have in common: most are of one place, and what is asked of them is not refused."""
+        if last is None or self._rng.random() < 0.4:
+            return other
+        spread = 10.0 ** self._rng.uniform(-6.0, -0.5)
+        return [one + self._rng.gauss(0.0, spread) for one in last]
 
     def _number(self, schema: dict[str, Any]) -> float:
         least = schema.get("minimum", schema.get("exclusiveMinimum"))
@@ -108,6 +124,9 @@ class PayloadMaker:
                 one for one in EXTREMES if (least is None or one > least) and (most is None or one < most)
             ] or [1e-9 if most is None else most]  # fmt: skip
             return float(self._one_of(inside))
+        if (least is None or least < -NEAR) and (most is None or most > NEAR) and self._rng.random() < 0.95:
+            # of the sizes that a cell has, not of those that a number can have
+            return self._rng.choice((-1.0, 1.0)) * 10.0 ** self._rng.uniform(-6.0, math.log10(NEAR))
         low, high = (-1.0 if least is None else least), (1.0 if most is None else most)
         return float(low + (max(high, low) - low or 1.0) * self._rng.uniform(1e-6, 1.0))
 
