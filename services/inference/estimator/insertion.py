@@ -193,7 +193,7 @@ def advise_insertion(
     by_push = np.linalg.solve(bending[np.ix_(PLANE, PLANE)], bending[PLANE, 2])
     from_middle = adjoint_wrench(middle)
     best_n, best_share = push_force_n, np.inf
-    for push_n in np.linspace(settings.lowest_push_n, max(force_limit_n, push_force_n), 24):
+    for push_n in np.linspace(settings.lowest_push_n, max(force_limit_n, push_force_n, settings.lowest_push_n), 24):
         lateral = np.zeros(6)
         lateral[PLANE] = by_push * (push_n - held)
         changed = felt + from_middle @ lateral
