@@ -74,6 +74,7 @@ def fuzz(
             table.parent.mkdir(parents=True, exist_ok=True)
             table.write_text(markdown(decoded, attacked, payloads, asked, seed), encoding="utf-8")
         defects = [f"{row.key}: {what}" for row in decoded.rows.values() for what in row.escaped] + attacked.defects
+        defects += [decoded.failure] if decoded.failure else []
         for line in defects[:MOST_SHOWN]:
             console.print(line, highlight=False, markup=False, soft_wrap=True)
         console.print(summary(decoded, attacked, len(defects)), highlight=False, soft_wrap=True)
