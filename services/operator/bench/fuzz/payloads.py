@@ -17,6 +17,8 @@ WHOLE_EXTREMES = (0, -1, 1, 2**31, -(2**31), 2**53, 2**63 - 1, -(2**63), 2**64, 
 WORDS = ("", "a", "../../etc/passwd", "\x00", "é漢🦾", "%s%n", "*/**", "'; --", "\u202e", "x" * 3000)
 # how often a value is an extreme one, a payload at a time
 WILD = (0.0, 0.03, 0.3, 1.0)
+# how often a field that may be left out is there
+FILLED = (0.1, 0.5, 0.9)
 DEPTH = 3000
 MOST_ITEMS = 12
 NEAR = 50.0  # newtons, radians, metres: beyond it hardly anything of a cell is
@@ -36,13 +38,13 @@ class PayloadMaker:
     def __init__(self, schema: dict[str, Any], seed: int | str) -> None:
         self._schema, self._definitions = schema, schema.get("$defs", {})
         self._rng = random.Random(seed)
-        self._wild = 0.0
+        self._wild, self._filled = 0.0, 0.5
         self._position: list[float] | None = None
         self._quaternion: list[float] | None = None
 
     def payload(self, sort: Sort) -> bytes:
         """One payload."""
-        self._wild = self._rng.choice(WILD)
+        self._wild, self._filled = self._rng.choice(WILD), self._rng.choice(FILLED)
         self._position = self._quaternion = None
         value = self._value(self._schema)
         if sort is Sort.FITTING:
@@ -82,7 +84,7 @@ class PayloadMaker:
         value = {
             name: self._value(of)
             for name, of in schema.get("properties", {}).items()
-            if name in required or self._rng.random() < 0.5
+            if name in required or self._rng.random() < self._filled
         }
         others = schema.get("additionalProperties")
         if isinstance(others, dict):
@@ -93,7 +95,7 @@ class PayloadMaker:
         least = schema.get("minItems", 0)
         most = min(schema.get("maxItems", least + MOST_ITEMS), least + MOST_ITEMS)
         # six or seven joints: as many in every field
-        count = least if most == least + 1 else self._rng.randint(least, most)
+        count = least if most == least + 1 else least + int((most + 1 - least) * self._rng.random() ** 2)
         of = schema.get("items", {})
         meant = schema.get("format", "")
         if self._rng.random() < 0.95:
