@@ -11,14 +11,13 @@ from pydantic import ValidationError
 
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import PosePrior, Touch
+from crosspih_common.wrench import refuse_implausible_wrench
 
 RequestT, AnswerT = TypeVar("RequestT"), TypeVar("AnswerT")
 
 MOST_PRIOR_M, MOST_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
 FAR_M = 0.5  # from the believed rim to the peg's tip: a touch there was on something else
-MOST_FORCE_N, MOST_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
 
 
 def refuse_implausible_prior(prior: PosePrior, name: str) -> None:
@@ -38,17 +37,6 @@ def refuse_implausible_peg(pose_base_peg: Pose, tip_m: float, pose_base_hole: Po
     if away_m > FAR_M:
         raise CommandRefused(
             "implausible", f"{name}: the peg's tip is {away_m:.3g} m from the believed hole; at most {FAR_M:g} m can be"
-        )
-
-
-def refuse_implausible_wrench(wrench: Sequence[float] | Array, name: str) -> None:
-    """Raises CommandRefused `implausible` for (6,) N and Nm that no wrist sensor can feel."""
-    forces, moments = np.abs(np.asarray(wrench)).reshape(2, 3)
-    if forces.max() > MOST_FORCE_N or moments.max() > MOST_MOMENT_NM:
-        raise CommandRefused(
-            "implausible",
-            f"{name}: {forces.max():.3g} N and {moments.max():.3g} Nm; at most {MOST_FORCE_N:g} N and "
-            f"{MOST_MOMENT_NM:g} Nm can be",
         )
 
 

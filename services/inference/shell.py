@@ -28,6 +28,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.messages import PosePrior as PriorMessage
 from crosspih_common.service import ServiceContext
+from crosspih_common.wrench import refuse_implausible_wrench
 from services.inference.config import InferenceConfig
 from services.inference.estimator import (
     BoreWalls,
@@ -52,7 +53,6 @@ from services.inference.plausible import (
     refuse_implausible_peg,
     refuse_implausible_prior,
     refuse_implausible_touches,
-    refuse_implausible_wrench,
 )
 
 
