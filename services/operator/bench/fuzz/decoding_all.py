@@ -48,7 +48,7 @@ class AllDecoded:
 @cache
 def drawn_by() -> str:
     """Sixteen hex digits over what draws the payloads: other payloads are other results."""
-    sources = (Path(module.__file__).read_bytes() for module in (payloads_module, decoding_module))
+    sources = (Path(str(module.__file__)).read_bytes() for module in (payloads_module, decoding_module))
     return hashlib.sha256(b"".join(sources)).hexdigest()[:16]
 
 
