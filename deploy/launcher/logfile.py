@@ -62,9 +62,11 @@ class LogWriter:
         """Append one line; raises OSError if the disk refuses it."""
         self._file.write(f"{line.time} {line.text}\n".encode())
         if self._file.tell() >= LARGEST_FILE_B:
-            self._file.close()
+            # the new one first: where the disk refuses it the old one is still there to write to
             self._set_aside()
-            self._file = self._path.open("ab", buffering=0)
+            fresh = self._path.open("ab", buffering=0)
+            self._file.close()
+            self._file = fresh
 
     def close(self) -> None:
         """Close the file; closing twice is allowed."""

@@ -114,8 +114,8 @@ def start_stack(
             "or give this one another --project"
         )
     directory.clean_if_stale()
-    directory.path.mkdir(parents=True, exist_ok=True)
-    with directory.supervisor_log.open("wb") as log:
+    directory.make()
+    with directory.open_supervisor_log() as log:
         supervisor = subprocess.Popen(
             [sys.executable, "-m", "deploy.launcher", request.to_json()],
             stdin=subprocess.DEVNULL,

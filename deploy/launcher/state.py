@@ -14,6 +14,7 @@ import re
 import shutil
 import time
 from pathlib import Path
+from typing import IO
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -91,13 +92,29 @@ class StateDirectory:
         """Where the notify sockets lie."""
         return self.path / "notify"
 
+    def make(self) -> None:
+        """Make the folder. Raises LauncherError, which says what to do where that cannot be."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise self._unusable(error) from None
+
+    def _unusable(self, error: OSError) -> LauncherError:
+        return LauncherError(
+            f"{self.path}: no state and no logs can be kept there ({error.strerror}); name a folder of yours with "
+            f"{RUN_DIR_VARIABLE}"
+        )
+
     def acquire(self) -> None:
-        """Become the supervisor of this project; raises AlreadyUpError.
+        """Become the supervisor of this project; raises AlreadyUpError, or LauncherError for a folder that it cannot use.
 
         What a dead one left behind is removed, and the logs of the last stack are set aside as ``<service>.log.1``.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
-        fd = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+        self.make()
+        try:
+            fd = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+        except OSError as error:
+            raise self._unusable(error) from None
         if not _locked(fd):
             os.close(fd)
             raise AlreadyUpError(
@@ -110,6 +127,13 @@ class StateDirectory:
             if path != self.supervisor_log:
                 path.replace(path.with_name(path.name + ".1"))
 
+    def open_supervisor_log(self) -> IO[bytes]:
+        """The log of a detached supervisor, from its beginning. Raises LauncherError where it cannot be written."""
+        try:
+            return self.supervisor_log.open("wb")
+        except OSError as error:
+            raise self._unusable(error) from None
+
     def release(self, keep_state: bool) -> None:
         """End being the supervisor; the state is kept only if there is something left to show."""
         if not keep_state:
@@ -121,9 +145,11 @@ class StateDirectory:
     def is_supervised(self) -> bool:
         """Whether a supervisor of this project lives."""
         try:
-            fd = os.open(self.path / "lock", os.O_RDWR)
-        except FileNotFoundError:
+            fd = os.open(self.path / "lock", os.O_RDONLY)
+        except (FileNotFoundError, NotADirectoryError):
             return False
+        except PermissionError as error:
+            raise self._unusable(error) from None
         try:
             fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:
@@ -143,7 +169,7 @@ class StateDirectory:
         """The last state written, or None if there is none that can be read."""
         try:
             return StackState.model_validate(json.loads((self.path / "state.json").read_text(encoding="utf-8")))
-        except (FileNotFoundError, ValidationError, json.JSONDecodeError):
+        except (FileNotFoundError, NotADirectoryError, ValidationError, json.JSONDecodeError):
             return None
 
     def clean_if_stale(self) -> int | None:

@@ -19,10 +19,11 @@ from deploy.launcher.order import start_levels
 from deploy.launcher.process import Guard, ServiceProcess
 from deploy.launcher.restart import decide
 from deploy.launcher.state import ServiceState, StackState, StateDirectory
+from deploy.launcher.state_keeper import StateKeeper
 
 # Ctrl-C has to stop everything within 3 s; this leaves room for the kill and the clearing up.
 STOP_TIMEOUT_S = 2.3
-_SUPERVISOR = "launcher"
+SUPERVISOR = "launcher"  # whose lines these are in the log
 
 
 class _Unit:
@@ -58,6 +59,7 @@ class Supervisor:
         self._directory = directory
         self._compose_file = compose_file.resolve()
         self._show = show
+        self._state = StateKeeper(directory, self._say_of_all)
         self._stop_timeout_s = stop_timeout_s
         self._levels = start_levels(services)
         self._stopping = asyncio.Event()
@@ -162,10 +164,11 @@ class Supervisor:
         began_s = loop.time()
         service = unit.service
         if service.notify:
-            if unit.notify is None:
-                path = self._notify_folder.path / f"{unit.name}.sock"
-                unit.notify = NotifySocket(path, lambda message: self._notified(unit, message))
-            unit.notify.drain()
+            try:
+                self._listen(unit).drain()
+            except OSError as error:
+                self._say(unit, f"cannot start: {error.strerror} ({self._notify_folder.path})")
+                return 127, 0.0
         environment = child_environment(service, os.environ, unit.notify.path if unit.notify else None)
         try:
             process = await ServiceProcess.start(
@@ -191,6 +194,12 @@ class Supervisor:
             unit.process = None
             self._guard.release(process.pid)
         return exit_code, loop.time() - began_s
+
+    def _listen(self, unit: _Unit) -> NotifySocket:
+        if unit.notify is None:
+            path = self._notify_folder.path / f"{unit.name}.sock"
+            unit.notify = NotifySocket(path, lambda message: self._notified(unit, message))
+        return unit.notify
 
     def _monitors(self, unit: _Unit, environment: Mapping[str, str], began_s: float) -> "list[asyncio.Task[None]]":
         def current() -> HealthState:
@@ -256,6 +265,7 @@ class Supervisor:
             if unit.notify is not None:
                 unit.notify.close()
             unit.log.close()
+        self._state.close()
         self._notify_folder.remove()
         self._guard.close()
 
@@ -277,7 +287,7 @@ class Supervisor:
         self._changed = asyncio.Event()
 
     def _write_state(self, finished: bool) -> None:
-        self._directory.write(
+        self._state.keep(
             StackState(
                 project=self._directory.project,
                 compose_file=str(self._compose_file),
@@ -305,8 +315,14 @@ class Supervisor:
         # A full disk or a closed terminal must not end the stack; each line is lost there only.
         with contextlib.suppress(OSError):
             unit.log.write(line)
+        self._shown(line)
+
+    def _shown(self, line: LogLine) -> None:
         with contextlib.suppress(OSError):
             self._show(line)
 
+    def _say_of_all(self, text: str) -> None:
+        self._shown(LogLine(SUPERVISOR, timestamp(), text))
+
     def _say(self, unit: _Unit, text: str) -> None:
-        self._log(unit, f"[{_SUPERVISOR}] {unit.name} {text}")
+        self._log(unit, f"[{SUPERVISOR}] {unit.name} {text}")

@@ -236,3 +236,40 @@ def test_environment_reaches_the_service(stacks: Stacks, monkeypatch: pytest.Mon
     show = "import os,signal;print(os.environ['PASSED_ON'],os.environ['CELL']);signal.pause()"
     stacks.start({"one": {"command": [*PYTHON, show], "environment": {"CELL": "at ${SPEED:-realtime}"}}})
     wait_until(lambda: stacks.log("one") == ["seen at max"], "the environment")
+
+
+def test_what_somebody_else_stops_comes_back_until_the_stack_is_taken_down(stacks: Stacks) -> None:
+    ends_in_order = [*PYTHON, "import signal,sys;signal.signal(15,lambda *_:sys.exit(0));print('on');signal.pause()"]
+    stacks.start({"stopped": {"command": ends_in_order, "restart": "unless-stopped"}, "other": {"command": SERVE}})
+    wait_until(lambda: "on" in stacks.log("stopped"), "it serves")
+    (pid,) = _pids(stacks, "stopped")
+    os.kill(pid, signal.SIGTERM)
+    wait_until(lambda: stacks.row("stopped").pid not in (None, pid), "it comes back")
+    back = _pids(stacks, "stopped", "other")
+    stop_stack("test", stacks.run_root)
+    assert not any(is_alive(left) for left in back)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_at_the_state_file_ends_no_stack(stacks: Stacks) -> None:
+    stacks.start({"killed": {"command": SERVE, "restart": "always"}, "other": {"command": SERVE}})
+    folder = stacks.directory().path
+    (folder / "state.new").symlink_to("/dev/full")  # what is written beside the state meets ENOSPC
+    killed, other = _pids(stacks, "killed", "other")
+    os.kill(killed, signal.SIGKILL)
+    log = stacks.directory().supervisor_log
+    wait_until(lambda: "No space left" in log.read_text(), "the stack says so")
+    wait_until(lambda: stacks.log("killed").count("serving") == 2, "what was killed runs again all the same")
+    assert stacks.row("killed").pid == killed and is_alive(other)
+    (folder / "state.new").unlink()
+    wait_until(lambda: stacks.row("killed").pid not in (None, killed), "the state is written again")
+    assert "the state is written again" in log.read_text()
+    assert log.read_text().count("No space left") == 1
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(stacks: Stacks) -> None:
+    (stacks.folder / "run").write_text("a file where the folder would be")
+    done = stacks.cli("up", "--detach", "--file", str(stacks.compose({"one": {"command": SERVE}})))
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert "CROSSPIH_RUN_DIR" in done.stderr
+    (stacks.folder / "run").unlink()
