@@ -6,6 +6,7 @@ CrosspihError
 │   ├── BusUnreachable     no router answers at the endpoint
 │   ├── ContractError      a sample is not what its key promises (type, version, fields)
 │   ├── NoService          nobody serves the command, or whoever did vanished without a word
+│   │   └── NotSent        nobody served it, so it was not even sent: it may be asked again
 │   ├── CommandTimeout     the service did not answer within the deadline
 │   └── BusClosed          the bus was closed while it was in use
 └── CommandRefused         the service answered: no, and why (`code` for programs, text for people)
@@ -47,6 +48,10 @@ class NoService(BusError):
     """Nobody serves the command, or whoever did vanished without a word."""
 
     code = "no_service"
+
+
+class NotSent(NoService):
+    """Nobody serves the command, also when waited for: it was not sent, and may be asked again."""
 
 
 class CommandTimeout(BusError):

@@ -21,10 +21,12 @@ from crosspih_common.bus.codec import (
     label_with_seq,
     split_label,
 )
+from crosspih_common.bus.duty import JOB_S, NOW_S, Duty, waiting
+from crosspih_common.bus.served import SERVER_WAIT_S
 from crosspih_common.bus.traffic import Traffic
 from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender, Transport
 from crosspih_common.bus.workers import Lane, Pump
-from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError
+from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError, NotSent
 from crosspih_common.keys import CLOCK, REFUSAL, Command, Kind, Payload, Qos, Topic, alive_key
 from crosspih_common.messages import CellClock, CommandRefusal, Image, Message
 
@@ -34,6 +36,7 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 
 # how many samples a publisher keeps for unlucky readers; a late one is given the newest alone
 HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}
+LEAST_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
 
@@ -108,6 +111,7 @@ class Bus:
         self._transport = transport
         self._declared: list[Closeable] = []
         self._lanes: dict[str, Lane] = {}
+        self._duties: list[Duty] = []
         self._publishers: dict[str, Publisher[Any]] = {}
         self._lock = threading.Lock()
         self._closed = False
@@ -161,6 +165,7 @@ class Bus:
             handler, capacity, name=f"{self.service}:{topic.path}", on_error=self._handler_failed
         )
         self._declared.append(pump)
+        self._duties.append(pump.duty)
         key = topic.key(self.cell)
 
         def enqueue(value: PayloadT) -> None:
@@ -226,14 +231,29 @@ class Bus:
 
     # ------------------------------------------------------------------------------------------------- ask and serve
 
-    def call(self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float) -> ReplyT:
+    def call(
+        self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float,
+        server_wait_s: float = SERVER_WAIT_S,
+    ) -> ReplyT:  # fmt: skip
         """Ask and wait for the one answer.
 
-        Raises CommandRefused (the server said no), CommandTimeout, NoService, ContractError, BusClosed.
+        Where nobody serves the command, or the router is away, that is waited for: up to `server_wait_s` of the
+        deadline. Raises CommandRefused (the server said no), CommandTimeout, NotSent (it never came), NoService (it
+        ended without a word), ContractError, BusClosed.
         """
         if self._closed:
             raise BusClosed(f"{command.path}: the bus is closed")
         key = command.key(self.cell)
+        with waiting(deadline_s):
+            return self._ask(command, key, request, deadline_s, server_wait_s)
+
+    def _ask(
+        self, command: Command[RequestT, ReplyT], key: str, request: RequestT, deadline_s: float, server_wait_s: float
+    ) -> ReplyT:
+        until = time.monotonic() + deadline_s
+        if not self._transport.wait_served(key, min(deadline_s, server_wait_s)):
+            raise NotSent(f"{key}: nobody answers; is the service that serves it up? (`crosspih ps`)")
+        deadline_s = max(until - time.monotonic(), LEAST_DEADLINE_S)
         stamped = request.model_copy(update={"stamp_ns": self.clock.now_ns()})
         answer = self._transport.query(key, encode(stamped), label_of(command.request), deadline_s)
         if answer.is_error:
@@ -251,12 +271,14 @@ class Bus:
         refuse_when_busy: bool = False,
         on_accept: Callable[[], object] = lambda: None,
         on_end: Callable[[], object] = lambda: None,
+        longest_s: float = JOB_S,
     ) -> None:
         """Answer a command. Commands of one lane are answered one after the other, on the lane's own thread.
 
         With `refuse_when_busy` a command that finds its lane at work is refused instead of queued: right for motions,
         where a command that waits would later move an arm that its sender has given up on. `on_accept` is called when
-        it is accepted, before anything of it is read, and `on_end` when it has been answered.
+        it is accepted, before anything of it is read, and `on_end` when it has been answered. A lane that has been at
+        one command for `longest_s` of wall time, the longest of its commands, counts as hung (duty.py).
         """
         key = command.key(self.cell)
         requests, replies = self.publisher(command.request_echo), self.publisher(command.reply_echo)
@@ -301,7 +323,7 @@ class Bus:
                 on_end()
             return lambda: query.answer(answer)
 
-        worker = self._lane(lane)
+        worker = self._lane(lane, NOW_S if lane == NOW_LANE else longest_s)
 
         def accept(query: Query) -> None:
             on_accept()
@@ -312,11 +334,18 @@ class Bus:
 
         self._declared.append(self._transport.serve(key, accept))
 
-    def _lane(self, name: str) -> Lane:
+    def _lane(self, name: str, longest_s: float) -> Lane:
         with self._lock:
             if name not in self._lanes:
-                self._lanes[name] = Lane(f"{self.service}:{name}")
-            return self._lanes[name]
+                self._lanes[name] = Lane(f"{self.service}:{name}", longest_s)
+                self._duties.append(self._lanes[name].duty)
+            lane = self._lanes[name]
+            lane.longest_s = max(lane.longest_s, longest_s)
+            return lane
+
+    def duties(self) -> tuple[Duty, ...]:
+        """What the threads of this bus are at: all that carry out commands, or take samples."""
+        return tuple(self._duties)
 
     @property
     def busy(self) -> bool:

@@ -61,6 +61,7 @@ class MemoryHub:
     tokens: list[str] = field(default_factory=list)
     watchers: list[_Watcher] = field(default_factory=list)
     kept: dict[str, tuple[bytes, str]] = field(default_factory=dict)
+    served: threading.Condition = field(default_factory=threading.Condition)
 
     def transport(self) -> MemoryTransport:
         """A transport of this hub."""
@@ -136,6 +137,11 @@ class MemoryTransport:
 
         return self._declared(undo)
 
+    def wait_served(self, key: str, wait_s: float) -> bool:
+        """See Transport."""
+        with self.hub.served:
+            return self.hub.served.wait_for(lambda: key in self.hub.servers, max(wait_s, 0.0))
+
     def query(self, key: str, payload: bytes, label: str, deadline_s: float) -> Answer:
         """Ask and wait."""
         with self.hub.lock:
@@ -151,8 +157,9 @@ class MemoryTransport:
 
     def serve(self, key: str, handler: Callable[[Query], None]) -> Closeable:
         """Call the handler with every query."""
-        with self.hub.lock:
+        with self.hub.served:
             self.hub.servers[key] = handler
+            self.hub.served.notify_all()
         return self._declared(lambda: self.hub.servers.pop(key, None) and None)
 
     def declare_alive(self, key: str) -> Closeable:

@@ -56,6 +56,9 @@ class Transport(Protocol):
     def subscribe(self, key_expression: str, handler: Handler, *, recover: bool) -> Closeable:
         """Call the handler with every sample."""
 
+    def wait_served(self, key: str, wait_s: float) -> bool:
+        """Whether somebody serves the key, waiting for that up to `wait_s`. Raises BusClosed."""
+
     def query(self, key: str, payload: bytes, label: str, deadline_s: float) -> Answer:
         """Ask and wait. Raises NoService when nobody answers, CommandTimeout at the deadline."""
 

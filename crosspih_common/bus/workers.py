@@ -7,6 +7,8 @@ import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from crosspih_common.bus.duty import SAMPLE_S, Duty
+
 ValueT = TypeVar("ValueT")
 _END = object()
 
@@ -20,7 +22,9 @@ class Pump(Generic[ValueT]):
         self._queue: queue.Queue[object] = queue.Queue(capacity)
         self._handler, self._on_error = handler, on_error
         self._closed = threading.Event()
+        self.duty = Duty(name)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self.duty.of(self._thread)
         self._thread.start()
 
     def offer(self, value: ValueT) -> bool:
@@ -36,13 +40,17 @@ class Pump(Generic[ValueT]):
             value = self._queue.get()
             if value is _END:
                 return
+            self.duty.begin(SAMPLE_S)
             try:
                 self._handler(value)  # type: ignore[arg-type]
             except Exception as error:
                 self._on_error(error)
+            finally:
+                self.duty.end()
 
     def close(self) -> None:
         """End the thread; what still waits is left."""
+        self.duty.closed = True
         self._closed.set()
         try:
             self._queue.put_nowait(_END)
@@ -63,11 +71,14 @@ class Lane:
     may send the next job at once.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, longest_s: float) -> None:
         self._queue: queue.Queue[Job | None] = queue.Queue()
         self._lock = threading.Lock()
         self._waiting = 0
+        self.longest_s = longest_s  # one job
+        self.duty = Duty(name)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self.duty.of(self._thread)
         self._thread.start()
 
     @property
@@ -90,15 +101,18 @@ class Lane:
             job = self._queue.get()
             if job is None:
                 return
+            self.duty.begin(self.longest_s)
             try:
                 say = job()
             finally:
+                self.duty.end()
                 with self._lock:
                     self._waiting -= 1
             say()
 
     def close(self) -> None:
         """End the thread after the job under way; does not wait for a long one."""
+        self.duty.closed = True
         self._queue.put(None)
         if threading.current_thread() is not self._thread:
             self._thread.join(0.5)

@@ -18,6 +18,7 @@ from typing import Any
 import zenoh
 from zenoh import ext
 
+from crosspih_common.bus.served import ServedKeys
 from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender
 from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, NoService
 
@@ -143,6 +144,7 @@ class ZenohTransport:
     def __init__(self, session: zenoh.Session, endpoint: str) -> None:
         self.endpoint: str | None = endpoint
         self._session = session
+        self._served = ServedKeys(session)
         self._alive_session: zenoh.Session | None = None  # opened with the first token
         self._lock = threading.Lock()
         self._closed = False
@@ -192,6 +194,13 @@ class ZenohTransport:
             )
         )
 
+    def wait_served(self, key: str, wait_s: float) -> bool:
+        """See Transport."""
+        try:
+            return self._served.wait(key, wait_s)
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot ask {key}: {error}") from None
+
     def query(self, key: str, payload: bytes, label: str, deadline_s: float) -> Answer:
         """Ask and wait. See Transport."""
         done = threading.Event()
@@ -220,7 +229,7 @@ class ZenohTransport:
                 return Answer(sample.payload.to_bytes(), _label(sample.attachment), is_error=False)
             if reply.err is not None:
                 return Answer(reply.err.payload.to_bytes(), "", is_error=True)
-        raise NoService(f"{key}: nobody answers; is the service that serves it up? (`crosspih ps`)")
+        raise NoService(f"{key}: nobody answers: whoever served it ended without a word (`crosspih ps`)")
 
     def serve(self, key: str, handler: Callable[[Query], None]) -> Closeable:
         """Call the handler with every query. See Transport."""

@@ -10,6 +10,7 @@ from crosspih_common.keys import LEASE_BEAT, LEASE_GIVE, LEASE_TAKE
 from crosspih_common.messages import GiveLease, LeaseBeat, LeaseGranted, TakeLease
 
 ASK_DEADLINE_S = 5.0
+SERVER_WAIT_S = 2.0  # for a declaration that is on its way; whoever wants more asks again
 
 
 class Heart:
@@ -25,7 +26,8 @@ class Heart:
     def take(self, purpose: str) -> LeaseGranted:
         """See Pulse. A lease that is still held is given back first."""
         self.give()
-        granted = self._bus.call(LEASE_TAKE, TakeLease(holder=self._bus.service, purpose=purpose), ASK_DEADLINE_S)
+        request = TakeLease(holder=self._bus.service, purpose=purpose)
+        granted = self._bus.call(LEASE_TAKE, request, ASK_DEADLINE_S, SERVER_WAIT_S)
         self._lease, self._quiet = granted.lease, threading.Event()
         self._thread = threading.Thread(target=self._beat, args=(granted, self._quiet), name="beats", daemon=True)
         self._thread.start()
@@ -43,7 +45,7 @@ class Heart:
         """See Pulse."""
         lease, self._lease = self._lease, ""
         try:
-            return bool(lease) and self._bus.call(LEASE_GIVE, GiveLease(lease=lease), ASK_DEADLINE_S).was_held
+            return bool(lease) and self._bus.call(LEASE_GIVE, GiveLease(lease=lease), ASK_DEADLINE_S, 0.0).was_held
         finally:
             self._rest()
 

@@ -45,9 +45,14 @@ class ArmLease:
         """The request with the lease in it, where it is one that needs it."""
         return request.model_copy(update={"lease": self._lease}) if isinstance(request, Held) else request
 
-    def ask(self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float) -> ReplyT:
-        """Ask as the holder. Raises as `Bus.call`; CommandRefused `no_lease` when the arm is held no longer."""
-        return self._bus.call(command, self.named(request), deadline_s)
+    def ask(
+        self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float, server_wait_s: float = 0.0
+    ) -> ReplyT:
+        """Ask as the holder. Raises as `Bus.call`; CommandRefused `no_lease` when the arm is held no longer.
+
+        An arm that is away is not waited for: one that is started again knows this lease no more.
+        """
+        return self._bus.call(command, self.named(request), deadline_s, server_wait_s)
 
 
 def hold_arm(bus: Bus, purpose: str) -> ArmLease:

@@ -31,6 +31,9 @@ class KeyTraffic(Part):
     in_hz: float = 0.0
 
 
+LAST_ERROR_S = 600.0  # for how long a service's last error is shown
+
+
 class ServiceStatus(Message):
     """Sent once a second of wall time by every service."""
 
@@ -42,7 +45,8 @@ class ServiceStatus(Message):
     traffic: tuple[KeyTraffic, ...] = ()
     rejected: int = 0
     dropped: int = 0
-    last_error: str = ""
+    last_error: str = Field(default="", description="the newest warning or error of the last 600 s; then empty again")
+    last_error_age_s: float | None = Field(default=None, ge=0.0, description="since then, wall time; None without one")
 
 
 class Severity(str, Enum):

@@ -155,6 +155,7 @@ class Converter:
         values = {
             "state": status.state.value, "pid": str(status.pid), "uptime_s": f"{status.uptime_s:g}",
             "rejected": str(status.rejected), "dropped": str(status.dropped), "last_error": status.last_error,
+            "last_error_age_s": "" if status.last_error_age_s is None else f"{status.last_error_age_s:g}",
         }  # fmt: skip
         text = status.reason or status.state.value
         return self._line(status.service, ERROR if failed else WARN if doubt else OK, text, values)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import signal
 import sys
@@ -26,7 +27,9 @@ from crosspih_common.config import CellFile, Section, load_cell
 from crosspih_common.errors import BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
+from crosspih_common.messages.status import LAST_ERROR_S
 from crosspih_common.service import notify
+from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
 DEFAULT_CELL = "deploy/cells/default.yaml"
@@ -50,9 +53,23 @@ class ServiceContext:
     stop: threading.Event = field(default_factory=threading.Event)
     state: ServiceState = ServiceState.STARTING
     reason: str = ""
-    last_error: str = ""
+    works: Works = field(init=False)
+    _last_error: tuple[float, str] = (-math.inf, "")
     _started_at: float = field(default_factory=time.monotonic)
     _rejection_said_at: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.works = Works(self.bus.duties)
+
+    @property
+    def last_error(self) -> str:
+        """The newest warning or error, for LAST_ERROR_S; then empty again."""
+        at, text = self._last_error
+        return text if time.monotonic() - at <= LAST_ERROR_S else ""
+
+    @last_error.setter
+    def last_error(self, text: str) -> None:
+        self._last_error = (time.monotonic(), text)
 
     def event(self, severity: Severity, code: str, text: str) -> None:
         """Tell people: on the bus, and on standard error for the log."""
@@ -83,7 +100,8 @@ class ServiceContext:
             traffic=traffic.snapshot(),
             rejected=traffic.total("rejected"),
             dropped=traffic.total("dropped"),
-            last_error=self.last_error,
+            last_error=(last_error := self.last_error),
+            last_error_age_s=round(time.monotonic() - self._last_error[0], 3) if last_error else None,
         )
 
 
@@ -153,7 +171,9 @@ def run_service(
                 status.publish(context.status())
                 notify.ready()
             while not stop.wait(STATUS_PERIOD_S):
-                notify.watchdog()
+                if trouble := context.works.feed():
+                    end_hard_after()
+                    context.fail(f"does not work any more: {trouble}")
                 status.publish(context.status())
         except CrosspihError as error:
             context.fail(str(error))

@@ -106,7 +106,7 @@ class StateDirectory:
         )
 
     def acquire(self) -> None:
-        """Become the supervisor of this project; raises AlreadyUpError, or LauncherError for a folder that it cannot use.
+        """Become the supervisor of this project; raises AlreadyUpError, LauncherError.
 
         What a dead one left behind is removed, and the logs of the last stack are set aside as ``<service>.log.1``.
         """

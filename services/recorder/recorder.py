@@ -65,6 +65,11 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="recorder:writer", daemon=True)
         self._thread.start()
 
+    @property
+    def writes(self) -> bool:
+        """Whether the thread that writes still runs."""
+        return self._thread.is_alive()
+
     # ------------------------------------------------------------------------------------------------------ samples
 
     def take(self, topic: Topic[Any], key: str, payload: bytes, seq: int) -> bool:

@@ -37,6 +37,7 @@ class RecorderShell:
     def __init__(self, context: ServiceContext, config: RecorderConfig) -> None:
         self._context, self._config = context, config
         self._recorder = Recorder(config, self._metadata, self._tell, self._left_behind)
+        context.works.watch("the recorder's writer", lambda: self._recorder.writes)
         bus = context.bus
         for topic in topics():
             bus.tap(topic, self._taker(topic), self._recorder.refused)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -9,10 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from crosspih_common.bus import Bus, open_zenoh
-from crosspih_common.keys import FT_CALIBRATION, STATUS
-from crosspih_common.messages import ServiceState, ServiceStatus
-from tests.conftest import ServiceProcess
+from crosspih_common.bus import Bus, MemoryHub, open_zenoh
+from crosspih_common.config import load_cell
+from crosspih_common.errors import BusError
+from crosspih_common.keys import FT_CALIBRATION, LOCATE, STATUS
+from crosspih_common.messages import LocateHole, ServiceState, ServiceStatus
+from crosspih_common.messages.status import LAST_ERROR_S
+from crosspih_common.service import ServiceContext
+from tests.conftest import ROOT, ServiceProcess
 
 DEADLINE_S = 20.0
 Spawn = Callable[..., ServiceProcess]
@@ -83,6 +89,46 @@ def test_a_device_that_cannot_open_fails_with_the_reason(
     failed = statuses.wait_for(ServiceState.FAILED)
     assert "hardware.driver: no driver 'ur10'" in failed.reason
     assert service.process.wait(DEADLINE_S) == 1
+
+
+LANE_THAT_DIES = """
+import sys
+from crosspih_common.config import Section
+from crosspih_common.keys import LOCATE
+from crosspih_common.service import run_service
+def dies(request): raise SystemExit
+def build(context, config): context.bus.serve(LOCATE, dies)
+sys.exit(run_service("vision", Section, build, sys.argv[1:]))
+"""
+
+
+def test_a_service_whose_lane_died_says_so_and_ends_to_be_started_again(
+    endpoint: str, operator: Bus, cell_file: Path
+) -> None:
+    statuses = Statuses(operator)
+    command = [sys.executable, "-c", LANE_THAT_DIES, "--cell", str(cell_file), "--endpoint", endpoint]
+    with subprocess.Popen(command, cwd=ROOT) as service:
+        try:
+            statuses.wait_for(ServiceState.READY)
+            with pytest.raises(BusError):
+                operator.call(LOCATE, LocateHole(), DEADLINE_S)
+            failed = statuses.wait_for(ServiceState.FAILED)
+            assert "vision:work has died" in failed.reason and failed.last_error_age_s is not None
+            assert service.wait(DEADLINE_S) == 1
+        finally:
+            service.kill()
+
+
+def test_the_last_error_is_old_after_a_while_and_then_none(cell_file: Path) -> None:
+    with Bus(MemoryHub().transport(), "life", "vision") as bus:
+        context = ServiceContext("vision", load_cell(cell_file), bus)
+        assert context.status().last_error_age_s is None
+        context.last_error = "lens: dirty"
+        status = context.status()
+        assert status.last_error == "lens: dirty"
+        assert status.last_error_age_s is not None and status.last_error_age_s < LAST_ERROR_S
+        context._last_error = (context._last_error[0] - LAST_ERROR_S - 1.0, "lens: dirty")
+        assert (context.status().last_error, context.status().last_error_age_s) == ("", None)
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,7 @@ from services.hardware.control.arm import ArmController
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 
+MOTION_S = 900.0  # of wall time: as long as the planner waits for one (planning.motion_deadline_s)
 ARM_LANE = "arm"  # one motion at a time: a second one is refused, never queued
 
 
@@ -108,8 +109,9 @@ class ArmShell:
             return outcome
 
         self._bus.serve(
-            command, moved, lane=ARM_LANE, refuse_when_busy=True, on_accept=self._arm.accept, on_end=self._arm.done
-        )
+            command, moved, lane=ARM_LANE, refuse_when_busy=True, on_accept=self._arm.accept, on_end=self._arm.done,
+            longest_s=MOTION_S,
+        )  # fmt: skip
 
     def _beat(self, beat: LeaseBeat) -> None:
         if beat.holder == self._bus.service and not beat.lease:
