@@ -229,7 +229,7 @@ LEASE_BEAT = Topic(
     "the holder lives",
     50.0,
 )
-LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ("operator", *RECORDED), "who holds the arm")
+LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ("planning", "operator", *RECORDED), "who holds the arm")
 CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
 RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
 
@@ -314,7 +314,13 @@ RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder
 
 # every service --------------------------------------------------------------------------------------------------------
 STATUS = Topic(
-    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", ("ros2", *RECORDED), "how it is", 1.0
+    "service/{service}/status",
+    ServiceStatus,
+    Kind.STREAM,
+    "{service}",
+    ("operator", "ros2", *RECORDED),
+    "how it is",
+    1.0,
 )
 EVENTS = Topic(
     "service/{service}/event",
@@ -329,7 +335,7 @@ REFUSAL = Topic(
     CommandRefusal,
     Kind.EVENT,
     "{service}",
-    RECORDED,
+    ("operator", *RECORDED),
     "a command that was refused, and why",
 )
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples

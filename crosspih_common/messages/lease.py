@@ -48,3 +48,7 @@ class LeaseState(Message):
     holder: str = ""
     purpose: str = ""
     since_ns: int = Field(ge=0, description="cell clock: since when it is so")
+    lost_holder: str = Field(
+        default="", description="who held it last, where it did not give the arm back: the arm let go of it"
+    )
+    lost_purpose: str = Field(default="", description="what for")

@@ -16,7 +16,6 @@ from crosspih_common.errors import NoService
 from crosspih_common.holding.soundness import require_one_clock
 from crosspih_common.keys import (
     ABORT,
-    ASSEMBLE,
     CALIBRATE_FT,
     CLOCK,
     EVENTS,
@@ -46,6 +45,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from deploy.launcher.state import default_run_root
+from services.operator.asked import ask_assembly
 from services.operator.cell_check.first import check_before_first
 from services.operator.new_events import only_new
 from services.operator.recorded import Kept, Recorded
@@ -209,6 +209,9 @@ class Session:
         """The simulator's truth as last heard; None on a real cell."""
         return self._truth.value()
 
+    def _say_lost(self, text: str) -> None:
+        self._on_lost(Event(service="operator", severity=Severity.WARNING, code="answer_lost", text=text))
+
     def trial(
         self,
         seed: int | None,
@@ -243,7 +246,7 @@ class Session:
         started = time.monotonic()
         try:
             request = Assemble(strategy=strategy, assembly_id=name, known=known)
-            result = self.bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
+            result = ask_assembly(self.bus, request, ASSEMBLY_DEADLINE_S, self._say_lost)
         except KeyboardInterrupt:
             # the planner takes the peg out; the stack must live until it has
             began_ns = self.bus.clock.now_ns()

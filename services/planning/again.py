@@ -176,6 +176,10 @@ class RecordedPorts:
         """Kept, to be compared."""
         self.touches.append(touch)
 
+    def tell_event(self, code: str, text: str) -> None:
+        """To people."""
+        self._outcome.notes.append(f"{code}: {text}")
+
     def tell_defect(self, error: Exception) -> None:
         """To people."""
         self._outcome.notes.append(f"a defect: {type(error).__name__}: {error}")

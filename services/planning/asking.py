@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from crosspih_common.errors import BusError, CommandRefused, CommandTimeout
+from crosspih_common.errors import BusError, CommandRefused, CommandTimeout, NotSent
 from crosspih_common.holding import ArmLease
 from crosspih_common.holding.soundness import StreamsHeard
 from crosspih_common.keys import Command
@@ -72,7 +72,8 @@ class BusPorts:
                     give_up_at = now + self._config.service_patience_s
                     self._tell_lost(command, error)
                 begun = self._boot_id is not None and self._heed_abort
-                sent_for_good = moves and (begun or now - started > RETRY_S)
+                never_sent = isinstance(error, NotSent) or now - started <= RETRY_S
+                sent_for_good = moves and (begun or not never_sent)
                 if sent_for_good or isinstance(error, CommandTimeout) or now > give_up_at:
                     raise AssemblyFailed(Failure.SERVICE_LOST, f"{command.server}: {error}", command.server) from None
                 self._shell.closing.wait(RETRY_S)
@@ -94,10 +95,16 @@ class BusPorts:
             return reply
 
     def _take_anew(self) -> None:
-        try:
-            self._lease.take()
-        except (BusError, CommandRefused) as error:
-            raise AssemblyFailed(Failure.ARM_STOPPED, f"the arm cannot be held again: {error}") from None
+        """Also where the router is away that the arm was lost with: it is waited for as any service is."""
+        give_up_at = time.monotonic() + self._config.service_patience_s
+        while True:
+            try:
+                self._lease.take()
+                return
+            except (BusError, CommandRefused) as error:
+                if isinstance(error, CommandRefused) or time.monotonic() > give_up_at:
+                    raise AssemblyFailed(Failure.ARM_STOPPED, f"the arm cannot be held again: {error}") from None
+            self._shell.closing.wait(RETRY_S)
 
     def _tell_lost(self, command: Command[RequestT, ReplyT], error: BusError) -> None:
         self._shell.missed.name(command.server, f"while it was asked ({command.path}): {error}")
@@ -124,6 +131,10 @@ class BusPorts:
     def tell_touch(self, touch: Touch) -> None:
         """Publish a touch."""
         self._shell.touches.publish(touch)
+
+    def tell_event(self, code: str, text: str) -> None:
+        """See Ports."""
+        self._shell.context.event(Severity.INFO, code, text)
 
     def tell_defect(self, error: Exception) -> None:
         """See Ports."""

@@ -37,7 +37,10 @@ def home(run: Run) -> None:
         return
     nominal = run.workcell.hole_prior.pose_base_hole()
     x, y, z = nominal.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m]))
-    if np.hypot(x, y) < NEAR_HOLE_M and z > -run.config.approach_m and not back_off(run):
+    in_zone = np.hypot(x, y) < NEAR_HOLE_M and z > -run.config.approach_m
+    if in_zone and z > 0.0:
+        run.ports.tell_event("peg_found", f"the peg's tip is {z * 1e3:.0f} mm past the hole's face as drawn: taken out")
+    if in_zone and not back_off(run):
         raise AssemblyFailed(Failure.UNREACHABLE, "the arm is not at home, and the peg cannot be taken out")
     run.line_to(run.collisions.before_zone(run.pose_base_peg))
     run.joints_to(home)

@@ -47,6 +47,9 @@ class Ports(Protocol):
     def tell_touch(self, touch: Touch) -> None:
         """Publish a touch."""
 
+    def tell_event(self, code: str, text: str) -> None:
+        """Tell people something that is no step of the assembly."""
+
     def tell_defect(self, error: Exception) -> None:
         """Log an error of the program itself with its trace, and tell people."""
 

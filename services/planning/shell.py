@@ -45,6 +45,7 @@ from services.planning.config import PlanningConfig
 from services.planning.leaving import home
 from services.planning.missed import MissedServices
 from services.planning.ports import AssemblyFailed
+from services.planning.predecessor import Predecessor
 from services.planning.result import result_of
 from services.planning.run import Run
 from services.planning.withdrawing import withdraw_peg
@@ -59,6 +60,8 @@ class PlanningShell:
         self.abort = threading.Event()
         self.closing = threading.Event()
         self._running = False
+        self.has_held = False  # the arm, since it was started
+        self._one_holder = threading.Lock()
         self.calibration = self.bus.latest(FT_CALIBRATION)
         self.clock = self.bus.latest(CLOCK, TICKS_KEPT)
         self.missed = MissedServices(context)
@@ -70,6 +73,7 @@ class PlanningShell:
         self.bus.serve(CALIBRATE_FT, self._calibrate, refuse_when_busy=True)
         self.bus.serve(WITHDRAW, self._withdraw, refuse_when_busy=True)
         self.bus.serve(ABORT, self._abort, lane=NOW_LANE)
+        self._predecessor = Predecessor(self, config)
 
     @contextmanager
     def holding(self, purpose: str) -> Iterator[ArmLease]:
@@ -77,12 +81,18 @@ class PlanningShell:
 
         Raises CommandRefused: held, cell_unfit; service_lost when no arm is there within the patience.
         """
+        with self._one_holder, self._held(purpose) as lease:
+            yield lease
+
+    @contextmanager
+    def _held(self, purpose: str) -> Iterator[ArmLease]:
         require_not_doubled(self.bus.cell, self.clock.values())
         lease = hold_arm(self.bus, purpose)
         give_up_at = time.monotonic() + self._config.service_patience_s
         while True:
             try:
                 lease.take()
+                self.has_held = True
                 break
             except BusError as error:
                 if self.abort.is_set() or time.monotonic() > give_up_at:

@@ -70,7 +70,7 @@ class Holder:
         with self._changed:
             if not lease or lease != self._lease:
                 return False
-            state = self._clear(now_ns)
+            state = self._clear(now_ns, lost=False)
         self.on_change(state)
         return True
 
@@ -153,18 +153,23 @@ class Holder:
         with self._changed:
             if not self._lease or not self._expired():
                 return
-            state = self._clear(now_ns)
+            state = self._clear(now_ns, lost=True)
         self.on_change(state)
 
     def drop(self, now_ns: int) -> None:
         """The holder is gone: motion needs the lease to be taken anew."""
         with self._changed:
-            state = self._clear(now_ns)
+            state = self._clear(now_ns, lost=True)
         self.on_change(state)
 
-    def _clear(self, now_ns: int) -> LeaseState:
+    def _clear(self, now_ns: int, lost: bool) -> LeaseState:
+        before = self._state
         self._lease = ""
-        self._state = LeaseState(since_ns=max(now_ns, 0))
+        self._state = LeaseState(
+            since_ns=max(now_ns, 0),
+            lost_holder=before.holder if lost else "",
+            lost_purpose=before.purpose if lost else "",
+        )
         self._changed.notify_all()
         return self._state
 

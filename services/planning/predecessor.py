@@ -1,0 +1,90 @@
+"""What a planner that ended in the middle of an assembly has left behind, found by the one that is started after it.
+
+All that is known of it is on the bus: the arm says whose lease it lost, and, asked to hold still, where it stands and
+what it feels. Nothing is moved: the peg is taken out by whoever asks for it (`crosspih assemble` whose assembly that
+was, `crosspih withdraw`) or on the way home of the next assembly.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crosspih_common.errors import BusError, CommandRefused
+from crosspih_common.keys import LEASE
+from crosspih_common.messages import LeaseState, Severity
+from services.planning.asking import BusPorts
+from services.planning.config import PlanningConfig
+from services.planning.leaving import NEAR_HOLE_M
+from services.planning.ports import AssemblyFailed
+from services.planning.run import Run
+
+if TYPE_CHECKING:
+    from services.planning.shell import PlanningShell
+
+ASSEMBLY = "assembly"  # how the purpose of such a lease begins
+HEAR_S = 10.0
+HELD_S = 10.0  # the arm lets go of a holder that is gone within this
+LOOK_S = 0.05
+_POLL_S = 0.2
+
+
+def left_in_the_middle(state: LeaseState, planner: str) -> str:
+    """The purpose of the assembly that the lease was lost in, by the arm's first word to a planner that has just
+    started; empty when there is none."""
+    for holder, purpose in ((state.lost_holder, state.lost_purpose), (state.holder, state.purpose)):
+        if holder == planner and purpose.startswith(ASSEMBLY):
+            return purpose
+    return ""
+
+
+class Predecessor:
+    """Looks once, beside what the planner is asked meanwhile, and tells `peg_found` or `arm_found`."""
+
+    def __init__(self, shell: PlanningShell, config: PlanningConfig) -> None:
+        self._shell, self._config = shell, config
+        self._lease = shell.bus.latest(LEASE)
+        self._thread = threading.Thread(target=self._look, name="planning:predecessor", daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        shell = self._shell
+        state = self._lease.wait_for(lambda _: True, HEAR_S)
+        if state is None or shell.closing.is_set() or shell.has_held:
+            return
+        purpose = left_in_the_middle(state, shell.bus.service)
+        if not purpose:
+            return
+        try:
+            code, found = self._found()
+        except (AssemblyFailed, BusError, CommandRefused) as error:
+            code, found = "peg_unknown", f"where the arm stands was not to be learned: {error}"
+        shell.context.event(Severity.WARNING, code, f"the planner before this one ended in its {purpose}; {found}")
+
+    def _found(self) -> tuple[str, str]:
+        shell, config = self._shell, self._config
+        workcell = shell.context.cell.workcell
+        until = time.monotonic() + HELD_S
+        while True:
+            try:
+                with shell.holding("a look at what was left") as lease:
+                    run = Run(workcell, config, BusPorts(shell, config, lease), "")
+                    run.dwell(LOOK_S)
+                break
+            except CommandRefused as refusal:
+                # until the arm has let go of the one that is gone
+                if refusal.code != "held" or time.monotonic() > until:
+                    raise
+            shell.closing.wait(_POLL_S)
+        nominal = workcell.hole_prior.pose_base_hole()
+        x, y, z = nominal.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, workcell.peg.shape().tip_m]))
+        if np.hypot(x, y) >= NEAR_HOLE_M or z <= -config.approach_m:
+            return "arm_found", "the arm stands clear of the hole"
+        past = f"{abs(z) * 1e3:.0f} mm {'past' if z > 0.0 else 'before'}"
+        return "peg_found", (
+            f"the peg's tip stands {past} the hole's face as drawn, with {run.peak_force_n:.1f} N on it: "
+            "`crosspih withdraw`, or the next assembly, takes it out"
+        )
