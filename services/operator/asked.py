@@ -86,19 +86,18 @@ class _Asked:
             self._answers.append(stack.enter_context(bus.hearing(command.reply_echo, KEPT)))
         self._began_ns = bus.clock.now_ns()
         self._asked_at = time.monotonic()
-        self._known = {id(sample) for sample in self._heard()}
-
-    def _heard(self) -> list[Message]:
-        return [sample for latest in (self._events, self._refusals, *self._answers) for sample in latest.values()]
+        self._before: list[Message] = []  # kept, so that no later one is taken for one of these
+        for latest in (self._events, self._refusals, *self._answers):
+            self._before += latest.values()
 
     def _new(self, latest: Latest[Any]) -> list[Any]:
         """What was heard since the question, and is of this run of the cell."""
-        return [
-            sample for sample in latest.values() if id(sample) not in self._known and sample.stamp_ns >= self._began_ns
-        ]
+        before = {id(sample) for sample in self._before}
+        return [one for one in latest.values() if id(one) not in before and one.stamp_ns >= self._began_ns]
 
     def learn(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
         """What came of it. Raises CommandRefused where the planner refused it."""
+        self._before += self._events.values()  # no successor has told these
         until = time.monotonic() + BACK_S
         last: tuple[int, float] = (-1, -1.0)
         ready_at: float | None = None
@@ -155,9 +154,8 @@ class _Asked:
         except CrosspihError as error:
             return self._unknown(f"{why}; {told.text}; it could not be taken out: {error}", False)
         if out.failure is not None:
-            return self._unknown(
-                f"{why}; the peg could not be taken out: {out.failure.value} {out.failure_detail}", False
-            )
+            stuck = f"{out.failure.value} {out.failure_detail}"
+            return self._unknown(f"{why}; the peg could not be taken out: {stuck}", False)
         return self._unknown(f"{why}; its successor took the peg out, {out.distance_m * 1e3:.0f} mm", True)
 
     @staticmethod

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from crosspih_common.errors import CommandRefused, NoService
+from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import DWELL, EVENTS, JOINT_STATE, PHASE
 from crosspih_common.messages import AssemblyPhase, Dwell, Event, Failure, MotionOutcome, Phase, Strategy
@@ -88,12 +88,19 @@ def test_hardware_that_is_lost_in_motion_ends_the_assembly_by_name(cell: Running
     assert_inserts(session, SEED + 1)
 
 
-def test_planning_that_is_lost_is_told_and_the_arm_comes_to_rest(cell: RunningCell, session: Session) -> None:
+def test_planning_that_is_lost_is_named_and_its_successor_takes_the_peg_out(
+    cell: RunningCell, session: Session
+) -> None:
     kill = KillOnPhase(cell, "planning", pushing)
     session.bus.subscribe(PHASE, kill)
-    with pytest.raises(NoService, match=r"planning/assemble: nobody answers"):
-        session.trial(SEED, Strategy.FUSED, record=False)
+    found: list[Event] = []
+    session.bus.subscribe(EVENTS, lambda event: found.append(event) if event.code == "peg_found" else None)
+    figures, result = session.trial(SEED, Strategy.FUSED, record=False)
     assert kill.killed_pid is not None
+    assert not figures.inserted and result.failure is Failure.SERVICE_LOST
+    assert "planning ended in the middle of the assembly" in result.failure_detail
+    assert result.backed_off, result.failure_detail
+    assert [event.service for event in found] == ["planning"] and "assembly-fused" in found[0].text
 
     at_rest: list[MotionOutcome] = []
 
@@ -114,5 +121,17 @@ def test_planning_that_is_lost_is_told_and_the_arm_comes_to_rest(cell: RunningCe
     assert np.abs(state.speeds_rad_s).max() < 0.01
     cell.wait_restarted("planning", kill.killed_pid)
     session.wait_for_services(DEADLINE_S)
-    # where the arm was left, in the hole, and on the same hole: it goes home first
+    # from where the arm was left, and on the same hole: it goes home first
     assert_inserts(session, None)
+
+
+def test_a_router_that_is_lost_costs_the_assembly_but_not_its_result(cell: RunningCell, session: Session) -> None:
+    kill = KillOnPhase(cell, "router", pushing)
+    session.bus.subscribe(PHASE, kill)
+    figures, result = session.trial(SEED, Strategy.FUSED, record=False)
+    assert kill.killed_pid is not None
+    assert result.inserted or result.failure in (Failure.ARM_STOPPED, Failure.SERVICE_LOST), result
+    assert figures.inserted or result.backed_off, result.failure_detail
+    cell.wait_restarted("router", kill.killed_pid)
+    session.wait_for_services(DEADLINE_S)
+    assert_inserts(session, SEED + 1)
