@@ -38,6 +38,7 @@ END_S = 10.0
 # the other one computes, so that no two cells run beside each other.
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
+    "tests/deploy/test_any_folder.py",
     "tests/deploy/test_stack.py",
     "tests/hardware/test_ati.py",
     "tests/hardware/test_genicam.py",

@@ -12,9 +12,7 @@ import json
 import os
 import queue
 import subprocess
-import sys
 import threading
-from pathlib import Path
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
@@ -23,11 +21,11 @@ from crosspih_common.bus import Bus
 from crosspih_common.errors import BusClosed, BusError, CommandRefused, NoService
 from crosspih_common.holding.heart import Heart
 from crosspih_common.messages import LeaseGranted
+from crosspih_common.modules import module_command
 
 START_DEADLINE_S = 60.0  # an interpreter starts slowly on a busy machine
 ANSWER_DEADLINE_S = 15.0
 END_DEADLINE_S = 2.0
-SOURCE_ROOT = str(Path(__file__).resolve().parents[2])
 
 
 _making = threading.Lock()
@@ -53,20 +51,17 @@ class PulseProcess:
     def __init__(self, endpoint: str, cell: str, service: str) -> None:
         self._lock = threading.Lock()
         self._closed = False
-        self._command = [
-            sys.executable, "-m", "crosspih_common.holding.beating", endpoint, cell, service, str(os.getpid()),
-        ]  # fmt: skip
+        self._command = module_command("crosspih_common.holding.beating", endpoint, cell, service, str(os.getpid()))
         self._start()
 
     def _start(self) -> None:
-        path = os.pathsep.join(part for part in (SOURCE_ROOT, os.environ.get("PYTHONPATH", "")) if part)
         # a session of its own: a Ctrl-C is for the parent, which may still have a peg to take out
         self._process = subprocess.Popen(
             self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
             start_new_session=True,
         )
         self._said: queue.Queue[str] = queue.Queue()

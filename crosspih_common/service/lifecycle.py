@@ -28,11 +28,12 @@ from crosspih_common.errors import BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
 from crosspih_common.messages.status import LAST_ERROR_S
+from crosspih_common.modules import packaged
 from crosspih_common.service import notify
 from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
-DEFAULT_CELL = "deploy/cells/default.yaml"
+DEFAULT_CELL = packaged("deploy/cells/default.yaml")
 SectionT = TypeVar("SectionT", bound=Section)
 
 

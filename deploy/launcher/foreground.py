@@ -4,9 +4,19 @@ import asyncio
 import signal
 from collections.abc import Callable
 
+from crosspih_common.modules import DATA_VARIABLE, data_folder
+from deploy.launcher.errors import LauncherError
 from deploy.launcher.logfile import LogLine
 from deploy.launcher.stack import StackRequest
 from deploy.launcher.supervisor import Supervisor
+
+
+def _make_data_folder() -> None:
+    folder = data_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LauncherError(f"{folder}: no folder can be made there ({error.strerror}); mend {DATA_VARIABLE}") from None
 
 
 def supervise(request: StackRequest, show: Callable[[LogLine], None]) -> int:
@@ -16,6 +26,7 @@ def supervise(request: StackRequest, show: Callable[[LogLine], None]) -> int:
     AlreadyUpError.
     """
     services = request.chosen()
+    _make_data_folder()
     directory = request.directory()
     directory.acquire()
 

@@ -10,13 +10,13 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import deploy
+from crosspih_common.modules import DATA_VARIABLE, data_folder, module_command
 from deploy.launcher.compose import Service
 from deploy.launcher.conditions import Phase
 from deploy.launcher.errors import AlreadyUpError, NotUpError, StartError
@@ -36,6 +36,15 @@ _HOPELESS_RESTARTS = 3
 _children: "dict[int, subprocess.Popen[bytes]]" = {}
 
 
+def variables() -> dict[str, str]:
+    """What a compose file may ask for: this process's environment, the data folder, and the cell's file by a path that
+    holds in any folder."""
+    given = {**os.environ, DATA_VARIABLE: str(data_folder())}
+    if cell := given.get("CROSSPIH_CELL"):
+        given["CROSSPIH_CELL"] = os.path.abspath(cell)
+    return given
+
+
 @dataclass(frozen=True)
 class StackRequest:
     """Which stack to run: the project's name, the compose file, and which of its services (none named: all)."""
@@ -53,7 +62,7 @@ class StackRequest:
 
     def chosen(self) -> dict[str, Service]:
         """The services to run, with the variables of this process; raises ComposeError."""
-        return select(load_compose(self.compose_file, os.environ).services, self.services, self.profiles)
+        return select(load_compose(self.compose_file, variables()).services, self.services, self.profiles)
 
     def to_json(self) -> str:
         """For the supervisor's command line."""
@@ -117,7 +126,7 @@ def start_stack(
     directory.make()
     with directory.open_supervisor_log() as log:
         supervisor = subprocess.Popen(
-            [sys.executable, "-m", "deploy.launcher", request.to_json()],
+            module_command("deploy.launcher", request.to_json()),
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

@@ -19,6 +19,7 @@ from typing import IO
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 import deploy
+from crosspih_common.modules import DATA_VARIABLE, data_folder
 from deploy.launcher.conditions import Phase
 from deploy.launcher.errors import AlreadyUpError, LauncherError
 from deploy.launcher.health import Health
@@ -59,11 +60,15 @@ class StackState(BaseModel):
 
 
 def default_run_root() -> Path:
-    """``$CROSSPIH_RUN_DIR``, or ``run`` beside the ``deploy`` package if that is a work tree, or ``run`` here."""
+    """``$CROSSPIH_RUN_DIR``, or ``$CROSSPIH_DATA/run``, or ``run`` beside the ``deploy`` package if that is a work tree
+    that may be written, or ``run`` here."""
     if from_environment := os.environ.get(RUN_DIR_VARIABLE):
         return Path(from_environment)
+    if os.environ.get(DATA_VARIABLE):
+        return data_folder() / "run"
     tree = Path(deploy.__file__).resolve().parent.parent
-    return (tree if (tree / "pyproject.toml").exists() else Path.cwd()) / "run"
+    ours = (tree / "pyproject.toml").exists() and os.access(tree, os.W_OK)
+    return (tree if ours else Path.cwd()) / "run"
 
 
 def _locked(fd: int) -> bool:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import deploy
+from crosspih_common.modules import module_command
 
 ROOT = Path(deploy.__file__).resolve().parent.parent
 LONG_S = 120.0
@@ -31,7 +31,7 @@ def module_says(module: str, *arguments: str, env: dict[str, str] | None = None,
     path = os.pathsep.join(part for part in (str(ROOT), os.environ.get("PYTHONPATH", "")) if part)
     try:
         done = subprocess.run(
-            [sys.executable, "-m", module, *arguments],
+            module_command(module, *arguments),
             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=deadline_s, check=False,
             env={**os.environ, "PYTHONPATH": path, **(env or {})},
         )  # fmt: skip

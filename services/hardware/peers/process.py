@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Sequence
 from typing import Any, TextIO
+
+from crosspih_common.modules import module_command
 
 
 class PeerProcess:
@@ -14,7 +15,7 @@ class PeerProcess:
 
     def __init__(self, module: str, arguments: Sequence[str], errors: TextIO | None = None) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            module_command(module, *arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
             stderr=subprocess.DEVNULL if errors is None else errors,
         )  # fmt: skip
         if not self._hears("ready"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from typing import Annotated
 
 import typer
@@ -13,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.errors import CrosspihError
+from crosspih_common.modules import module_command
 from services.operator.bench.options import AsJson, told
 
 # the operator imports no engine: the hardware service's own program measures
@@ -43,9 +43,7 @@ def table_of(result: EnginesResult) -> Table:
 
 def measured_by(program: str, steps: int, who: str) -> dict[str, dict[str, float]]:
     """What a measuring program of the hardware service prints. Raises CrosspihError where it dies."""
-    done = subprocess.run(
-        [sys.executable, "-m", program, "--steps", str(steps)], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run(module_command(program, "--steps", str(steps)), capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise CrosspihError(f"{who}: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
     # PyBullet greets on standard output

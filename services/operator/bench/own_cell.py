@@ -7,7 +7,6 @@ import os
 import shutil
 import socket
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ import deploy
 from crosspih_common.config import load_cell
 from crosspih_common.errors import CrosspihError, NoService
 from crosspih_common.messages import ResetCell
+from crosspih_common.modules import module_command
 from deploy.launcher import LauncherError, StackRequest, StateDirectory, start_stack, stop_stack
 from services.operator.session import NEEDED, Session
 
@@ -110,7 +110,7 @@ class OwnCell:
             dict.fromkeys([root, *os.environ.get("PYTHONPATH", root).split(":")])
         )
         self._lifeline = subprocess.Popen(
-            [sys.executable, "-m", "services.operator.bench.lifeline", self._name, str(self._folder)],
+            module_command("services.operator.bench.lifeline", self._name, str(self._folder)),
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         start_stack(self._request, True, START_DEADLINE_S)

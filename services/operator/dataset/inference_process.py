@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from crosspih_common.errors import CrosspihError
+from crosspih_common.modules import module_command
 
 
 class ToolFailed(CrosspihError):
@@ -33,7 +33,7 @@ def run_tool(arguments: Sequence[str], console: Console, module: str = "services
     )
     result: dict[str, Any] | None = None
     refused: str | None = None
-    command = [sys.executable, "-m", module, *arguments]
+    command = module_command(module, *arguments)
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,
         Progress(*columns, console=console) as progress,

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import CameraSection, CellFile
+from crosspih_common.modules import data_folder
 from crosspih_common.shapes.likeness import is_same_peg
 from services.operator.rows import Row, ok, warning, wrong
 
@@ -23,8 +24,8 @@ HAVE_NO_CAMERA_OF_THE_CELL = ("simulated", "recorded", "pictures")
 
 
 def ft_file(cell: CellFile) -> Path:
-    """Where the force_torque service keeps its calibration, by its section with all settings."""
-    return Path(str(cell.sections["force_torque"]["calibration_file"]).format(cell=cell.workcell.name))
+    """Where the force_torque service keeps its calibration, by its section with all settings, below the data folder."""
+    return data_folder() / Path(str(cell.sections["force_torque"]["calibration_file"]).format(cell=cell.workcell.name))
 
 
 def ft_rows(cell: CellFile, now: datetime, temperature_c: float | None) -> Iterator[Row]:

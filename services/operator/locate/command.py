@@ -10,11 +10,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-import deploy
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Gamma, LocateMethod
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.operator.for_cell import CELL_HELP
 from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.locate.reading import CalibrationFileError
@@ -41,10 +39,7 @@ class Unit(str, Enum):
 
 def cell_file() -> str:
     """The cell's file; where none is named and none lies here, the default cell that comes with the package."""
-    path = cell_path()
-    if path == DEFAULT_CELL and not Path(path).exists():
-        return str(Path(deploy.__file__).parent / "cells" / "default.yaml")
-    return path
+    return cell_path()
 
 
 def files_of(given: str, field: str) -> list[Path]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from types import TracebackType
 from typing import Any
 
 from crosspih_common.errors import CrosspihError
+from crosspih_common.modules import module_command
 
 LOCATING = "services.vision.offline"
 
@@ -26,7 +26,7 @@ class OfflineVision:
 
     def __init__(self, module: str = LOCATING) -> None:
         self._process = subprocess.Popen(
-            (sys.executable, "-m", module), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+            module_command(module), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
 
     def __enter__(self) -> OfflineVision:

@@ -13,6 +13,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from crosspih_common.errors import ConfigError
+from crosspih_common.modules import module_command
 
 PLAN = Path(__file__).with_name("plan.yaml")
 
@@ -62,7 +63,7 @@ def arguments(command: str) -> list[str]:
     """What to run for a command as a person types it. Raises ConfigError for one that is not of this project."""
     words = shlex.split(command)
     if words[:1] == ["crosspih"]:
-        return [sys.executable, "-m", "services.operator", *words[1:]]
+        return module_command("services.operator", *words[1:])
     if words[:2] == ["python", "-m"]:
         return [sys.executable, *words[1:]]
     raise ConfigError(f"command {command!r}: want it to begin with crosspih or python -m")

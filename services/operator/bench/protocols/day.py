@@ -10,7 +10,6 @@ import glob
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import asdict, dataclass, field
@@ -27,6 +26,7 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError, CrosspihError, NoService
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import ASSEMBLE
+from crosspih_common.modules import module_command
 from crosspih_common.recording.reader import read_recording
 from services.operator.bench.conditions import merged
 from services.operator.bench.options import AsJson, told
@@ -151,7 +151,7 @@ class Walk:
         environment = {**kept, "PYTHONPATH": path, "CROSSPIH_RUN_DIR": "run", "COLUMNS": "150", **self.environment}
         with log.open("w", encoding="utf-8") as output:
             child = subprocess.run(
-                [sys.executable, "-m", "services.operator", *expanded], cwd=self.folder, env=environment, text=True,
+                module_command("services.operator", *expanded), cwd=self.folder, env=environment, text=True,
                 input=typed, stdout=output, stderr=subprocess.STDOUT, check=False,
             )  # fmt: skip
         text = log.read_text(encoding="utf-8")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import queue
 import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from crosspih_common.errors import NoService
+from crosspih_common.modules import module_command
 
 READY_S, ANSWER_S, END_S = 60.0, 10.0, 10.0
 _LAST_LINES = 6
@@ -25,7 +25,7 @@ class Peer:
         self.name = name
         self._log = (folder / f"{name}.log").open("w+", encoding="utf-8")
         self._process = subprocess.Popen(
-            [sys.executable, "-m", *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True,
+            module_command(*words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True,
             env=dict(environment),
         )  # fmt: skip
         self._lines: queue.Queue[str | None] = queue.Queue()

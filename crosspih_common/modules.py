@@ -1,0 +1,32 @@
+"""Where this installation lies, and how its modules are started from any folder."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA_VARIABLE = "CROSSPIH_DATA"
+_RUNNER = str(Path(__file__).resolve().with_name("run_module.py"))
+
+
+def module_command(module: str, *words: str) -> list[str]:
+    """The command that runs a module of this installation, whatever the folder and PYTHONPATH hold (run_module.py)."""
+    return [sys.executable, _RUNNER, module, *words]
+
+
+def is_ours(module: str) -> bool:
+    """Whether a module is one of this installation's."""
+    return module.split(".")[0] in ("crosspih_common", "services", "deploy")
+
+
+def data_folder() -> Path:
+    """Where recordings and calibrations land that are named by a relative path: $CROSSPIH_DATA, or the folder that the
+    stack is started from. Absolute."""
+    return Path(os.path.abspath(os.environ.get(DATA_VARIABLE) or "."))
+
+
+def packaged(path: str) -> str:
+    """A file that comes with this installation, by its path below the root; absolute."""
+    return str(ROOT / path)
