@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
@@ -22,6 +21,7 @@ from crosspih_common.bus.codec import (
     split_label,
 )
 from crosspih_common.bus.duty import JOB_S, NOW_S, Duty, waiting
+from crosspih_common.bus.latest import Latest
 from crosspih_common.bus.served import SERVER_WAIT_S
 from crosspih_common.bus.traffic import Traffic
 from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender, Transport
@@ -37,6 +37,7 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 # how many samples a publisher keeps for unlucky readers; a late one is given the newest alone
 HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}
 LEAST_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
+WAITING_REFUSALS = 256
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
 
@@ -64,42 +65,6 @@ class Publisher(Generic[PayloadT]):
         return sent  # type: ignore[no-any-return]
 
 
-class Latest(Generic[PayloadT]):
-    """The newest samples of a topic, at most `depth`; older ones fall out."""
-
-    def __init__(self, depth: int) -> None:
-        self._ring: deque[PayloadT] = deque(maxlen=depth)
-        self._changed = threading.Condition()
-
-    def _push(self, value: PayloadT) -> None:
-        with self._changed:
-            self._ring.append(value)
-            self._changed.notify_all()
-
-    def value(self) -> PayloadT | None:
-        """The newest, or None before the first."""
-        with self._changed:
-            return self._ring[-1] if self._ring else None
-
-    def values(self) -> list[PayloadT]:
-        """All that are kept, oldest first."""
-        with self._changed:
-            return list(self._ring)
-
-    def wait_for(self, accept: Callable[[PayloadT], bool], deadline_s: float) -> PayloadT | None:
-        """The newest sample that is accepted, waiting for it up to the deadline; None when it does not come."""
-        until = time.monotonic() + deadline_s
-        with self._changed:
-            while True:
-                for value in reversed(self._ring):
-                    if accept(value):
-                        return value
-                left = until - time.monotonic()
-                if left <= 0.0:
-                    return None
-                self._changed.wait(left)
-
-
 class Bus:
     """One service's place on the bus. Closing it takes back all that was declared and ends all threads."""
 
@@ -112,6 +77,7 @@ class Bus:
         self._declared: list[Closeable] = []
         self._lanes: dict[str, Lane] = {}
         self._duties: list[Duty] = []
+        self._refused: Pump[CommandRefusal] | None = None
         self._publishers: dict[str, Publisher[Any]] = {}
         self._lock = threading.Lock()
         self._closed = False
@@ -323,6 +289,8 @@ class Bus:
                 on_end()
             return lambda: query.answer(answer)
 
+        # this is said on the transport's thread, which must not publish
+        echo = self._busy_echo(refusals) if refuse_when_busy else None
         worker = self._lane(lane, NOW_S if lane == NOW_LANE else longest_s)
 
         def accept(query: Query) -> None:
@@ -331,6 +299,9 @@ class Bus:
                 on_end()
                 refusal = CommandRefused("busy", f"{command.path}: another command is still being carried out")
                 query.answer(Answer(encode_refusal(refusal), "", is_error=True))
+                said = CommandRefusal(command=command.path, refused=refusal.code, text=refusal.text)
+                if echo is not None and not echo.offer(said):
+                    self.traffic.count(refusals.key, "dropped")
 
         self._declared.append(self._transport.serve(key, accept))
 
@@ -342,6 +313,14 @@ class Bus:
             lane = self._lanes[name]
             lane.longest_s = max(lane.longest_s, longest_s)
             return lane
+
+    def _busy_echo(self, refusals: Publisher[CommandRefusal]) -> Pump[CommandRefusal]:
+        if self._refused is None:
+            name = f"{self.service}:refusals"
+            self._refused = Pump(refusals.publish, WAITING_REFUSALS, name=name, on_error=lambda error: None)
+            self._declared.append(self._refused)
+            self._duties.append(self._refused.duty)
+        return self._refused
 
     def duties(self) -> tuple[Duty, ...]:
         """What the threads of this bus are at: all that carry out commands, or take samples."""

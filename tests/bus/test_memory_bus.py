@@ -12,7 +12,7 @@ from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.bus import NOW_LANE
 from crosspih_common.bus.codec import label_with_seq
 from crosspih_common.errors import CommandRefused, CommandTimeout, CrosspihError, NoService
-from crosspih_common.keys import CLOCK, DWELL, EVENTS, JOINT_STATE, STOP
+from crosspih_common.keys import CLOCK, DWELL, EVENTS, JOINT_STATE, REFUSAL, STOP
 from crosspih_common.messages import (
     CellClock,
     Dwell,
@@ -179,8 +179,11 @@ def test_a_busy_arm_refuses_but_stop_passes(hub: MemoryHub, hardware: Bus, plann
         first.start()
         assert moving.wait(5.0)
         assert hardware.busy
+        refusals = other.latest(REFUSAL)
         with pytest.raises(CommandRefused, match="busy"):
             other.call(DWELL, Dwell(duration_s=1), 1.0)
+        said = refusals.wait_for(lambda refusal: refusal.refused == "busy", 5.0)
+        assert said is not None and (said.command, said.request_seq) == (DWELL.path, -1)
         assert other.call(STOP, StopMotion(), 1.0).was_moving
         gate.set()
         first.join(5.0)
