@@ -28,7 +28,8 @@ def _script(name: str) -> list[str]:
 def resolve_python(command: Sequence[str]) -> list[str]:
     """The command with ``python`` or ``python3`` as its first word replaced by the launcher's own interpreter; a module
     of ours is then run from where this installation lies, whatever lies in the folder that it is run in."""
-    if command[0] in ("python", "python3") and command[1:2] == ["-m"] and len(command) > 2 and is_ours(command[2]):
+    python = command[0] in ("python", "python3")
+    if python and len(command) > 2 and command[1] == "-m" and is_ours(command[2]):
         return module_command(*command[2:])
     return [sys.executable if command[0] in ("python", "python3") else command[0], *command[1:]]
 

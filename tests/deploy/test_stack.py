@@ -253,6 +253,7 @@ def test_what_somebody_else_stops_comes_back_until_the_stack_is_taken_down(stack
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_at_the_state_file_ends_no_stack(stacks: Stacks) -> None:
     stacks.start({"killed": {"command": SERVE, "restart": "always"}, "other": {"command": SERVE}})
+    wait_until(lambda: stacks.log("killed") == ["serving"], "it serves")
     folder = stacks.directory().path
     (folder / "state.new").symlink_to("/dev/full")  # what is written beside the state meets ENOSPC
     killed, other = _pids(stacks, "killed", "other")

@@ -12,6 +12,7 @@ from services.operator.bench.domain import domain
 from services.operator.bench.engines import engines
 from services.operator.bench.fuzz.command import fuzz
 from services.operator.bench.kills.command import kills
+from services.operator.bench.matrix.command import matrix
 from services.operator.bench.pictures.command import make_pictures
 from services.operator.bench.protocols.assembling import protocols
 from services.operator.bench.protocols.day import day
@@ -38,6 +39,7 @@ app.command()(day)
 app.command()(cell)
 app.command()(for_cell(caps))
 app.command()(for_cell(kills))
+app.command()(for_cell(matrix))
 app.command()(for_cell(fuzz))
 app.command()(for_cell(busy))
 app.command()(for_cell(calibrations))

@@ -140,6 +140,11 @@ class Watch:
         """The one who asked for the assembly was told that the service is gone."""
         self._name("the answer")
 
+    def since(self) -> list[AssemblyPhase]:
+        """The steps told since the signal."""
+        with self._changed:
+            return self.phases[self._phases_before :]
+
     @property
     def named(self) -> tuple[float, str] | None:
         """After how long on the wall's clock the loss was named, s, and by whom."""

@@ -1,0 +1,1 @@
+"""`crosspih bench matrix`: every process ended in every way in each phase of an assembly, and what that costs."""

@@ -1,0 +1,207 @@
+"""Ends one process in one phase of `crosspih assemble`, in a worker's own cell, and sees what becomes of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crosspih_common.errors import CrosspihError, NoService
+from crosspih_common.keys import ABORT, RECORD_STOP
+from crosspih_common.messages import AbortAssembly, Phase, StopRecording
+from crosspih_common.modules import module_command
+from crosspih_common.recording import RecordingError, read_recording
+from deploy.launcher import ServiceState, StateDirectory
+from deploy.launcher.health import Health
+from services.operator.bench.kills.plan import begins, ripe
+from services.operator.bench.kills.watching import Watch
+from services.operator.bench.matrix.judging import HEALTHY_S, RESULT_S, Seen, Tape, gone
+from services.operator.bench.matrix.plan import OPERATOR, ROUTER, STOPPED_S, Case, Ending
+from services.operator.session import NEEDED, Session
+
+RIPE_DEADLINE_S = 240.0
+WHOLE_DEADLINE_S = 180.0
+RECORDER_DEADLINE_S = 60.0
+_POLL_S = 0.05
+
+
+def end_process(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
+    """The work of a CellTask: `payload` is a Case and the recordings' folder, the result a Seen, as plain data."""
+    case, folder = Case.model_validate(payload["case"]), Path(payload["folder"])
+    with Session() as own:  # what is heard of this case, and of no other
+        own.wait_for_services(WHOLE_DEADLINE_S, (*NEEDED, "recorder"))
+        run = _Run(own, case, folder)
+        try:
+            return run.run().model_dump(mode="json")
+        finally:
+            run.make_whole()
+
+
+class _Run:
+    def __init__(self, session: Session, case: Case, folder: Path) -> None:
+        self._session, self._case, self._folder = session, case, folder
+        self._stack = StateDirectory(session.cell.workcell.name)
+        self._watch = Watch(session)
+        self._before = set(folder.glob("*.mcap"))
+        self._healthy_s: float | None = None
+        self._operator: subprocess.Popen[str] | None = None
+        self._said: tuple[str, str] = ("", "")
+
+    def run(self) -> Seen:
+        """One case. Raises NoService when the stack cannot be seen."""
+        case, watch = self._case, self._watch
+        strategy = case.moment.strategy.value
+        self._operator = operator = subprocess.Popen(
+            module_command(
+                "services.operator", "assemble", "--json", "--seed", str(case.seed), "--strategy", strategy
+            ),
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        reader = threading.Thread(target=self._read, args=(operator,), name="operator-says", daemon=True)
+        reader.start()
+        if not self._wait_ripe(operator):
+            operator.terminate()
+            reader.join(RESULT_S)
+            return Seen(signalled=False, detail=self._said[1].strip()[-400:])
+        pid = operator.pid if case.victim == OPERATOR else self._row().pid
+        if pid is None:
+            raise NoService(f"{case.victim}: not running, so it cannot be ended")
+        watch.signalled(case.victim)
+        os.kill(pid, case.ending.number)
+        recovery = threading.Thread(target=self._recover, args=(pid,), name="recovery", daemon=True)
+        recovery.start()
+        if gone(case):
+            reader.join(RESULT_S)
+            told = watch.wait(lambda: any(phase.phase is Phase.DONE for phase in watch.since()), RESULT_S)
+        else:
+            reader.join(RESULT_S)
+            told = not reader.is_alive()
+        result_s = watch.since_signal_s() if told else None
+        recovery.join(HEALTHY_S + STOPPED_S)
+        return self._seen(result_s)
+
+    def _read(self, operator: subprocess.Popen[str]) -> None:
+        self._said = operator.communicate()
+
+    def _wait_ripe(self, operator: subprocess.Popen[str]) -> bool:
+        watch, moment = self._watch, self._case.moment
+
+        def now() -> bool:
+            begun = any(begins(moment, phase) for phase in watch.phases)
+            return begun and ripe(moment, watch.speed_rad_s, watch.force_n)
+
+        until = time.monotonic() + RIPE_DEADLINE_S
+        while operator.poll() is None and time.monotonic() < until:
+            if watch.wait(now, 1.0):
+                return True
+        return False
+
+    def _row(self) -> ServiceState:
+        state = self._stack.read()
+        if state is None:
+            raise NoService("the launcher's state cannot be read: is the stack still up?")
+        return next(row for row in state.services if row.service == self._case.victim)
+
+    def _recover(self, pid: int) -> None:
+        """Let one that was stopped go on, and see when it is healthy again."""
+        stopped = self._case.ending is Ending.STOP
+        if stopped:
+            time.sleep(STOPPED_S)
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+        if self._case.victim == OPERATOR:
+            return
+        until = time.monotonic() + HEALTHY_S
+        while time.monotonic() < until:
+            row = self._row()
+            alive = self._case.victim == ROUTER or self._case.victim in self._session.alive()
+            if alive and row.health is Health.HEALTHY and (stopped or row.pid not in (None, pid)):
+                self._healthy_s = self._watch.since_signal_s()
+                return
+            time.sleep(_POLL_S)
+
+    # ----------------------------------------------------------------------------------------------------- the end
+
+    def _seen(self, result_s: float | None) -> Seen:
+        operator, (said, shown) = self._operator, self._said
+        assert operator is not None
+        figures: dict[str, Any] = {}
+        with suppress(ValueError):
+            figures = json.loads(said)
+        done = [phase for phase in self._watch.since() if phase.phase is Phase.DONE]
+        told = done[-1].text if done else shown.strip()[-400:]
+        return Seen(
+            signalled=True,
+            result_s=result_s,
+            inserted=bool(figures["inserted"]) if figures else bool(done) and done[-1].text == "inserted",
+            failure=figures.get("failure"),
+            detail=figures.get("failure_detail") or told,
+            backed_off=bool(figures.get("backed_off")),
+            status=operator.poll(),
+            healthy_s=self._healthy_s,
+            tape=self._tape(tuple(figures.get("recording_warnings", ()))),
+            tip_before_m=self._tip_before_m(),
+        )
+
+    def _tape(self, warnings: tuple[str, ...]) -> Tape | None:
+        if gone(self._case):
+            with suppress(CrosspihError):  # nobody else ends it
+                self._session.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)
+        new = sorted(set(self._folder.glob("*.mcap")) - self._before)
+        recording = trouble = None
+        for path in (one for one in new if ".part" not in one.name):
+            try:
+                found = read_recording(path)
+            except RecordingError as error:
+                trouble = str(error)
+                continue
+            if found.cell == self._session.cell.workcell.name:  # cells beside each other share the folder
+                recording = found
+        if recording is None:
+            said = () if trouble is None else (trouble,)
+            return Tape(parts=1, gap_s=0.0, missing=0, finished=False, warnings=(*warnings, *said)) if said else None
+        stamps = np.sort([sample.wall_ns for samples in recording.samples.values() for sample in samples])
+        return Tape(
+            parts=len(recording.parts),
+            gap_s=float(np.diff(stamps).max(initial=0)) * 1e-9,
+            missing=sum(recording.seq_gaps().values()),
+            finished=recording.finished,
+            warnings=warnings,
+        )
+
+    def _tip_before_m(self) -> float | None:
+        truth = self._watch.last_truth()
+        if truth is None or self._case.victim == "hardware":
+            return None
+        tip_m = self._session.cell.workcell.peg.shape().tip_m
+        tip = truth.pose_base_hole.pose().inverse().apply(truth.pose_base_peg.pose().apply([0.0, 0.0, tip_m]))
+        return -float(tip[2])
+
+    def make_whole(self) -> None:
+        """Nothing runs and nothing is recorded any more, for the next case."""
+        operator = self._operator
+        if operator is not None and operator.poll() is None:
+            with suppress(ProcessLookupError):
+                os.kill(operator.pid, signal.SIGCONT)
+            operator.kill()
+        until = time.monotonic() + WHOLE_DEADLINE_S
+        while True:
+            state = self._stack.read()
+            if state is not None and all(row.health is Health.HEALTHY for row in state.services):
+                break
+            if time.monotonic() > until:
+                raise NoService(f"after {self._case.name}: not every service is healthy again")
+            time.sleep(_POLL_S)
+        self._session.wait_for_services(WHOLE_DEADLINE_S, (*NEEDED, "recorder"))
+        with suppress(CrosspihError):
+            self._session.bus.call(ABORT, AbortAssembly(), RECORDER_DEADLINE_S)
+        with suppress(CrosspihError):
+            self._session.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)

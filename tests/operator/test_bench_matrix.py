@@ -1,0 +1,76 @@
+"""The matrix of deaths: every case once, the moments of `bench kills`, what counts as a loss, and the page's section."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from crosspih_common.errors import ConfigError
+from crosspih_common.messages import Phase, Strategy
+from services.operator.bench.matrix.judging import Seen, Tape, complaints, lost, outcome
+from services.operator.bench.matrix.page import BEGIN, END, Row, section, write_section
+from services.operator.bench.matrix.plan import PHASES, VICTIMS, Case, Ending, cases
+
+TAPE = Tape(parts=1, gap_s=0.05, missing=0, finished=True)
+INSERTED = Seen(signalled=True, result_s=20.0, inserted=True, status=0, healthy_s=2.0, tape=TAPE, tip_before_m=-0.05)
+
+
+def case(victim: str = "planning", ending: Ending = Ending.KILL, phase: Phase = Phase.PUSHING) -> Case:
+    return Case(victim=victim, phase=phase, ending=ending, seed=1)
+
+
+def test_every_process_by_every_signal_in_every_phase_once() -> None:
+    every = list(cases(VICTIMS, PHASES, Ending, 1000))
+    assert len(every) == len({one.name for one in every}) == 8 * 5 * 3
+    assert {"router", "operator", "recorder", "hardware"} < {one.victim for one in every}
+    touching = {one.moment.strategy for one in every if one.phase is Phase.TOUCHING}
+    assert touching == {Strategy.FORCE_ALONE}
+
+
+def test_an_insertion_that_lost_nothing_holds() -> None:
+    assert complaints(case(), INSERTED) == []
+    assert (outcome(case(), INSERTED), lost(INSERTED)) == ("inserted", "nothing")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"result_s": None}, "nobody was told"),
+        ({"inserted": False}, "no name"),
+        ({"inserted": False, "failure": "service_lost", "backed_off": True}, "still 50 mm in the hole"),
+        ({"healthy_s": None}, "not healthy again"),
+        ({"tape": None}, "no recording"),
+        ({"tape": TAPE.model_copy(update={"gap_s": 3.0})}, "nothing says so"),
+        ({"tape": TAPE.model_copy(update={"missing": 7})}, "nothing says so"),
+    ],
+)
+def test_each_loss_is_told(change: dict[str, object], said: str) -> None:
+    found = complaints(case(), INSERTED.model_copy(update=change))
+    assert len(found) == 1 and said in found[0]
+
+
+def test_what_is_said_is_no_loss_in_silence() -> None:
+    parts = Tape(parts=2, gap_s=3.0, missing=0, finished=True, warnings=("2.9 s are missing",))
+    seen = INSERTED.model_copy(update={"tape": parts})
+    assert complaints(case("recorder"), seen) == [] and lost(seen) == "2 parts, 3.0 s"
+
+
+def test_nobody_is_told_where_the_operator_is_gone() -> None:
+    seen = INSERTED.model_copy(update={"healthy_s": None, "status": -9})
+    assert complaints(case("operator"), seen) == []
+    assert outcome(case("operator"), seen).startswith("the planner went on")
+
+
+def test_the_section_is_put_between_the_marks_and_the_rest_is_left(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    rows = [Row(case=case(), seen=INSERTED)]
+    write_section(page, section(rows, "crosspih bench matrix", 120))
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "1 of 1 cases hold; 120 are planned" in text
+    assert "| planning | SIGKILL | pushing | inserted | 20.0 | 2.0 | nothing | yes |" in text
+    page.write_text("no marks")
+    with pytest.raises(ConfigError, match="--page"):
+        write_section(page, "")
