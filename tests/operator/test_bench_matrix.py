@@ -1,4 +1,4 @@
-"""The matrix of deaths: every case once, the moments of `bench kills`, what counts as a loss, and the page's section."""
+"""The matrix of deaths: every case once, what counts as a loss, and the section of the page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_an_insertion_that_lost_nothing_holds() -> None:
     ("change", "said"),
     [
         ({"result_s": None}, "nobody was told"),
-        ({"inserted": False}, "no name"),
+        ({"inserted": False, "tip_before_m": None}, "no name"),
         ({"inserted": False, "failure": "service_lost", "backed_off": True}, "still 50 mm in the hole"),
         ({"healthy_s": None}, "not healthy again"),
         ({"tape": None}, "no recording"),
@@ -64,11 +64,11 @@ def test_nobody_is_told_where_the_operator_is_gone() -> None:
 
 def test_the_section_is_put_between_the_marks_and_the_rest_is_left(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    page.write_text(f"before\n{BEGIN}\nformer\n{END}\nafter\n")
     rows = [Row(case=case(), seen=INSERTED)]
     write_section(page, section(rows, "crosspih bench matrix", 120))
     text = page.read_text()
-    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert text.startswith("before\n") and text.endswith("after\n") and "former" not in text
     assert "1 of 1 cases hold; 120 are planned" in text
     assert "| planning | SIGKILL | pushing | inserted | 20.0 | 2.0 | nothing | yes |" in text
     page.write_text("no marks")
