@@ -14,6 +14,8 @@ import zenoh
 
 # a service is started again within 2 to 5 s on an idle machine, a router within 1 s; on a busy one three times that
 SERVER_WAIT_S = 15.0
+# the router's first word on a key comes within some milliseconds: until then nobody seems to serve it
+FIRST_WORD_S = 0.5
 
 
 class ServedKeys:
@@ -28,6 +30,7 @@ class ServedKeys:
         """Whether somebody serves the key, waiting for it up to `wait_s`. Raises zenoh.ZError on a closed session."""
         with self._changed:
             if key not in self._queriers:
+                wait_s = max(wait_s, FIRST_WORD_S)
                 querier = self._session.declare_querier(key, target=zenoh.QueryTarget.BEST_MATCHING)
                 self._queriers[key] = (querier, querier.declare_matching_listener(self._on_change))
             querier = self._queriers[key][0]
