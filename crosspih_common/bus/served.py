@@ -9,6 +9,7 @@ patience, not the command.
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import zenoh
 
@@ -33,7 +34,7 @@ class ServedKeys:
                 wait_s = max(wait_s, FIRST_WORD_S)
                 querier = self._session.declare_querier(key, target=zenoh.QueryTarget.BEST_MATCHING)
                 self._queriers[key] = (querier, querier.declare_matching_listener(self._on_change))
-            querier = self._queriers[key][0]
+            querier: Any = self._queriers[key][0]  # whose stub takes its status for a bool
             return self._changed.wait_for(lambda: bool(querier.matching_status.matching), max(wait_s, 0.0))
 
     def _on_change(self, status: zenoh.MatchingStatus) -> None:
