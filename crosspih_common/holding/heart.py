@@ -9,8 +9,8 @@ from crosspih_common.bus import Bus
 from crosspih_common.keys import LEASE_BEAT, LEASE_GIVE, LEASE_TAKE
 from crosspih_common.messages import GiveLease, LeaseBeat, LeaseGranted, TakeLease
 
-ASK_DEADLINE_S = 5.0
-SERVER_WAIT_S = 2.0  # for a declaration that is on its way; whoever wants more asks again
+ASK_DEADLINE_S = 8.0
+SERVER_WAIT_S = 4.0  # for an arm that is just being started; whoever wants more asks again
 
 
 class Heart:
