@@ -46,6 +46,7 @@ PLANNER = "planning"
 BACK_S = 60.0  # how long a planner that said nothing more, or its successor, is waited for
 FOUND_S = 30.0  # and for what the successor found
 LATE_S = 5.0  # a planner that is ready again has answered; its word may be on its way for so long
+YOUNGER_S = 1.0  # by so much a successor's life is shorter than the question is old
 WITHDRAW_DEADLINE_S = 300.0
 FOUND = ("peg_found", "arm_found", "peg_unknown")
 HEARD: tuple[Command[Any, Any], ...] = (ASSEMBLE, DWELL, FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADMITTANCE_MOVE)
@@ -136,7 +137,7 @@ class _Asked:
 
     def _is_successor(self, status: ServiceStatus) -> bool:
         """It runs for less long than the question is old."""
-        return status.uptime_s < time.monotonic() - self._asked_at - 1.0
+        return status.uptime_s < time.monotonic() - self._asked_at - YOUNGER_S
 
     def _successor(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
         why = f"{PLANNER} ended in the middle of the assembly ({why})"
