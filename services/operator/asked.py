@@ -39,6 +39,7 @@ from crosspih_common.messages import (
     MotionOutcome,
     ServiceState,
     ServiceStatus,
+    Severity,
     Withdraw,
 )
 
@@ -98,7 +99,6 @@ class _Asked:
 
     def learn(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
         """What came of it. Raises CommandRefused where the planner refused it."""
-        self._before += self._events.values()  # no successor has told these
         until = time.monotonic() + BACK_S
         last: tuple[int, float] = (-1, -1.0)
         ready_at: float | None = None
@@ -161,7 +161,8 @@ class _Asked:
 
     @staticmethod
     def _tells(event: Event) -> bool:
-        return event.service == PLANNER and event.code in FOUND
+        # a planner that takes a peg out on its way home says so too, but warns of nothing
+        return event.service == PLANNER and event.code in FOUND and event.severity is Severity.WARNING
 
     def _unknown(self, detail: str, backed_off: bool) -> AssemblyResult:
         """A result without the planner's own account: what its motions told, each as it ended."""
