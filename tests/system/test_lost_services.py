@@ -12,7 +12,8 @@ import pytest
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import DWELL, EVENTS, JOINT_STATE, PHASE
-from crosspih_common.messages import AssemblyPhase, Dwell, Event, Failure, MotionOutcome, Phase, Strategy
+from crosspih_common.messages import AssemblyPhase, Dwell, Event, Failure, MotionOutcome, Phase, Severity, Strategy
+from services.operator.asked import FOUND
 from services.operator.session import Session
 from tests.system.running_cell import DEADLINE_S, KillOnPhase, RunningCell, wait_until
 
@@ -94,13 +95,15 @@ def test_planning_that_is_lost_is_named_and_its_successor_takes_the_peg_out(
     kill = KillOnPhase(cell, "planning", pushing)
     session.bus.subscribe(PHASE, kill)
     found: list[Event] = []
-    session.bus.subscribe(EVENTS, lambda event: found.append(event) if event.code == "peg_found" else None)
+    session.bus.subscribe(EVENTS, lambda event: found.append(event) if event.code in FOUND else None)
     figures, result = session.trial(SEED, Strategy.FUSED, record=False)
     assert kill.killed_pid is not None
     assert not figures.inserted and result.failure is Failure.SERVICE_LOST
     assert "planning ended in the middle of the assembly" in result.failure_detail
     assert result.backed_off, result.failure_detail
-    assert [event.service for event in found] == ["planning"] and "assembly-fused" in found[0].text
+    # on a machine that is slow to kill, the arm may have left the hole by then
+    told = [event.text for event in found if event.severity is Severity.WARNING]
+    assert len(told) == 1 and "ended in its assembly assembly-fused" in told[0]
 
     at_rest: list[MotionOutcome] = []
 
