@@ -45,7 +45,7 @@ from crosspih_common.messages import (
 
 PLANNER = "planning"
 BACK_S = 60.0  # how long a planner that said nothing more, or its successor, is waited for
-FOUND_S = 30.0  # and for what the successor found
+FOUND_S = 120.0  # and for what the successor found: it starts a process of its own to hold the arm
 LATE_S = 5.0  # a planner that is ready again has answered; its word may be on its way for so long
 YOUNGER_S = 1.0  # by so much a successor's life is shorter than the question is old
 WITHDRAW_DEADLINE_S = 300.0

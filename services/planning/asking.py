@@ -31,6 +31,7 @@ RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 RETRY_S = 0.2
 NO_LEASE = "no_lease"
+BACKING_OFF_PATIENCE = 3.0  # times the patience
 
 
 class BusPorts:
@@ -69,7 +70,7 @@ class BusPorts:
             except BusError as error:
                 now = time.monotonic()
                 if give_up_at is None:
-                    give_up_at = now + self._config.service_patience_s
+                    give_up_at = now + self._patience_s
                     self._tell_lost(command, error)
                 begun = self._boot_id is not None and self._heed_abort
                 never_sent = isinstance(error, NotSent) or now - started <= RETRY_S
@@ -94,9 +95,14 @@ class BusPorts:
                 self.hardware_wall_s += reply.capture_wall_s
             return reply
 
+    @property
+    def _patience_s(self) -> float:
+        """With a lost service; longer where the peg is being taken out: nobody does that after this one gave up."""
+        return self._config.service_patience_s * (1.0 if self._heed_abort else BACKING_OFF_PATIENCE)
+
     def _take_anew(self) -> None:
         """Also where the router is away that the arm was lost with: it is waited for as any service is."""
-        give_up_at = time.monotonic() + self._config.service_patience_s
+        give_up_at = time.monotonic() + self._patience_s
         while True:
             try:
                 self._lease.take()
