@@ -32,8 +32,8 @@ class ServedKeys:
         with self._changed:
             if key not in self._queriers:
                 wait_s = max(wait_s, FIRST_WORD_S)
-                querier = self._session.declare_querier(key, target=zenoh.QueryTarget.BEST_MATCHING)
-                self._queriers[key] = (querier, querier.declare_matching_listener(self._on_change))
+                made = self._session.declare_querier(key, target=zenoh.QueryTarget.BEST_MATCHING)
+                self._queriers[key] = (made, made.declare_matching_listener(self._on_change))
             querier: Any = self._queriers[key][0]  # whose stub takes its status for a bool
             return self._changed.wait_for(lambda: bool(querier.matching_status.matching), max(wait_s, 0.0))
 
