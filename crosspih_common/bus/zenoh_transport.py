@@ -18,7 +18,7 @@ from typing import Any
 import zenoh
 from zenoh import ext
 
-from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender
+from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
 from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, NoService
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -32,6 +32,7 @@ LEASE_MS = 5000
 ALIVE_LEASE_MS = 800
 ALIVE_BEATS = 16  # in each such lease; sent by Zenoh's own threads, which no Python code holds up
 ALIVE_CONNECT_S = 10.0
+LIVING_S = 5.0  # a router answers within milliseconds which tokens there are
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
@@ -100,6 +101,11 @@ def _label(attachment: zenoh.ZBytes | None) -> str:
     return attachment.to_bytes().decode(errors="replace") if attachment is not None else ""
 
 
+def _author(info: zenoh.SourceInfo | None) -> str:
+    """The session that a sample or a query comes from; empty where it does not say."""
+    return str(info.source_id.zid) if info is not None else ""
+
+
 class _Declared:
     def __init__(self, entity: Any) -> None:
         self._entity = entity
@@ -110,6 +116,20 @@ class _Declared:
 
 
 class _ZenohSender(_Declared):
+    """Of a stream: its samples say by themselves whose they are, as an advanced publisher's do anyway."""
+
+    def __init__(self, entity: zenoh.Publisher) -> None:
+        super().__init__(entity)
+        self._source = entity.id
+
+    def put(self, payload: bytes, label: str) -> None:
+        try:
+            self._entity.put(payload, attachment=label.encode(), source_info=zenoh.SourceInfo(self._source, 0))
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot publish: {error}") from None
+
+
+class _AdvancedSender(_Declared):
     def put(self, payload: bytes, label: str) -> None:
         try:
             self._entity.put(payload, attachment=label.encode())
@@ -123,6 +143,7 @@ class _ZenohQuery:
         self._key = str(query.key_expr)
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
         self.label = _label(query.attachment)
+        self.author = _author(query.source_info)
 
     def answer(self, answer: Answer) -> None:
         query, self._query = self._query, None
@@ -142,6 +163,7 @@ class ZenohTransport:
 
     def __init__(self, session: zenoh.Session, endpoint: str) -> None:
         self.endpoint: str | None = endpoint
+        self.author = str(session.zid())
         self._session = session
         self._alive_session: zenoh.Session | None = None  # opened with the first token
         self._lock = threading.Lock()
@@ -163,7 +185,7 @@ class ZenohTransport:
         """Declare a publisher. See Transport."""
         if not recover:
             return _ZenohSender(self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP))
-        return _ZenohSender(
+        return _AdvancedSender(
             ext.declare_advanced_publisher(
                 self._session,
                 key,
@@ -174,11 +196,13 @@ class ZenohTransport:
             )
         )
 
-    def subscribe(self, key_expression: str, handler: Handler, *, recover: bool) -> Closeable:
+    def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample. See Transport."""
 
         def receive(sample: zenoh.Sample) -> None:
-            handler(str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment))
+            handler(
+                str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment), _author(sample.source_info)
+            )
 
         if not recover:
             return _Declared(self._session.declare_subscriber(key_expression, receive))
@@ -208,6 +232,7 @@ class ZenohTransport:
                 target=zenoh.QueryTarget.BEST_MATCHING,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 cancellation_token=token,
+                source_info=zenoh.SourceInfo(self._session.id, 0),
             )
         except zenoh.ZError as error:
             raise BusClosed(f"cannot ask {key}: {error}") from None
@@ -235,6 +260,21 @@ class ZenohTransport:
             if self._alive_session is None:
                 self._alive_session = _open_session(self.endpoint, ALIVE_CONNECT_S, ALIVE_LEASE_MS, ALIVE_BEATS)
             return _Declared(self._alive_session.liveliness().declare_token(key))
+
+    def claim(self, key: str) -> Closeable:
+        """A liveliness token on the session that publishes. See Transport."""
+        try:
+            return _Declared(self._session.liveliness().declare_token(key))
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot claim {key}: {error}") from None
+
+    def living(self, key_expression: str) -> list[str]:
+        """The keys of all tokens that there are now. See Transport."""
+        try:
+            replies = list(self._session.liveliness().get(key_expression, timeout=LIVING_S))
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot look for {key_expression}: {error}") from None
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Tokens coming and going. See Transport."""
