@@ -20,6 +20,8 @@ from zenoh import ext
 
 from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
 from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, NoService
+from crosspih_common.security.access import access_control
+from crosspih_common.security.credentials import Credentials, credentials_from_environment, secure_endpoint
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
@@ -40,33 +42,43 @@ QUEUE_BATCHES = 16
 _open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
 
 
-def router_config(endpoint: str, peers: bool = False) -> zenoh.Config:
+def router_config(endpoint: str, peers: bool = False, credentials: Credentials | None = None) -> zenoh.Config:
     """The embedded router: listens on one endpoint only, no scouting.
 
-    `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each other, so that they speak among themselves.
+    `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each other, so that they speak among themselves. With
+    credentials it lets in only certificates of their authority, and allows each what the key table says.
     """
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
-        "listen/endpoints": [endpoint],
+        "listen/endpoints": [secure_endpoint(endpoint) if credentials else endpoint],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": peers,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
+    if credentials is not None:
+        settings |= {**credentials.listening(), "access_control": access_control()}
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     return config
 
 
 def client_config(
-    endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS, beats_a_lease: int = 4
+    endpoint: str,
+    connect_timeout_s: float,
+    lease_ms: int = LEASE_MS,
+    beats_a_lease: int = 4,
+    credentials: Credentials | None = None,
 ) -> zenoh.Config:
-    """A client of the router at an endpoint; comes back by itself when the router was restarted."""
+    """A client of the router at an endpoint; comes back by itself when the router was restarted.
+
+    It listens nowhere and asks nobody but the router: a peer that goes round the router finds nobody.
+    """
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "client",
-        "connect/endpoints": [endpoint],
+        "connect/endpoints": [secure_endpoint(endpoint) if credentials else endpoint],
         "connect/timeout_ms": int(connect_timeout_s * 1000),
         "connect/exit_on_failure": True,
         "scouting/multicast/enabled": False,
@@ -74,25 +86,38 @@ def client_config(
         "transport/link/tx/keep_alive": beats_a_lease,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
+    if credentials is not None:
+        settings |= credentials.connecting()
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     return config
 
 
-def open_zenoh(endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0) -> ZenohTransport:
-    """Connect to the router. Raises BusUnreachable when none answers in time."""
-    return ZenohTransport(_open_session(endpoint, connect_timeout_s), endpoint)
+def open_zenoh(
+    endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0, service: str = "operator"
+) -> ZenohTransport:
+    """Connect to the router, with the service's certificate where CROSSPIH_CERTIFICATES names a folder.
+
+    Raises BusUnreachable when no router answers in time, ConfigError where the certificate cannot be used.
+    """
+    credentials = credentials_from_environment(service)
+    return ZenohTransport(_open_session(endpoint, connect_timeout_s, credentials), endpoint, credentials)
 
 
 def _open_session(
-    endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS, beats_a_lease: int = 4
+    endpoint: str,
+    connect_timeout_s: float,
+    credentials: Credentials | None,
+    lease_ms: int = LEASE_MS,
+    beats_a_lease: int = 4,
 ) -> zenoh.Session:
     try:
-        return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease))
+        return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease, credentials))
     except zenoh.ZError as error:
+        secure = f" or it refused {credentials.certificate} (`crosspih security show`)" if credentials else ""
         raise BusUnreachable(
-            f"no router answers at {endpoint} within {connect_timeout_s:g} s; start the stack with `crosspih up` "
-            f"or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
+            f"no router answers at {endpoint} within {connect_timeout_s:g} s{secure}; start the stack with "
+            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
         ) from None
 
 
@@ -161,8 +186,9 @@ class _ZenohQuery:
 class ZenohTransport:
     """One Zenoh session, closed for certain: by `close`, by the context manager, or at exit."""
 
-    def __init__(self, session: zenoh.Session, endpoint: str) -> None:
+    def __init__(self, session: zenoh.Session, endpoint: str, credentials: Credentials | None = None) -> None:
         self.endpoint: str | None = endpoint
+        self._credentials = credentials
         self.author = str(session.zid())
         self._session = session
         self._alive_session: zenoh.Session | None = None  # opened with the first token
@@ -258,7 +284,9 @@ class ZenohTransport:
             if self._closed:
                 raise BusClosed(f"{key}: the bus is closed")
             if self._alive_session is None:
-                self._alive_session = _open_session(self.endpoint, ALIVE_CONNECT_S, ALIVE_LEASE_MS, ALIVE_BEATS)
+                self._alive_session = _open_session(
+                    self.endpoint, ALIVE_CONNECT_S, self._credentials, ALIVE_LEASE_MS, ALIVE_BEATS
+                )
             return _Declared(self._alive_session.liveliness().declare_token(key))
 
     def claim(self, key: str) -> Closeable:

@@ -136,7 +136,7 @@ def run_service(
         signal.signal(number, on_signal)
     try:
         cell = load_cell(arguments.cell)
-        transport = open_zenoh(arguments.endpoint)
+        transport = open_zenoh(arguments.endpoint, service=name)
     except CrosspihError as error:
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         return 1

@@ -24,6 +24,7 @@ from services.operator.recording import recording_app
 from services.operator.replay.cli import replay
 from services.operator.report.cli import report
 from services.operator.results import results
+from services.operator.security.command import app as security_app
 from services.operator.signs_of_life import ps
 from services.operator.train import train
 from services.operator.withdraw import withdraw
@@ -55,6 +56,7 @@ app.command()(results)
 app.add_typer(dataset_app, name="dataset")
 app.command()(train)
 app.command()(keys)
+app.add_typer(security_app, name="security")
 register_launcher(app, ps)
 
 

@@ -1,0 +1,82 @@
+"""Whom the router refused, read from Zenoh's own log: it tells it nowhere else.
+
+Links that fail their TLS handshake are warnings; what the access rules deny is traced, message by message. Zenoh also
+traces what it *would* deny, once for each key that is declared; those lines follow one that says so, and are no attempt.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+# what RUST_LOG must hold for the lines below to be written
+LEVELS = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
+LINK_REFUSED, ACCESS_REFUSED = "link_refused", "access_refused"
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+LINK = re.compile(r"WARN .*?zenoh_link_tls::unicast: (?P<why>.*)")
+HINT = re.compile(r"\.? *Hint: .*")  # on open files, whatever the reason was
+THREAD = re.compile(r"(ThreadId\(\d+\))")
+CACHING = re.compile(r"ACL \((?P<flow>\w+)\): caching permissions for `(?P<key>[^`]*)`")
+NAMED = re.compile(r"(?P<session>[0-9a-f]+) on \S*CertCommonName\((?P<name>[^)]*)\)")
+DENIED = re.compile(
+    r"(?P<cached>Using cached result: )?(?P<session>[0-9a-f]+)(?: on \S+)? is unauthorized to (?P<what>[^()]+) "
+    r"\(ingress\) on (?P<key>\S+)"
+)
+WHY = {
+    "peer sent no certificates": "it showed no certificate",
+    "invalid peer certificate: UnknownIssuer": "its certificate is of another authority",
+    "invalid peer certificate: BadSignature": "its certificate is of another authority",
+    "received corrupt message": "it does not speak TLS",
+}
+# what Zenoh's message means to a reader
+VERBS = {
+    "Put": "publish on", "Delete": "delete", "Query": "ask", "Reply": "answer for",
+    "Declare Subscriber": "read", "Declare/Undeclare Subscriber": "read",
+    "Declare Queryable": "serve", "Declare/Undeclare Queryable": "serve",
+    "Declare Liveliness Token": "live as", "Declare/Undeclare Liveliness Token": "live as",
+    "Liveliness Query": "look for", "Declare Liveliness Subscriber": "watch",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """One refusal: a code of an event, and a sentence for people."""
+
+    code: str
+    text: str
+
+
+class RefusalsLog:
+    """Takes Zenoh's log line by line."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, str] = {}  # session: common name
+        self._caching: dict[str, str] = {}  # thread: the key whose permissions it works out
+
+    def read(self, line: str) -> Refused | None:
+        """The refusal that a line tells of, if it does."""
+        line = COLOURS.sub("", line).rstrip()
+        if (link := LINK.search(line)) is not None:
+            return Refused(LINK_REFUSED, f"a connection was refused: {_reason(HINT.sub('', link['why']))}")
+        for named in NAMED.finditer(line):
+            self._names[named["session"]] = named["name"]
+        thread = found[1] if (found := THREAD.search(line)) is not None else ""
+        if (caching := CACHING.search(line)) is not None:
+            self._caching[thread] = caching["key"]
+            return None
+        if (denied := DENIED.search(line)) is None:
+            return None
+        if not denied["cached"] and self._caching.get(thread) == denied["key"]:
+            return None
+        name = self._names.get(denied["session"], denied["session"])
+        verb = VERBS.get(denied["what"], denied["what"].lower())
+        return Refused(ACCESS_REFUSED, f"the certificate of {name} may not {verb} {denied['key']}")
+
+
+def _reason(why: str) -> str:
+    for begins, said in WHY.items():
+        if why.startswith(begins):
+            return said
+    if "Expired" in why:
+        return "its certificate has expired"
+    return why
