@@ -111,7 +111,7 @@ class Authors:
                 claimed = True
         return Standing.ANOTHER if claimed else Standing.UNCLAIMED
 
-    def claimed_by(self, names: tuple[str, ...], author: str, deadline_s: float = CLAIM_ARRIVES_S) -> bool:
+    def claimed_by(self, names: tuple[str, ...], author: str, deadline_s: float) -> bool:
         """Whether a session claims one of the names, first or not, waiting for the claim to arrive."""
 
         def claims() -> bool:

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
-from crosspih_common.bus.authors import Authors, names_of
+from crosspih_common.bus.authors import CLAIM_ARRIVES_S, Authors, names_of
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import (
     MOST_BYTES,
@@ -299,7 +299,9 @@ class Bus:
                 except ContractError as error:
                     self._reject(key, str(error))
                     raise CommandRefused("contract", str(error)) from None
-                if command.changes_calibration and not self.authors.claimed_by(command.callers, query.author):
+                if command.changes_calibration and not self.authors.claimed_by(
+                    command.callers, query.author, CLAIM_ARRIVES_S
+                ):
                     raise CommandRefused(
                         "not_yours",
                         f"{command.path} changes a calibration: only {' and '.join(command.callers)} may ask for it",

@@ -185,4 +185,6 @@ def _report_rejection(context: ServiceContext, code: str, why: str) -> None:
     context.last_error = why
     if now - context._said_at.get(code, 0.0) >= 1.0:
         context._said_at[code] = now
-        threading.Thread(target=context.event, args=(Severity.WARNING, code, why), name="rejection", daemon=True).start()
+        threading.Thread(
+            target=context.event, args=(Severity.WARNING, code, why), name="rejection", daemon=True
+        ).start()

@@ -16,7 +16,7 @@ from crosspih_common.bus.zenoh_transport import ZenohTransport
 from crosspih_common.errors import BusError
 from crosspih_common.keys import EVENTS
 from crosspih_common.messages import Event, Severity
-from services.router.refusals_log import LEVELS, Refused, RefusalsLog
+from services.router.refusals_log import LEVELS, RefusalsLog, Refused
 
 AGAIN_S = 10.0  # the same refusal is told again after so long
 PIPE_BYTES = 1 << 20  # what waits while Python is busy: Zenoh stands still when it is full

@@ -49,8 +49,7 @@ def init(
     found = sorted(file.name for pattern in ("*.pem", "*.key") for file in here.glob(pattern))
     if found and not overwrite:
         raise _stop(
-            f"{here} holds {len(found)} certificates and keys already: nothing was changed; "
-            f"--overwrite makes all anew"
+            f"{here} holds {len(found)} certificates and keys already: nothing was changed; --overwrite makes all anew"
         )
     if here.is_dir() and (other := sorted({file.name for file in here.iterdir()} - set(found))):
         raise _stop(f"{here} holds other things ({other[0]}): name a folder for certificates alone")
