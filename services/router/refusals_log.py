@@ -8,7 +8,7 @@ attempt.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 # what RUST_LOG must hold for the lines below to be written
 LEVELS = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
@@ -19,14 +19,16 @@ HINT = re.compile(r"\.? *Hint: .*")  # on open files, whatever the reason was
 THREAD = re.compile(r"(ThreadId\(\d+\))")
 CACHING = re.compile(r"ACL \((?P<flow>\w+)\): caching permissions for `(?P<key>[^`]*)`")
 NAMED = re.compile(r"(?P<session>[0-9a-f]+) on \S*CertCommonName\((?P<name>[^)]*)\)")
-DENIED = re.compile(
-    r"(?P<cached>Using cached result: )?(?P<session>[0-9a-f]+)(?: on \S+)? is unauthorized to (?P<what>[^()]+) "
-    r"\(ingress\) on (?P<key>\S+)"
+JUDGED = re.compile(
+    r"(?P<cached>Using cached result: )?(?P<session>[0-9a-f]+)(?: on \S+)? is (?P<denied>un)?authorized to "
+    r"(?P<what>[^()]+) \((?P<flow>\w+)\) on (?P<key>\S+)"
 )
 WHY = {
     "peer sent no certificates": "it showed no certificate",
     "invalid peer certificate: UnknownIssuer": "its certificate is of another authority",
     "invalid peer certificate: BadSignature": "its certificate is of another authority",
+    "invalid peer certificate: certificate expired": "its certificate has expired",
+    "invalid peer certificate: certificate not valid yet": "its certificate is not valid yet",
     "received corrupt message": "it does not speak TLS",
 }
 # what Zenoh's message means to a reader
@@ -47,12 +49,32 @@ class Refused:
     text: str
 
 
+@dataclass(slots=True)
+class _WorkedOut:
+    """What Zenoh works out beforehand for a key, one message after the other."""
+
+    flow: str
+    key: str
+    session: str = ""
+    messages: set[str] = field(default_factory=set)
+
+    def holds(self, judged: re.Match[str]) -> bool:
+        """Whether a line is one of these: each message comes once, for one session."""
+        if judged["cached"] or (judged["flow"], judged["key"]) != (self.flow, self.key):
+            return False
+        self.session = self.session or judged["session"]
+        if judged["session"] != self.session or judged["what"] in self.messages:
+            return False
+        self.messages.add(judged["what"])
+        return True
+
+
 class RefusalsLog:
     """Takes Zenoh's log line by line."""
 
     def __init__(self) -> None:
         self._names: dict[str, str] = {}  # session: common name
-        self._caching: dict[str, str] = {}  # thread: the key whose permissions it works out
+        self._worked_out: dict[str, _WorkedOut] = {}  # thread: the last key
 
     def read(self, line: str) -> Refused | None:
         """The refusal that a line tells of, if it does."""
@@ -63,21 +85,21 @@ class RefusalsLog:
             self._names[named["session"]] = named["name"]
         thread = found[1] if (found := THREAD.search(line)) is not None else ""
         if (caching := CACHING.search(line)) is not None:
-            self._caching[thread] = caching["key"]
+            self._worked_out[thread] = _WorkedOut(caching["flow"], caching["key"])
             return None
-        if (denied := DENIED.search(line)) is None:
+        if (judged := JUDGED.search(line)) is None:
             return None
-        if not denied["cached"] and self._caching.get(thread) == denied["key"]:
+        if (worked_out := self._worked_out.get(thread)) is not None and worked_out.holds(judged):
             return None
-        name = self._names.get(denied["session"], denied["session"])
-        verb = VERBS.get(denied["what"], denied["what"].lower())
-        return Refused(ACCESS_REFUSED, f"the certificate of {name} may not {verb} {denied['key']}")
+        if not judged["denied"] or judged["flow"] != "ingress":
+            return None
+        name = self._names.get(judged["session"], judged["session"])
+        verb = VERBS.get(judged["what"], judged["what"].lower())
+        return Refused(ACCESS_REFUSED, f"the certificate of {name} may not {verb} {judged['key']}")
 
 
 def _reason(why: str) -> str:
     for begins, said in WHY.items():
         if why.startswith(begins):
             return said
-    if "Expired" in why:
-        return "its certificate has expired"
     return why

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -57,19 +58,26 @@ def _usage(signs_others: bool) -> x509.KeyUsage:
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
 class Authority:
-    """Signs; its own key is needed no more once all certificates are made."""
+    """Signs certificates that are valid from `start` to `end`, UTC; its key is needed no more once all are made."""
 
-    def __init__(self, start: datetime, end: datetime) -> None:
-        """Valid from `start` to `end`, both in UTC."""
-        self.start, self.end = start, end
-        self.key = ec.generate_private_key(ec.SECP256R1())
-        begun = _begun(AUTHORITY_NAME, _name(AUTHORITY_NAME), self.key, start, end)
-        self.certificate = (
-            begun.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    key: Key
+    certificate: x509.Certificate
+    start: datetime
+    end: datetime
+
+    @classmethod
+    def made(cls, start: datetime, end: datetime) -> Authority:
+        """A new one, itself valid for as long as what it signs."""
+        key = ec.generate_private_key(ec.SECP256R1())
+        certificate = (
+            _begun(AUTHORITY_NAME, _name(AUTHORITY_NAME), key, start, end)
+            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
             .add_extension(_usage(signs_others=True), critical=True)
-            .sign(self.key, hashes.SHA256())
+            .sign(key, hashes.SHA256())
         )
+        return cls(key, certificate, start, end)
 
     def issue(self, service: str, hosts: Iterable[str]) -> tuple[x509.Certificate, Key]:
         """A certificate with the service's name as common name; the router's holds the hosts that it is reached at."""
@@ -110,6 +118,12 @@ def _key_bytes(key: Key) -> bytes:
     )  # fmt: skip
 
 
+def write_pair(files: Credentials, certificate: x509.Certificate, key: Key) -> None:
+    """A service's certificate and key, in their files."""
+    _write(files.key, _key_bytes(key), KEY_MODE)
+    _write(files.certificate, certificate.public_bytes(serialization.Encoding.PEM), CERTIFICATE_MODE)
+
+
 def issue_all(
     folder: Path,
     services: Iterable[str],
@@ -122,15 +136,12 @@ def issue_all(
     The folder is 0700, keys are 0600; what is in it before is overwritten. `start`: now where it is not given.
     """
     start = (start or datetime.now(timezone.utc)).replace(microsecond=0)
-    authority = Authority(start - BACKDATED, start + timedelta(days=days))
+    authority = Authority.made(start - BACKDATED, start + timedelta(days=days))
     folder.mkdir(parents=True, exist_ok=True, mode=FOLDER_MODE)
     folder.chmod(FOLDER_MODE)
     hosts = tuple(hosts)
     for service in services:
-        files = Credentials(folder, service)
-        certificate, key = authority.issue(service, hosts)
-        _write(files.key, _key_bytes(key), KEY_MODE)
-        _write(files.certificate, certificate.public_bytes(serialization.Encoding.PEM), CERTIFICATE_MODE)
+        write_pair(Credentials(folder, service), *authority.issue(service, hosts))
     _write(folder / AUTHORITY_KEY, _key_bytes(authority.key), KEY_MODE)
     _write(folder / AUTHORITY, authority.certificate.public_bytes(serialization.Encoding.PEM), CERTIFICATE_MODE)
     return authority.end
