@@ -236,6 +236,8 @@ def page() -> str:
         cache=HISTORY[keys.Kind.STATE],
         now_lane=NOW_LANE,
         alive=keys.ALIVE_PATH,
+        author=keys.AUTHOR_PATH,
+        calibrating=[command for command in keys.commands() if command.changes_calibration],
         camera=keys.CAMERA_ALIVE,
         encodings=", ".join(f"`{name}`" for name in ENCODINGS),
         needed=NEEDED,
