@@ -13,11 +13,13 @@ from typing import Any
 
 from crosspih_common.keys import (
     ALL,
+    ASSEMBLE,
     CAMERA_ALIVE,
     CAPTURE,
     CLOCK,
     LEASE_BEAT,
     LEASE_TAKE,
+    LOCATE,
     Command,
     Qos,
     Topic,
@@ -32,6 +34,8 @@ ROUTER = "router"
 SERVICES = (*ALL, CAMERA_ALIVE, ROUTER)  # whoever has a certificate
 ADVANCED = "/@adv/**"  # where Zenoh's advanced publishers keep what they need beside their key
 IN, OUT = "ingress", "egress"
+# Who hears what a command answered, beside the recorder: ROS 2 is told where the hole is and how an assembly ended.
+ANSWERS_TO_ROS2 = (ASSEMBLE, LOCATE)
 # ROS 2's own keys: its domains and its tokens, for the services that speak it
 ROS2_SPEAKERS = ("ros2", "hardware")
 ROS2_KEYS = ("@ros2_lv/**", *(f"{domain}/**" for domain in range(102)))  # the domains that ROS 2 allows on every system
@@ -117,6 +121,8 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
             table.serve(service, command.key(CELL))
         for service in command.callers:
             table.ask(service, command.key(CELL))
+        for service in ("operator", *(("ros2",) if command in ANSWERS_TO_ROS2 else ())):
+            table.read(service, command.reply_echo.key(CELL), recover=True)
     for service in SERVICES:
         table.read(service, CLOCK.key(CELL), recover=True)  # every bus goes by it
         table.live(service, (service, CAMERA_ALIVE) if service == CAPTURE.server else (service,))

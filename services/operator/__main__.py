@@ -7,6 +7,7 @@ import sys
 
 import typer
 
+from crosspih_common.security import CERTIFICATES
 from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench.commands import app as bench_app
@@ -65,8 +66,9 @@ def main() -> None:
     if not sys.stdout.isatty():
         # into a file or a pipe tables would be cut to 80 columns
         os.environ.setdefault("COLUMNS", str(COLUMNS_IN_A_FILE))
-    if named := os.environ.get("CROSSPIH_CELL"):  # services are started in another folder
-        os.environ["CROSSPIH_CELL"] = os.path.abspath(named)
+    for variable in ("CROSSPIH_CELL", CERTIFICATES):  # services are started in another folder
+        if named := os.environ.get(variable):
+            os.environ[variable] = os.path.abspath(named)
     app()
 
 

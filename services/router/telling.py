@@ -22,6 +22,7 @@ AGAIN_S = 10.0  # the same refusal is told again after so long
 PIPE_BYTES = 1 << 20  # what waits while Python is busy: Zenoh stands still when it is full
 READ_BYTES = 1 << 16
 WAITING = 256
+REMEMBERED = 1000
 WORDS = (b"unauthorized", b"WARN", b"ERROR", b"caching", b"CertCommonName")  # of lines that are looked at at all
 
 
@@ -59,6 +60,8 @@ class Telling:
         if refused is not None:
             now = time.monotonic()
             if now - self._said.get(refused, -AGAIN_S) >= AGAIN_S:
+                if len(self._said) >= REMEMBERED:
+                    self._said.clear()
                 self._said[refused] = now
                 with contextlib.suppress(queue.Full):
                     self._found.put_nowait(refused)

@@ -25,6 +25,7 @@ class Secured:
 
     def __init__(self, folder: Path, cell_file: Path, router: ServiceProcess, endpoint: str) -> None:
         self.folder, self.cell_file, self.router, self.endpoint = folder, cell_file, router, endpoint
+        self.told: list[str] = []  # the events of the test under way
         self.operator = self.bus("operator")
         self._events = self.operator.latest(EVENTS, 256)
         self.force_torque = self.start("force_torque")
@@ -42,6 +43,7 @@ class Secured:
         found = self._events.wait_for(
             lambda event: event.code == code and all(word in event.text for word in words), DEADLINE_S
         )
+        self.told.append(f"{found.service} {code}: {found.text}" if found is not None else "nothing")
         assert found is not None, (code, words, [(event.code, event.text) for event in self._events.values()])
         return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -52,6 +52,15 @@ def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secured]:
             yield running
         finally:
             running.close()
+
+
+@pytest.fixture(autouse=True)
+def printed(secured: Secured, record_property: Callable[[str, object], None]) -> Iterator[None]:
+    """What the attack had for an answer, into the results of `--junitxml`: docs/security.md quotes it."""
+    secured.told.clear()
+    yield
+    for told in secured.told:
+        record_property("printed", told)
 
 
 def wait_for_force_torque(secured: Secured) -> None:
