@@ -3,8 +3,8 @@ session they come from.
 
 Every bus claims the name of its service by the liveliness token `service/<name>/author/<process>/<session>`, which the
 router takes back when the process ends. A name is its first claimant's for as long as that lives: what another session
-says in its name is thrown away and told. A sample that comes before any claim is held, the newest of each
-subscription, until the name is claimed.
+says in its name is thrown away and told. Samples that come before any claim are held, the newest of each subscription,
+until the name is claimed.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import random
 import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Callable
 from enum import Enum, auto
 
@@ -26,6 +27,8 @@ SHARED_NAMES = frozenset(["operator"])
 # A claim and its first sample go through the router side by side.
 CLAIM_ARRIVES_S = 2.0
 HELD_TOO_LONG_S = 1.0
+MOST_HELD = 8  # of a key; pictures are large
+MOST_HOLDING = 256  # keys and authors: whoever invents them costs no more
 
 
 class Standing(Enum):
@@ -49,12 +52,13 @@ def names_of(publisher: str, path: str) -> tuple[str, ...]:
 
 
 class Held:
-    """The newest sample of one subscription that came before its author's claim."""
+    """The newest samples of one subscription, key and author that came before the author's claim."""
 
     __slots__ = ("author", "deliver", "key", "names", "said", "since")
 
-    def __init__(self, key: str, names: tuple[str, ...], author: str, deliver: Callable[[], None]) -> None:
-        self.key, self.names, self.author, self.deliver = key, names, author, deliver
+    def __init__(self, key: str, names: tuple[str, ...], author: str) -> None:
+        self.key, self.names, self.author = key, names, author
+        self.deliver: deque[Callable[[], None]] = deque(maxlen=MOST_HELD)
         self.since, self.said = time.monotonic(), False
 
 
@@ -66,7 +70,7 @@ class Authors:
         self._changed = threading.Condition()
         self._claims: dict[str, dict[str, set[str]]] = {}  # name: process: sessions, in the order of their coming
         self._rightful: dict[str, frozenset[str]] = {}
-        self._held: dict[tuple[int, str], Held] = {}
+        self._held: dict[tuple[int, str, str], Held] = {}
         self._watch = transport.watch_alive(author_key(cell), self._on_claim)
 
     # ---------------------------------------------------------------------------------------------------- who is who
@@ -82,23 +86,24 @@ class Authors:
                 sessions.discard(session)
             if not sessions:
                 del processes[process]
-            self._rightful[name] = self._holders(name)
+            holders, forged = self._holders(name), list[Held]()
+            for where, held in list(self._held.items()):
+                if holders and name in held.names:
+                    del self._held[where]
+                    if held.author not in holders:
+                        forged.append(held)
+                        continue
+                    for deliver in held.deliver:
+                        deliver()
+            # only now: what comes meanwhile waits in `speaks`, and so is not overtaken by what was held
+            self._rightful[name] = holders
             self._changed.notify_all()
-            ready = [(where, held) for where, held in self._held.items() if self._decided(held)]
-            for where, _ in ready:
-                del self._held[where]
-        for _, held in ready:
-            if self.standing(held.names, held.author) is Standing.RIGHTFUL:
-                held.deliver()
-            else:
-                self._on_forged(held.key, self.forged(held.key, held.names, held.author))
+        for held in forged:
+            self._on_forged(held.key, self.forged(held.key, held.names, held.author))
 
     def _holders(self, name: str) -> frozenset[str]:
         processes = list(self._claims[name].values())
         return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
-
-    def _decided(self, held: Held) -> bool:
-        return self.standing(held.names, held.author) is not Standing.UNCLAIMED
 
     def standing(self, names: tuple[str, ...], author: str) -> Standing:
         """Whether a session speaks for one of the names."""
@@ -131,19 +136,19 @@ class Authors:
     ) -> bool:
         """Whether a sample is its author's to send.
 
-        Where the names are not claimed yet it is held, in place of the one before it, and delivered once they are
-        claimed by its author; where they are somebody else's it is told.
+        Where the names are not claimed yet it is held, and delivered once they are claimed by its author; where they
+        are somebody else's it is told.
         """
         if (standing := self.standing(names, author)) is Standing.RIGHTFUL:
             return True
         if standing is Standing.UNCLAIMED:
-            held = Held(key, names, author, deliver)
             with self._changed:
                 if (standing := self.standing(names, author)) is Standing.UNCLAIMED:
-                    before = self._held.get((subscription, key))
-                    if before is not None and before.author == author:
-                        held.since, held.said = before.since, before.said
-                    self._held[subscription, key] = held
+                    where = subscription, key, author
+                    if where not in self._held and len(self._held) < MOST_HOLDING:
+                        self._held[where] = Held(key, names, author)
+                    if where in self._held:
+                        self._held[where].deliver.append(deliver)
                     return False
         if standing is Standing.ANOTHER:
             self._on_forged(key, self.forged(key, names, author))

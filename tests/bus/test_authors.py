@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
-from crosspih_common.bus.authors import PROCESS, Authors, Standing, names_of
+from crosspih_common.bus.authors import MOST_HELD, PROCESS, Authors, Standing, names_of
 from crosspih_common.bus.codec import encode, label_of, label_with_seq
 from crosspih_common.bus.memory import MemoryTransport
 from crosspih_common.keys import (
@@ -78,13 +78,13 @@ def test_a_forged_state_is_thrown_away_and_told(hub: MemoryHub, planning: Bus, f
 
 
 def test_what_comes_before_its_claim_waits_for_it(hub: MemoryHub, planning: Bus, forged: list[str]) -> None:
-    latest, stranger = planning.latest(FT_CALIBRATION), Stranger(hub)
-    stranger.say(FORGED)
-    stranger.say(CALIBRATION)
+    latest, stranger = planning.latest(FT_CALIBRATION, 2 * MOST_HELD), Stranger(hub)
+    weights = [float(number) for number in range(MOST_HELD + 3)]
+    for weight_n in weights:
+        stranger.say(CALIBRATION.model_copy(update={"weight_n": weight_n}))
     assert latest.value() is None and not forged
     stranger.claim("force_torque", "one")
-    assert (told := latest.value()) is not None and told.weight_n == CALIBRATION.weight_n
-    assert latest.wait_for(lambda one: one.weight_n == FORGED.weight_n, 0.0) is None  # the newest alone is kept
+    assert [one.weight_n for one in latest.values()] == weights[-MOST_HELD:]
 
 
 def test_what_was_held_is_told_when_another_claims_the_name(
