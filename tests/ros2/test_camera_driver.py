@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -117,5 +118,22 @@ def test_the_right_camera_first_is_named(endpoint: str) -> None:
     with (
         pytest.raises(ConfigError, match=r"left_info, right_info: P says .* name the left"),
         opened(endpoint, **swapped),
+    ):
+        pass
+
+
+def test_a_calibration_that_was_found_counts_in_place_of_the_camera_infos(endpoint: str, tmp_path: Path) -> None:
+    found = CALIBRATION.model_copy(update={"left": CAMERA.model_copy(update={"fx_px": 5.25, "cx_px": 3.75})})
+    file = tmp_path / "cameras.json"
+    file.write_text(found.model_dump_json(), encoding="utf-8")
+    silent = {"left_info": "/nobody/left", "right_info": "/nobody/right"}
+    with opened(endpoint, calibration=str(file), **silent) as (camera, _):
+        told = camera.calibration()
+        assert (told.left, told.right, told.pose_base_camera) == (found.left, found.right, found.pose_base_camera)
+        assert camera.capture(1.0, 0).left.shape == (6, 8)
+    file.write_text("left: 3", encoding="utf-8")
+    with (
+        pytest.raises(ConfigError, match=r"hardware\.ros2\.camera\.calibration: .*cameras\.json: left: "),
+        opened(endpoint, calibration=str(file)),
     ):
         pass

@@ -14,6 +14,7 @@ from crosspih_common.messages import CameraCalibration
 from crosspih_common.messages.images import ENCODINGS, Pixels
 from crosspih_common.ros2 import RosNode, RosQos, RosSample
 from crosspih_common.ros2.stereo import CameraInfo, calibration_of
+from services.hardware.drivers.calibration_file import read_calibration
 from services.hardware.drivers.ros2.config import Ros2Config
 from services.hardware.drivers.ros2.heard import Heard, RosTime
 from services.hardware.protocols import StereoCapture
@@ -29,24 +30,20 @@ class RosCamera:
     """Implements CameraDevice: a capture is the first pair that was surely exposed after it was asked for."""
 
     def __init__(self, node: RosNode, config: Ros2Config, ros_time: RosTime, workcell: Workcell) -> None:
-        """Raises ConfigError where a topic is silent or the camera_infos are no pair's."""
+        """Raises ConfigError where a topic is silent, the camera_infos are no pair's or the file is no calibration."""
         self._config, self._time = config.camera, ros_time
         self.exposure_s = config.camera.exposure_s
         self._lock = threading.Lock()
         sides = (config.camera.left, "left"), (config.camera.right, "right")
         self._images = tuple(Heard(node, name, IMAGE, f"{FIELD}.{side}", PICTURES, KEEP) for name, side in sides)
-        names = (config.camera.left_info, "left_info"), (config.camera.right_info, "right_info")
-        heard = [Heard(node, name, INFO, f"{FIELD}.{side}", RosQos(transient_local=True, depth=1), 1)
-                 for name, side in names]  # fmt: skip
-        infos = [camera_info(one.first(config.connect_s)) for one in heard]
-        base = workcell.camera.pose_base_camera()
-        try:
-            self._calibration = calibration_of(infos[0], infos[1], base, config.camera.rectified)
-        except ValueError as error:
-            raise ConfigError(f"{FIELD}.left_info, right_info: {error}") from None
+        file = config.camera.calibration
+        if file is not None:
+            self._calibration = read_calibration(file, f"{FIELD}.calibration", workcell)
+        else:
+            self._calibration = _told_calibration(node, config, workcell)
 
     def calibration(self) -> CameraCalibration:
-        """From the camera_infos; where the left camera stands is the cell's to say."""
+        """Of the file, or from the camera_infos; where the left camera stands is then the cell's to say."""
         return self._calibration.model_copy(update={"stamp_ns": time.monotonic_ns()})
 
     def capture(self, exposure_scale: float, lamp: int) -> StereoCapture:
@@ -115,6 +112,19 @@ class RosCamera:
             return pixels_of(message)
         except ValueError as error:
             raise DeviceLost(f"the {side} picture: {error}") from None
+
+
+def _told_calibration(node: RosNode, config: Ros2Config, workcell: Workcell) -> CameraCalibration:
+    """What the two camera_infos say. Raises ConfigError."""
+    names = (config.camera.left_info, "left_info"), (config.camera.right_info, "right_info")
+    heard = [Heard(node, name, INFO, f"{FIELD}.{side}", RosQos(transient_local=True, depth=1), 1)
+             for name, side in names]  # fmt: skip
+    infos = [camera_info(one.first(config.connect_s)) for one in heard]
+    base = workcell.camera.pose_base_camera()
+    try:
+        return calibration_of(infos[0], infos[1], base, config.camera.rectified)
+    except ValueError as error:
+        raise ConfigError(f"{FIELD}.left_info, right_info: {error}") from None
 
 
 def camera_info(message: Any) -> CameraInfo:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
@@ -54,6 +55,9 @@ class CameraTopics(Section):
     left_info: str = "/camera/left/camera_info"
     right_info: str = "/camera/right/camera_info"
     rectified: bool = Field(default=False, description="the pictures are rectified (image_rect): P is the camera")
+    calibration: Path | None = Field(
+        default=None, description="that of `crosspih calibrate hand-eye`: it counts, and no camera_info is listened to"
+    )
     exposure_s: float = Field(default=0.02, gt=0.0, le=10.0, description="said to be the usual exposure")
     pair_within_s: float = Field(
         default=0.005, ge=0.0, le=0.1, description="stamps of a pair differ by so much at most"

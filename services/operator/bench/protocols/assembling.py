@@ -21,7 +21,7 @@ from rich.table import Table
 
 from crosspih_common.config import load_cell
 from crosspih_common.config.cell import standing_alone
-from crosspih_common.errors import ConfigError, CrosspihError
+from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import JOINT_STATE
 from crosspih_common.messages import JointState, Strategy
 from deploy.launcher import LauncherError
@@ -105,6 +105,14 @@ class Calibrated:
     content: dict[str, Any]
     hides: int
 
+    def reached_by(self, way: Way, plant: Plant) -> dict[str, Any]:
+        """The cell's file for a plant: what was found through UR's protocols holds for the same cell behind others."""
+        if way is Way.UR:
+            return self.content
+        cameras = (self.content.get("hardware", {}).get("genicam") or {}).get("calibration")
+        hardware = merged(plant.content["hardware"], {"ros2": {"camera": {"calibration": cameras}}})
+        return {**self.content, "hardware": hardware}
+
 
 def calibrated_cell(file: Path, hides: int) -> Calibrated:
     """Of a cell's file, the files that it names by absolute paths. Raises ConfigError."""
@@ -123,7 +131,7 @@ def assembled(way: Way, seed: int, strategy: Strategy, calibrated: Calibrated | 
         try:
             with open_plant(way, seed, Path(folder), None if calibrated is None else calibrated.hides) as plant:
                 asked = _Asked(plant, seed, strategy, began_s)
-                content = plant.content if calibrated is None else calibrated.content
+                content = plant.content if calibrated is None else calibrated.reached_by(way, plant)
                 task = CellTask(f"seed {seed}", content, _trial, asked, NEEDED, calibrate=False, speed="realtime")
                 cell = OwnCell(0, task)
                 try:
@@ -209,8 +217,6 @@ def protocols(
     with told(console):
         if needs_private_network(way):
             private_network(ADDRESSES)
-        if calibrated is not None and way is not Way.UR:
-            raise ConfigError("--calibrated: `crosspih bench day` finds calibrations by --way ur alone")
         cell = None if calibrated is None else calibrated_cell(calibrated, hidden)
         rows = []
         for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):

@@ -74,9 +74,9 @@ class Plant:
         return int(said["cycles"]), int(said["late_cycles"])
 
 
-def base_content(way: Way) -> dict[str, Any]:
-    """The cell that stands behind the protocols."""
-    name = "ur5e" if way is Way.UR else "default"
+def base_content(way: Way, hides: int | None = None) -> dict[str, Any]:
+    """The cell that stands behind the protocols; one that hides something is the UR5e's, for which it was found."""
+    name = "ur5e" if way is Way.UR or hides is not None else "default"
     file = Path(deploy.__file__).resolve().parent / "cells" / f"{name}.yaml"
     return dict(yaml.safe_load(file.read_text(encoding="utf-8")))
 
@@ -91,7 +91,7 @@ def open_plant(way: Way, seed: int, folder: Path, hides: int | None = None) -> I
         stack.enter_context(Peer("router", ["services.router", "--endpoint", endpoint], environment, folder))
         _wait_for(endpoint)
         open_way = _open_ur if way is Way.UR else _open_ros2
-        base = base_content(way)
+        base = base_content(way, hides)
         real = merged(behind(base, hides), {"hardware": {"simulated": {"seed": seed}}})
         yield open_way(_Opening(stack, base, real, hides, folder, endpoint, environment))
 
