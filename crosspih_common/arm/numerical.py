@@ -17,7 +17,6 @@ import numpy as np
 import pinocchio
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
-from scipy.stats import qmc
 
 from crosspih_common.arm.errors import Unreachable
 from crosspih_common.arm.kinematics import ArmModel
@@ -180,6 +179,8 @@ class Numerical:
     @cached_property
     def _spread(self) -> Array:
         """Where to start again (_STARTS, n), in -1..1, each farther from the seed than those before."""
+        from scipy.stats import qmc  # half a second to load, and only few targets want it
+
         unit = qmc.Halton(len(self._lower), scramble=False).random(_STARTS + 1)[1:]
         return (2.0 * unit - 1.0) * np.linspace(0.2, 1.0, _STARTS)[:, None]
 

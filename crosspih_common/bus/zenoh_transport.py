@@ -20,7 +20,6 @@ from zenoh import ext
 
 from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
 from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, NoService
-from crosspih_common.security.access import access_control
 from crosspih_common.security.credentials import Credentials, credentials_from_environment, secure_endpoint
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -58,6 +57,9 @@ def router_config(endpoint: str, peers: bool = False, credentials: Credentials |
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
     if credentials is not None:
+        # the key table loads every message: a router without certificates needs none of it
+        from crosspih_common.security.access import access_control
+
         settings |= {**credentials.listening(), "access_control": access_control()}
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry.pose import Array
@@ -58,7 +58,7 @@ class Fit:
 
     def half_width(self, share: float = 0.95) -> Array:
         """(p,): half of the interval that holds each shared unknown in that share of all calibrations (Student)."""
-        return self.sd * float(student.ppf(0.5 + share / 2.0, max(self.groups - 1, 1)))
+        return self.sd * float(stdtrit(max(self.groups - 1, 1), 0.5 + share / 2.0))
 
     def rms_of(self) -> Array:
         """(n,): of the residuals of each group."""

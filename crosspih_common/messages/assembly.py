@@ -6,7 +6,7 @@ from enum import Enum
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Covariance6, Frame, Message, PoseData
+from crosspih_common.messages.base import MOST, Covariance6, Frame, Message, PoseData
 from crosspih_common.messages.estimate import PosePrior
 
 
@@ -130,7 +130,9 @@ class CalibrateFt(Message):
     """Drive the calibration poses, dwell in each and identify bias, weight and centroid."""
 
     samples_s: float = Field(default=0.25, gt=0.0, le=5.0)
-    temperature_c: float | None = Field(default=None, description="of sensor or room now; kept with the calibration")
+    temperature_c: float | None = Field(
+        default=None, ge=-MOST, le=MOST, description="of sensor or room now; kept with the calibration"
+    )
 
 
 class Withdraw(Message):
@@ -141,7 +143,9 @@ class Withdraw(Message):
     )
     clear_m: float = Field(default=0.03, gt=0.0, le=0.1, description="tip to the hole's face at the end")
     speed_m_s: float = Field(default=0.01, gt=0.0, le=0.05)
-    force_limit_n: float = Field(default=20.0, gt=0.0, description="more pull than this means that it is stuck")
+    force_limit_n: float = Field(
+        default=20.0, gt=0.0, le=MOST, description="more pull than this means that it is stuck"
+    )
 
 
 class WithdrawResult(Message):

@@ -53,7 +53,10 @@ def _least_eigenvalue(values: tuple[float, ...]) -> float:
     if (variances < 0.0).any():
         raise ValueError(f"variance {int(np.argmin(variances))} on its diagonal is {variances.min():.3g}, below 0")
     scales = np.sqrt(np.where(variances > 0.0, variances, 1.0))
-    correlation = covariance / np.outer(scales, scales)
+    with np.errstate(over="ignore"):
+        correlation = covariance / scales[:, None] / scales[None, :]
+    if not np.isfinite(correlation).all():
+        raise ValueError("has an entry beyond all that its two variances allow: no covariance is so")
     if np.abs(correlation - correlation.T).max() > SYMMETRY:
         raise ValueError("is not symmetric; give it row by row, order x, y, z, rx, ry, rz")
     return float(np.linalg.eigvalsh(correlation)[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from crosspih_common.messages.base import (
+    MOST_SEQ,
     Covariance6,
     Direction,
     Frame,
@@ -68,8 +69,8 @@ class NextTouch(Message):
     """Ask where to push next, given what is believed now and how often pushing failed and touching was tried."""
 
     belief: PosePrior
-    touches_made: int = Field(ge=0)
-    failed_pushes: int = Field(ge=0)
+    touches_made: int = Field(ge=0, le=MOST_SEQ)
+    failed_pushes: int = Field(ge=0, le=MOST_SEQ)
     last_touch_used: bool = Field(default=True, description="False where the estimate could not explain the last touch")
 
 

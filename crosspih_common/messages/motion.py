@@ -172,7 +172,7 @@ class SetPayload(Held, Message):
     """
 
     bias: Vector6
-    weight_n: float = Field(ge=0.0)
+    weight_n: float = Field(ge=0.0, le=MOST)
     centroid_ft_m: Vector3
     gravity_base: Vector3 = Field(description="unit vector, the way things fall")
 

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import Deviations6, Frame, Message, Part, PoseData, RawVector6, Vector3, Vector6
+from crosspih_common.messages.base import (
+    MOST,
+    Deviations6,
+    Frame,
+    Message,
+    Part,
+    PoseData,
+    RawVector6,
+    Vector3,
+    Vector6,
+)
 from crosspih_common.messages.contact import ContactState
 
 
@@ -86,7 +96,7 @@ class IdentifyPayload(Message):
 
     readings: tuple[RawReading, ...] = Field(max_length=1000)
     save: bool = True
-    temperature_c: float | None = Field(default=None, description="now; kept with the calibration")
+    temperature_c: float | None = Field(default=None, ge=-MOST, le=MOST, description="now; kept with the calibration")
 
 
 class FtCalibration(Message):

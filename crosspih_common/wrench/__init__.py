@@ -5,6 +5,7 @@ from crosspih_common.wrench.low_pass import LowPass
 from crosspih_common.wrench.mounting import SensorMounting
 from crosspih_common.wrench.payload import Payload
 from crosspih_common.wrench.plausibility import IMPLAUSIBLE, PayloadLimits, judge_bounds, judge_payload
+from crosspih_common.wrench.sensed import refuse_implausible_wrench
 
 __all__ = [
     "IMPLAUSIBLE",
@@ -15,4 +16,5 @@ __all__ = [
     "judge_bounds",
     "judge_payload",
     "mean_and_sd",
+    "refuse_implausible_wrench",
 ]

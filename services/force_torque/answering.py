@@ -18,7 +18,7 @@ from crosspih_common.messages import (
     IdentifyPayload,
     floats,
 )
-from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_bounds
+from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_bounds, refuse_implausible_wrench
 from services.force_torque.against_drawing import judge_centroid
 from services.force_torque.calibration import (
     CalibrationError,
@@ -33,7 +33,8 @@ from services.force_torque.judging import Judge
 
 
 def compensated(payload: Payload, judge: Judge, command: CompensateWrench) -> ContactReading:
-    """One averaged reading as contact alone, and the contact state that it looks like."""
+    """One averaged reading as contact alone, and the contact state that it looks like. Raises CommandRefused
+    `implausible`."""
     sd = payload.mounting.peg_sd(command.wrench_sd)
     wrench = payload.contact(command.wrench_raw, command.pose_base_peg.pose().rotation)
     residual = None
@@ -41,6 +42,8 @@ def compensated(payload: Payload, judge: Judge, command: CompensateWrench) -> Co
         free = (command.pose_base_peg_free or command.pose_base_peg).pose().rotation
         residual = payload.contact(command.wrench_free_raw, free)
         wrench = wrench - residual
+    refuse_implausible_wrench(wrench, "wrench_raw, as the contact that it is")
+    refuse_implausible_wrench(sd, "wrench_sd, on the peg")
     return ContactReading(
         wrench=floats(wrench),
         wrench_sd=floats(sd),
@@ -50,12 +53,15 @@ def compensated(payload: Payload, judge: Judge, command: CompensateWrench) -> Co
 
 
 def classified(judge: Judge, command: ClassifyContacts) -> ContactStates:
-    """The states of wrenches. Raises CommandRefused `lengths`."""
+    """The states of wrenches. Raises CommandRefused: lengths, implausible."""
     if len(command.wrench_sds) != len(command.wrenches):
         raise CommandRefused(
             "lengths",
             f"{len(command.wrenches)} wrenches with {len(command.wrench_sds)} wrench_sds; want one for each",
         )
+    for index, (wrench, sd) in enumerate(zip(command.wrenches, command.wrench_sds, strict=True)):
+        refuse_implausible_wrench(wrench, f"wrenches.{index}")
+        refuse_implausible_wrench(sd, f"wrench_sds.{index}")
     pairs = zip(command.wrenches, command.wrench_sds, strict=True)
     return ContactStates(
         states=tuple(judge(np.asarray(wrench), np.asarray(sd), command.classifier) for wrench, sd in pairs)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import TypeVar
 
 import numpy as np
+from pydantic import ValidationError
 
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import PosePrior, Touch
+from crosspih_common.wrench import refuse_implausible_wrench
+
+RequestT, AnswerT = TypeVar("RequestT"), TypeVar("AnswerT")
 
 MOST_PRIOR_M, MOST_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
 FAR_M = 0.5  # from the believed rim to the peg's tip: a touch there was on something else
-MOST_FORCE_N, MOST_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
 
 
 def refuse_implausible_prior(prior: PosePrior, name: str) -> None:
@@ -36,17 +40,6 @@ def refuse_implausible_peg(pose_base_peg: Pose, tip_m: float, pose_base_hole: Po
         )
 
 
-def refuse_implausible_wrench(wrench: Sequence[float] | Array, name: str) -> None:
-    """Raises CommandRefused `implausible` for (6,) N and Nm that no wrist sensor can feel."""
-    forces, moments = np.abs(np.asarray(wrench)).reshape(2, 3)
-    if forces.max() > MOST_FORCE_N or moments.max() > MOST_MOMENT_NM:
-        raise CommandRefused(
-            "implausible",
-            f"{name}: {forces.max():.3g} N and {moments.max():.3g} Nm; at most {MOST_FORCE_N:g} N and "
-            f"{MOST_MOMENT_NM:g} Nm can be",
-        )
-
-
 def refuse_implausible_touches(prior: PosePrior, touches: Sequence[Touch], tip_m: float) -> None:
     """Of a whole request; raises CommandRefused `implausible`, which names the touch and its field."""
     refuse_implausible_prior(prior, "prior")
@@ -55,3 +48,25 @@ def refuse_implausible_touches(prior: PosePrior, touches: Sequence[Touch], tip_m
         refuse_implausible_peg(touch.pose_base_peg.pose(), tip_m, hole, f"touches.{index}.pose_base_peg")
         refuse_implausible_wrench(touch.wrench, f"touches.{index}.wrench")
         refuse_implausible_wrench(touch.wrench_sd, f"touches.{index}.wrench_sd")
+
+
+def refuse_implausible_answers(answer: Callable[[RequestT], AnswerT]) -> Callable[[RequestT], AnswerT]:
+    """The same, but an answer that no message can hold (a hole more than 100 m away) is refused as `implausible`.
+
+    Each number of a request may be one that a cell can have, and what they lead to together not.
+    """
+
+    @wraps(answer)
+    def plausible(request: RequestT) -> AnswerT:
+        try:
+            return answer(request)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise CommandRefused(
+                "implausible",
+                f"the poses, wrenches and covariances of this request lead to no pose of a cell: "
+                f"{'.'.join(str(part) for part in first['loc'])} of the answer would be {first['input']!r:.40}; "
+                f"{first['msg']}",
+            ) from None
+
+    return plausible

@@ -28,10 +28,12 @@ from crosspih_common.messages import (
 )
 from crosspih_common.messages import PosePrior as PriorMessage
 from crosspih_common.service import ServiceContext
+from crosspih_common.wrench import refuse_implausible_wrench
 from services.inference.config import InferenceConfig
 from services.inference.estimator import (
     BoreWalls,
     EstimatorSettings,
+    NotSeated,
     PosePrior,
     PressSettings,
     TouchObservation,
@@ -47,10 +49,10 @@ from services.inference.network.estimator import NetworkEstimator, NetworkUnavai
 from services.inference.network.shell import SequenceShell
 from services.inference.next_touch import next_touch
 from services.inference.plausible import (
+    refuse_implausible_answers,
     refuse_implausible_peg,
     refuse_implausible_prior,
     refuse_implausible_touches,
-    refuse_implausible_wrench,
 )
 
 
@@ -78,12 +80,12 @@ class InferenceShell:
             self._network = NetworkEstimator(config.weights, self._peg, self._hole)
         except NetworkUnavailable as error:
             context.event(Severity.WARNING, "network", str(error))
-        context.bus.serve(ESTIMATE, self._estimate)
-        context.bus.serve(NEXT_TOUCH, self._next_touch)
-        context.bus.serve(SEATED, self._seated)
-        context.bus.serve(NETWORK, self._by_network)
+        context.bus.serve(ESTIMATE, refuse_implausible_answers(self._estimate))
+        context.bus.serve(NEXT_TOUCH, refuse_implausible_answers(self._next_touch))
+        context.bus.serve(SEATED, refuse_implausible_answers(self._seated))
+        context.bus.serve(NETWORK, refuse_implausible_answers(self._by_network))
         SequenceShell(context, config.sequence_weights, self._observation)
-        context.bus.serve(ADVISE_INSERTION, self._advise)
+        context.bus.serve(ADVISE_INSERTION, refuse_implausible_answers(self._advise))
 
     def _observation(self, touch: Touch) -> TouchObservation:
         direction = np.asarray(touch.direction_base)
@@ -206,7 +208,7 @@ class InferenceShell:
                 np.asarray(request.wrench),
                 self._workcell.arm_compliance_peg(request.joints_rad),
             )
-        except ValueError as error:
+        except NotSeated as error:
             raise CommandRefused("not_seated", str(error)) from None
         return PoseErrorEstimate(
             pose_base_hole=PoseData.of(pose),
@@ -228,18 +230,22 @@ class InferenceShell:
 
     def _advise(self, request: AdviseInsertion) -> InsertionAdvice:
         self._refuse_implausible(request.belief, "belief", request.pose_base_peg.pose(), request.wrench)
-        advice = advise_insertion(
-            self._peg,
-            self._hole,
-            request.belief.pose_base_hole.pose(),
-            np.asarray(request.belief.covariance).reshape(6, 6),
-            request.pose_base_peg.pose(),
-            np.asarray(request.wrench),
-            self._workcell.arm_compliance_peg(request.joints_rad),
-            self._workcell.friction_expected if request.friction is None else request.friction,
-            request.push_force_n,
-            request.force_limit_n,
-        )
+        try:
+            advice = advise_insertion(
+                self._peg,
+                self._hole,
+                request.belief.pose_base_hole.pose(),
+                np.asarray(request.belief.covariance).reshape(6, 6),
+                request.pose_base_peg.pose(),
+                np.asarray(request.wrench),
+                self._workcell.arm_compliance_peg(request.joints_rad),
+                self._workcell.friction_expected if request.friction is None else request.friction,
+                request.push_force_n,
+                request.force_limit_n,
+            )
+        except NotSeated as error:
+            # past the rim along the hole's axis, but across it: no peg in a bore lies so
+            raise CommandRefused("not_seated", str(error)) from None
         return InsertionAdvice(
             contact=advice.contact,
             action=advice.action,

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from scipy.stats import binomtest
 
 from services.operator.scoring import TrialFigures
 
@@ -69,6 +68,8 @@ class BenchResult(BaseModel):
 
 def wilson95(successes: int, trials: int) -> tuple[float, float]:
     """The Wilson score interval at 95 %."""
+    from scipy.stats import binomtest  # half a second to load: not at the start of every command
+
     interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
 

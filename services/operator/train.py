@@ -12,7 +12,6 @@ from rich.table import Table
 
 from services.operator.bench.options import told
 from services.operator.dataset.inference_process import run_tool
-from services.operator.training_report import write_training_report
 
 ANGLES = ("alpha", "beta", "gamma")
 
@@ -72,6 +71,9 @@ def train(
                 console,
             )  # fmt: skip
             Console().print(_table(result))
+        # matplotlib takes its time to load: other commands should not wait for it
+        from services.operator.training_report import write_training_report
+
         write_training_report(result, report)
     console.print(f"page: {report}" + ("" if paper_rows else f"   weights: {weights}"), highlight=False)
 

@@ -15,7 +15,6 @@ from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
 from crosspih_common.arm.kinematics import ArmModel
 from crosspih_common.collision import CollisionModel
@@ -77,6 +76,8 @@ def _clear_candidates(arm: ArmModel, start: Array, collisions: CollisionModel, c
     range_rad = np.array([*[0.6] * (arm.joints - 3), 9.0, 9.0, np.pi])
     low = np.maximum(arm.limits.lower_rad + margin, start - range_rad)
     high = np.minimum(arm.limits.upper_rad - margin, start + range_rad)
+    from scipy.stats import qmc  # half a second to load, and only a calibration wants it
+
     unit = qmc.Halton(arm.joints, scramble=False).random(count + 1)[1:]
     vectors = low + unit * (np.maximum(high, low) - low)
     found = [collisions.clearance(joints) for joints in vectors]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -16,7 +16,7 @@ from crosspih_common.geometry.pose import Array
 # x and y across the hole's axis, and the tilts about them: what a bore's walls fix
 ACROSS = [0, 1, 3, 4]
 CONFIDENCE = 0.999
-BOUND = float(chi2.ppf(CONFIDENCE, len(ACROSS)))
+BOUND = float(chdtri(len(ACROSS), 1.0 - CONFIDENCE))  # the quantile of chi2
 
 
 def nearest_turn(off: Pose, symmetry_order: int) -> Pose:

@@ -12,18 +12,30 @@ import signal
 import sys
 import threading
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import zenoh
 
-from crosspih_common.bus import Bus
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
-from crosspih_common.config import load_cell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.security import credentials_from_environment, open_to_whom, secure_endpoint
 from crosspih_common.service import notify
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from crosspih_common.service.urgency import be_urgent
-from services.router.telling import Telling
+
+if TYPE_CHECKING:
+    from services.router.telling import Telling
+
+
+def _telling(cell: str | None) -> tuple[type[Telling], str]:
+    """What tells of refusals, and on which cell's bus. Imported here alone: a plain router needs none of it.
+
+    Raises ConfigError for a cell's file that cannot be read.
+    """
+    from crosspih_common.config import load_cell
+    from crosspih_common.service.lifecycle import DEFAULT_CELL
+    from services.router.telling import Telling
+
+    return Telling, load_cell(cell or DEFAULT_CELL).workcell.name
 
 
 def main() -> int:
@@ -35,14 +47,14 @@ def main() -> int:
         help="tell Zenoh peers of each other: for nodes of ROS 2 (docs/hardware/ros2.md)",
     )  # fmt: skip
     parser.add_argument(
-        "--cell", default=os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL,
+        "--cell", default=os.environ.get("CROSSPIH_CELL"),
         help="the cell's YAML file: on whose bus refusals are told, where there are certificates",
     )  # fmt: skip
     given = parser.parse_args()
     endpoint = given.endpoint
     try:
         credentials = credentials_from_environment("router")
-        cell = load_cell(given.cell).workcell.name if credentials else ""
+        kind, cell = _telling(given.cell) if credentials else (None, "")
     except CrosspihError as error:
         print(f"router: {error}", file=sys.stderr, flush=True)
         return 1
@@ -54,7 +66,7 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
     be_urgent()  # it does little, and everything waits for it; before Zenoh starts its threads
-    telling = Telling() if credentials else None
+    telling = kind() if kind is not None else None  # urgent too: Zenoh waits for whoever reads its log
     try:
         session = zenoh.open(router_config(endpoint, given.peers, credentials))
     except zenoh.ZError as error:
@@ -66,7 +78,7 @@ def main() -> int:
             flush=True,
         )
         return 1
-    bus: Bus | None = None
+    bus = None
     try:
         if telling is not None:
             bus = telling.to(session, endpoint, cell)

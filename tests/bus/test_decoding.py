@@ -73,6 +73,8 @@ def test_a_direction_without_length_is_refused_by_its_field() -> None:
     [
         (lambda c: c - 2.0 * np.diag(c.diagonal()), "below 0"),
         (lambda c: np.ones((6, 6)) * 1e-6, "singular"),
+        # their quotient overflows
+        (lambda c: 5e-324 * np.eye(6) + 1e12 * (np.eye(6, k=1) + np.eye(6, k=-1)), "beyond all that its two variances"),
         (lambda c: np.zeros((6, 6)), "singular"),
         (lambda c: c + np.triu(np.full((6, 6), 1e-7), 1), "not symmetric"),
         (lambda c: c + 2e-6 * (np.ones((6, 6)) - np.eye(6)) * np.array([[-1.0] * 6] * 6), "negative eigenvalue"),

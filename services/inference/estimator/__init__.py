@@ -12,7 +12,7 @@ from services.inference.estimator.observation import (
     TouchVerdict,
 )
 from services.inference.estimator.pressed import PressedEstimate, PressSettings, pressed_estimate
-from services.inference.estimator.seated import final_estimate
+from services.inference.estimator.seated import NotSeated, final_estimate
 
 __all__ = [
     "BoreWalls",
@@ -20,6 +20,7 @@ __all__ = [
     "EstimatorSettings",
     "InsertionAdvice",
     "InsertionSettings",
+    "NotSeated",
     "PoseErrorEstimate",
     "PosePrior",
     "PressSettings",

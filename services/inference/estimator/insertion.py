@@ -124,6 +124,7 @@ def advise_insertion(
 
     pose_base_hole, covariance (6, 6): the belief. pose_base_peg: motor-side pose of the peg; wrench_peg (6,) on the
     peg and compliance_peg (6, 6) give its deflection. push_force_n: axial force that the push went up to.
+    Raises NotSeated for a peg that is past the rim along the axis of the hole, but lies across it.
     """
     settings = settings or InsertionSettings()
     walls = BoreWalls.of(peg, hole)
@@ -192,7 +193,7 @@ def advise_insertion(
     by_push = np.linalg.solve(bending[np.ix_(PLANE, PLANE)], bending[PLANE, 2])
     from_middle = adjoint_wrench(middle)
     best_n, best_share = push_force_n, np.inf
-    for push_n in np.linspace(settings.lowest_push_n, max(force_limit_n, push_force_n), 24):
+    for push_n in np.linspace(settings.lowest_push_n, max(force_limit_n, push_force_n, settings.lowest_push_n), 24):
         lateral = np.zeros(6)
         lateral[PLANE] = by_push * (push_n - held)
         changed = felt + from_middle @ lateral

@@ -18,6 +18,10 @@ CALIBRATION_SD_M = 2e-5
 TOUCHING_FORCE_N = 1.0
 
 
+class NotSeated(ValueError):
+    """The peg's body is not in the hole."""
+
+
 def final_estimate(
     peg: Peg,
     hole: Hole,
@@ -33,7 +37,7 @@ def final_estimate(
     and compliance_peg (6, 6) give its deflection. At the rim and at the body's leading end the peg lies anywhere within
     the clearance, uniformly, unless the wrench says which wall it leans on; that makes a lateral, a tilt and a turn,
     and says nothing of the depth.
-    Raises ValueError when the peg's body is not in the hole.
+    Raises NotSeated when the peg's body is not in the hole.
     """
     twist = np.asarray(compliance_peg, float) @ np.asarray(wrench_peg, float)
     seated = pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3])
@@ -41,7 +45,7 @@ def final_estimate(
     rim_z = (seated.inverse() @ pose_base_hole).translation_m[2]
     entered = peg.taper_start_m - rim_z - hole.chamfer_m
     if entered <= 0.0:
-        raise ValueError(
+        raise NotSeated(
             f"the peg's body is {-entered * 1e3:.1f} mm short of the bore: "
             "push it in before asking for the final estimate"
         )

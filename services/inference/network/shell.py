@@ -24,7 +24,7 @@ from crosspih_common.messages import (
 from crosspih_common.service import ServiceContext
 from services.inference.estimator import TouchObservation
 from services.inference.network.estimator import TORCH_MEND
-from services.inference.plausible import refuse_implausible_touches
+from services.inference.plausible import refuse_implausible_answers, refuse_implausible_touches
 
 SHIPPED_WEIGHTS = Path(__file__).with_name("sequence.safetensors")
 # below this share of the prior's variance a direction counts as narrowed, as the estimator counts
@@ -45,7 +45,7 @@ class SequenceShell:
         self._network: object | None = None
         if not self._path.is_file():
             context.event(Severity.WARNING, "sequence_network", f"no weights at {self._path}")
-        context.bus.serve(SEQUENCE_NETWORK, self.estimate)
+        context.bus.serve(SEQUENCE_NETWORK, refuse_implausible_answers(self.estimate))
 
     def estimate(self, request: EstimateBySequence) -> PoseErrorEstimate:
         """The hole's pose from the touches so far. Refused as no_weights when there are none for this peg,

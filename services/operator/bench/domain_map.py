@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
 
 if TYPE_CHECKING:
@@ -17,6 +16,9 @@ _INK, _PALE = "#1b1f24", "#f2f2f2"
 
 def draw_map(boxes: Sequence[Box], strategy: str, trials: int, wanted: float, path: Path) -> None:
     """Draw it as a PNG. The scale begins at 0.5: what is worse is a failure all the same."""
+    # takes its time to load: commands that draw nothing should not wait for it
+    import matplotlib
+
     matplotlib.use("Agg")
     from matplotlib import pyplot
     from matplotlib.colors import ListedColormap, Normalize

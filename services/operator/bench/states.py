@@ -14,7 +14,6 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError, CrosspihError
 from deploy.launcher import LauncherError
 from services.operator.bench.contact_states.collecting import Collection, Wanted
-from services.operator.bench.contact_states.figures import draw_bands, draw_confusion, draw_reliability
 from services.operator.bench.contact_states.judged import judge
 from services.operator.bench.contact_states.plan import RANDOM
 from services.operator.bench.contact_states.summary import summarise
@@ -67,6 +66,9 @@ def states(
         console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
     figures = summarise(judged)
     purposed = [one for one in judged if one.contact.result.target != RANDOM]
+    # matplotlib takes its time to load: other commands should not wait for it
+    from services.operator.bench.contact_states.figures import draw_bands, draw_confusion, draw_reliability
+
     draw_confusion(judged, confusion or folder / "confusion.png")
     draw_bands(judged, cell.workcell.friction_expected, bands or folder / "n_z0.png")
     draw_reliability(purposed, reliability or folder / "reliability.png")

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from crosspih_common.errors import CommandRefused, CrosspihError
 from crosspih_common.keys import LOCATE
@@ -118,7 +118,7 @@ def summarise_sights(condition: str, sights: list[Sight]) -> SightSummary:
         values = np.abs([getattr(sight, name) for sight in accepted])
         return (float(np.median(values)), float(np.percentile(values, 95))) if len(values) else None
 
-    inside = sum(sight.nees is not None and sight.nees < chi2.ppf(0.95, 6) for sight in accepted)
+    inside = sum(sight.nees is not None and sight.nees < chdtri(6, 0.05) for sight in accepted)
     return SightSummary(
         condition=condition,
         pairs=len(sights),

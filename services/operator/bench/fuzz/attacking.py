@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from crosspih_common.keys import (
     RESET,
     WITHDRAW,
     Command,
+    Topic,
     author_key,
     commands,
     topics,
@@ -44,64 +46,78 @@ LONG = {
 SORTS = (Sort.FITTING, Sort.FITTING, Sort.MISFIT, Sort.BROKEN)
 INTERNAL = "internal"
 NOTHING = "no answer"
+AFTERWARDS = "an assembly afterwards"
 
 
-class Answered(BaseModel):
-    """What one command answered: refusal codes, `accepted`, `no answer`; and examples of what must not be."""
+class Part(BaseModel):
+    """One command's payloads, one topic's, or the assembly afterwards: what was answered, and how the services fared.
 
-    command: str
+    `answers`: how often each refusal's code, `accepted` or `no answer`; `defects`: examples of what must not be.
+    Restarts and tracebacks are those of this part alone, memory is what each service had at its end.
+    """
+
+    what: str
     answers: Counter[str] = Field(default_factory=Counter)
-    defects: list[str] = Field(default_factory=list)
-
-
-class Attacked(BaseModel):
-    """All commands, the samples put on topics, and the services before and after."""
-
-    commands: list[Answered] = []
     samples: int = 0
+    defects: list[str] = Field(default_factory=list)
     restarts: dict[str, int] = {}
-    grown_mb: dict[str, float] = {}
     tracebacks: dict[str, int] = {}
-    inserted: bool | None = None
-    failure: str = ""
+    memory_mb: dict[str, float] = {}
 
     @property
-    def defects(self) -> list[str]:
+    def told(self) -> list[str]:
         """What speaks against the cell, in words."""
-        found = [f"{row.command}: {what}" for row in self.commands for what in row.defects]
-        found += [f"{service} was started again {count} times" for service, count in self.restarts.items() if count]
-        found += [f"{service} wrote {count} tracebacks" for service, count in self.tracebacks.items() if count]
-        return found + ([] if self.inserted else [f"the assembly afterwards: {self.failure or 'not inserted'}"])
+        found = [f"{self.what}: {defect}" for defect in self.defects]
+        found += [f"{self.what}: {service} started again, {count} times" for service, count in self.restarts.items()]
+        return found + [
+            f"{self.what}: {service} wrote {count} tracebacks" for service, count in self.tracebacks.items()
+        ]
 
 
-def attack(session: Session, payload: dict[str, int]) -> dict[str, Any]:
-    """The work of a CellTask: `count` payloads for each command and each topic, drawn from `seed`."""
-    count, seed = payload["count"], payload["seed"]
-    done = Attacked()
-    before = _memory_mb(session)
-    for command in commands():
-        done.commands.append(_ask_all(session, command, count, seed))
-    done.samples = _put_all(session, count, seed)
-    done.restarts = {row.service: row.restarts for row in _rows(session)}
-    done.grown_mb = {name: round(now - before.get(name, now), 1) for name, now in _memory_mb(session).items()}
-    done.tracebacks = {
-        service: sum("Traceback (most recent" in line.text for line in tail.read())
-        for service, tail in StateDirectory(session.cell.workcell.name).tails().items()
-    }
-    # whatever was asked may have left another calibration or payload: both are made anew, as after any doubt
+def parts() -> list[str]:
+    """What an attack is made of, in its order: every command, every topic, and an assembly."""
+    return [
+        *(command.path for command in commands()),
+        *(topic.path for topic in topics() if not issubclass(topic.type, Image)),
+        AFTERWARDS,
+    ]
+
+
+def attack(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
+    """The work of a CellTask: `count` payloads of one part, drawn from `seed`. No more are sent once it is `until`."""
+    what, count, seed, until = payload["part"], payload["count"], payload["seed"], payload["until"]
+    before = _restarts(session), _tracebacks(session)
+    by_path = {command.path: command for command in commands()}
+    if what == AFTERWARDS:
+        part = _assemble(session)
+    elif what in by_path:
+        part = _ask_all(session, by_path[what], count, seed, until)
+    else:
+        part = _put_all(session, next(topic for topic in topics() if topic.path == what), count, seed, until)
+    part.restarts = _more(before[0], _restarts(session))
+    part.tracebacks = _more(before[1], _tracebacks(session))
+    part.memory_mb = _memory_mb(session)
+    return part.model_dump(mode="json")
+
+
+def _assemble(session: Session) -> Part:
+    """Whatever was asked may have left another calibration or payload: both are made anew, as after any doubt."""
+    part = Part(what=AFTERWARDS)
     try:
         session.wait_for_services(DEADLINE_S, NEEDED)
         session.reset(ResetCell(seed=0))
         session.calibrate_ft(0.25)
         figures, _ = session.trial(1000, Strategy.FUSED, record=False)
-        done.inserted, done.failure = figures.inserted, figures.failure_detail
+        part.answers["inserted" if figures.inserted else "not inserted"] += 1
+        part.defects += [] if figures.inserted else [f"not inserted: {figures.failure_detail}"]
     except CrosspihError as error:
-        done.inserted, done.failure = False, str(error)
-    return done.model_dump(mode="json")
+        part.defects.append(str(error))
+    return part
 
 
-def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int) -> Answered:
-    maker, row = PayloadMaker(command.request.model_json_schema(), seed), Answered(command=command.path)
+def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int, until: float) -> Part:
+    maker = PayloadMaker(command.request.model_json_schema(), f"{seed} {command.path}")
+    row = Part(what=command.path)
     fitting = LONG.get(command.path, count)
     with open_zenoh(endpoint()) as transport, contextlib.ExitStack() as held:
         # a command that changes a calibration answers nobody else
@@ -109,6 +125,8 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
         transport.claim(author)
         holder = held.enter_context(hold_arm(session.bus, "fuzzing")) if _needs_holder(command) else None
         for index in range(count):
+            if time.time() > until:
+                break
             sort = SORTS[index % len(SORTS)]
             if sort is Sort.FITTING and fitting <= 0:
                 sort = Sort.MISFIT
@@ -144,21 +162,19 @@ def _needs_holder(command: Command[Any, Any]) -> bool:
     return issubclass(command.request, Held)
 
 
-def _put_all(session: Session, count: int, seed: int) -> int:
-    """Put on every topic what does not fit it: of the right label and others, from a stranger's session."""
-    sent = 0
+def _put_all(session: Session, topic: Topic[Any], count: int, seed: int, until: float) -> Part:
+    """Put on a topic what does not fit it: of the right label and others, from a stranger's session."""
+    part, maker = Part(what=topic.path), PayloadMaker(topic.type.model_json_schema(), f"{seed} {topic.path}")
     with open_zenoh(endpoint()) as transport:
-        for topic in topics():
-            if issubclass(topic.type, Image):
-                continue
-            maker = PayloadMaker(topic.type.model_json_schema(), seed)
-            sender = transport.sender(topic.key(session.cell.workcell.name, "planning"), recover=False, history=0)
-            for index in range(count):
-                label = label_with_seq(topic.type, index) if index % 3 else f"crosspih.Nothing/1 {'9' * 30}"
-                sender.put(maker.payload(Sort.BROKEN if index % 2 else Sort.MISFIT), label)
-                sent += 1
-            sender.close()
-    return sent
+        sender = transport.sender(topic.key(session.cell.workcell.name, "planning"), recover=False, history=0)
+        for index in range(count):
+            if time.time() > until:
+                break
+            label = label_with_seq(topic.type, index) if index % 3 else f"crosspih.Nothing/1 {'9' * 30}"
+            sender.put(maker.payload(Sort.BROKEN if index % 2 else Sort.MISFIT), label)
+            part.samples += 1
+        sender.close()
+    return part
 
 
 def _rows(session: Session) -> Any:
@@ -168,11 +184,28 @@ def _rows(session: Session) -> Any:
     return state.services
 
 
+def _restarts(session: Session) -> dict[str, int]:
+    return {row.service: row.restarts for row in _rows(session)}
+
+
+def _tracebacks(session: Session) -> dict[str, int]:
+    """How many each service's log has, of what the launcher keeps of it."""
+    return {
+        service: sum("Traceback (most recent" in line.text for line in tail.read())
+        for service, tail in StateDirectory(session.cell.workcell.name).tails().items()
+    }
+
+
+def _more(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
+    return {name: count - before.get(name, 0) for name, count in now.items() if count > before.get(name, 0)}
+
+
 def _memory_mb(session: Session) -> dict[str, float]:
     """Resident memory of each service."""
     found = {}
     for row in _rows(session):
         with contextlib.suppress(OSError, StopIteration):
             lines = Path(f"/proc/{row.pid}/status").read_text().splitlines()
-            found[row.service] = int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1024
+            kilobytes = int(next(line for line in lines if line.startswith("VmRSS")).split()[1])
+            found[row.service] = round(kilobytes / 1024, 1)
     return found

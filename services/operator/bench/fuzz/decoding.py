@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import resource
+import sys
+import warnings
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,10 +30,49 @@ class Decoded:
     rejected: int = 0
     escaped: Counter[str] = field(default_factory=Counter)
 
+    def add(self, other: Decoded) -> None:
+        """What became of more of them."""
+        self.accepted += other.accepted
+        self.rejected += other.rejected
+        self.escaped += other.escaped
+
     @property
     def sent(self) -> int:
         """All of them."""
         return self.accepted + self.rejected + sum(self.escaped.values())
+
+
+class Share(NamedTuple):
+    """So many payloads of one key: the part that one process decodes at a time. Equal shares draw equal payloads."""
+
+    key: str
+    first: int
+    count: int
+    seed: int
+
+
+class ShareDone(NamedTuple):
+    """What became of a share, and the most memory that the process has had in use by then, MB."""
+
+    share: Share
+    decoded: Decoded
+    process: int
+    most_memory_mb: float
+
+
+def shares(payloads: int, size: int, seed: int) -> list[Share]:
+    """`payloads` of every key in shares, all keys' first shares first: whoever stops early has some of each."""
+    return [
+        Share(key, first, min(size, payloads - first), seed) for first in range(0, payloads, size) for key in kinds()
+    ]
+
+
+def decode_share(share: Share, process: int) -> ShareDone:
+    """See `decode_all`."""
+    decoded = decode_all(share.key, kinds()[share.key], share.count, share.seed, share.first)
+    # kilobytes, on macOS bytes
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+    return ShareDone(share, decoded, process, most)
 
 
 def kinds() -> dict[str, type[Any]]:
@@ -38,12 +80,21 @@ def kinds() -> dict[str, type[Any]]:
     return {topic.path: topic.type for topic in topics()}
 
 
-def decode_all(key: str, kind: type[Any], count: int, seed: int) -> Decoded:
-    """Draw `count` payloads for a key and decode each; what was accepted must encode and decode to the same again."""
-    rng = np.random.default_rng((seed, sum(key.encode())))
+def decode_all(key: str, kind: type[Any], count: int, seed: int, first: int = 0) -> Decoded:
+    """Draw `count` payloads for a key and decode each; what was accepted must encode and decode to the same again.
+
+    Equal `seed`, key and `first` draw equal payloads. A warning (an overflow in NumPy) counts as an error.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return _decoded(key, kind, range(first, first + count), f"{seed} {key} {first}")
+
+
+def _decoded(key: str, kind: type[Any], numbers: range, seed: str) -> Decoded:
+    rng = np.random.default_rng(list(seed.encode()))
     draw = _images(rng) if issubclass(kind, Image) else PayloadMaker(kind.model_json_schema(), seed).payload
     done, right = Decoded(key), label_of(kind)
-    for index in range(count):
+    for index in numbers:
         label = f"{right} {index}" if index % 10 else LABELS[index // 10 % len(LABELS)].replace("{}", right)
         try:
             value = decode(kind, draw(SORTS[index % len(SORTS)]), label, key)

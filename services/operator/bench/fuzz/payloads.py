@@ -9,14 +9,19 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
+from crosspih_common.messages.base import MOST_PLACE_M
+
 # numbers that arithmetic does not like, each of which JSON can say
 EXTREMES = (0.0, -0.0, 5e-324, 1e-30, -1e-9, 1.0, -1.0, 1e3, -1e6, 1e12, -1e30, 1e154, 1.7e308, -1.7e308)
 WHOLE_EXTREMES = (0, -1, 1, 2**31, -(2**31), 2**53, 2**63 - 1, -(2**63), 2**64, 10**30, 10**400)
 WORDS = ("", "a", "../../etc/passwd", "\x00", "é漢🦾", "%s%n", "*/**", "'; --", "\u202e", "x" * 3000)
 # how often a value is an extreme one, a payload at a time
 WILD = (0.0, 0.03, 0.3, 1.0)
+# how often a field that may be left out is there
+FILLED = (0.1, 0.5, 0.9)
 DEPTH = 3000
 MOST_ITEMS = 12
+NEAR = 50.0  # newtons, radians, metres: beyond it hardly anything of a cell is
 
 
 class Sort(str, Enum):
@@ -30,14 +35,17 @@ class Sort(str, Enum):
 class PayloadMaker:
     """Draws payloads for one JSON schema (as pydantic's `model_json_schema` gives it) from a seed."""
 
-    def __init__(self, schema: dict[str, Any], seed: int) -> None:
+    def __init__(self, schema: dict[str, Any], seed: int | str) -> None:
         self._schema, self._definitions = schema, schema.get("$defs", {})
         self._rng = random.Random(seed)
-        self._wild = 0.0
+        self._wild, self._filled = 0.0, 0.5
+        self._position: list[float] | None = None
+        self._quaternion: list[float] | None = None
 
     def payload(self, sort: Sort) -> bytes:
         """One payload."""
-        self._wild = self._rng.choice(WILD)
+        self._wild, self._filled = self._rng.choice(WILD), self._rng.choice(FILLED)
+        self._position = self._quaternion = None
         value = self._value(self._schema)
         if sort is Sort.FITTING:
             return json.dumps(value).encode()
@@ -76,7 +84,7 @@ class PayloadMaker:
         value = {
             name: self._value(of)
             for name, of in schema.get("properties", {}).items()
-            if name in required or self._rng.random() < 0.5
+            if name in required or self._rng.random() < self._filled
         }
         others = schema.get("additionalProperties")
         if isinstance(others, dict):
@@ -87,7 +95,7 @@ class PayloadMaker:
         least = schema.get("minItems", 0)
         most = min(schema.get("maxItems", least + MOST_ITEMS), least + MOST_ITEMS)
         # six or seven joints: as many in every field
-        count = least if most == least + 1 else self._rng.randint(least, most)
+        count = least if most == least + 1 else least + int((most + 1 - least) * self._rng.random() ** 2)
         of = schema.get("items", {})
         meant = schema.get("format", "")
         if self._rng.random() < 0.95:
@@ -96,9 +104,19 @@ class PayloadMaker:
             if meant == "standard_deviations":
                 return [abs(self._value(of)) for _ in range(count)]
             if meant == "unit_quaternion":
-                vector = [self._rng.gauss(0.0, 1.0) for _ in range(count)]
-                return [one / math.hypot(*vector) for one in vector]
+                self._quaternion = self._near(self._quaternion, [self._rng.gauss(0.0, 1.0) for _ in range(count)])
+                return [one / math.hypot(*self._quaternion) for one in self._quaternion]
+            if count == 3 and of.get("maximum") == MOST_PLACE_M:
+                self._position = self._near(self._position, [self._value(of) for _ in range(count)])
+                return [min(max(one, -MOST_PLACE_M), MOST_PLACE_M) for one in self._position]
         return [self._value(of) for _ in range(count)]
+
+    def _near(self, last: list[float] | None, other: list[float]) -> list[float]:
+        """What a payload's poses have in common: most are of one place, and what is asked of them is not refused."""
+        if last is None or self._rng.random() < 0.4:
+            return other
+        spread = 10.0 ** self._rng.uniform(-6.0, -0.5)
+        return [one + self._rng.gauss(0.0, spread) for one in last]
 
     def _number(self, schema: dict[str, Any]) -> float:
         least = schema.get("minimum", schema.get("exclusiveMinimum"))
@@ -108,6 +126,9 @@ class PayloadMaker:
                 one for one in EXTREMES if (least is None or one > least) and (most is None or one < most)
             ] or [1e-9 if most is None else most]  # fmt: skip
             return float(self._one_of(inside))
+        if (least is None or least < -NEAR) and (most is None or most > NEAR) and self._rng.random() < 0.95:
+            # of the sizes that a cell has, not of those that a number can have
+            return self._rng.choice((-1.0, 1.0)) * 10.0 ** self._rng.uniform(-6.0, math.log10(NEAR))
         low, high = (-1.0 if least is None else least), (1.0 if most is None else most)
         return float(low + (max(high, low) - low or 1.0) * self._rng.uniform(1e-6, 1.0))
 

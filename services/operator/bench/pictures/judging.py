@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.operator.statistics import wilson95
 
-IN_95, IN_9999 = float(chi2.ppf(0.95, 6)), float(chi2.ppf(0.9999, 6))
+# quantiles of chi2 with six degrees of freedom
+IN_95, IN_9999 = float(chdtri(6, 0.05)), float(chdtri(6, 0.0001))
 Span = tuple[float, float]
 
 

@@ -1,0 +1,23 @@
+"""Whether a wrist sensor can have felt a wrench at all: what none can feel is refused before it is computed with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crosspih_common.errors import CommandRefused
+from crosspih_common.geometry.pose import Array
+
+MOST_FORCE_N, MOST_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
+
+
+def refuse_implausible_wrench(wrench: Sequence[float] | Array, name: str) -> None:
+    """Raises CommandRefused `implausible` for (6,) N and Nm that no wrist sensor can feel."""
+    forces, moments = np.abs(np.asarray(wrench)).reshape(2, 3)
+    if forces.max() > MOST_FORCE_N or moments.max() > MOST_MOMENT_NM:
+        raise CommandRefused(
+            "implausible",
+            f"{name}: {forces.max():.3g} N and {moments.max():.3g} Nm; at most {MOST_FORCE_N:g} N and "
+            f"{MOST_MOMENT_NM:g} Nm can be",
+        )

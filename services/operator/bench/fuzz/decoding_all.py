@@ -1,0 +1,123 @@
+"""Every key's payloads over all cores, with a bar; what was decoded by then when it is stopped or its time is up."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import multiprocessing
+import os
+import signal
+import time
+from collections import Counter
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from services.operator.bench.fuzz import decoding as decoding_module
+from services.operator.bench.fuzz import payloads as payloads_module
+from services.operator.bench.fuzz.decoding import Decoded, Share, ShareDone, decode_share, kinds, shares
+from services.operator.bench.local_executor import usable_cores
+from services.operator.bench.source import code_version
+from services.operator.bench.store import ResultStore, result_key
+
+SHARE = 2000
+
+
+@dataclass
+class AllDecoded:
+    """Row by row what became of each key's payloads. `grown_mb`: by how much the most that a process had in use grew
+    after each key had had its first share, the larger of all processes. `whole`: nothing is left to do."""
+
+    rows: dict[str, Decoded] = field(default_factory=lambda: {key: Decoded(key) for key in kinds()})
+    grown_mb: float = 0.0
+    whole: bool = False
+    failure: str = ""
+
+    @property
+    def sent(self) -> int:
+        """All payloads."""
+        return sum(row.sent for row in self.rows.values())
+
+
+@cache
+def drawn_by() -> str:
+    """Sixteen hex digits over what draws the payloads: other payloads are other results."""
+    sources = (Path(str(module.__file__)).read_bytes() for module in (payloads_module, decoding_module))
+    return hashlib.sha256(b"".join(sources)).hexdigest()[:16]
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _decode(share: Share) -> ShareDone:
+    return decode_share(share, os.getpid())
+
+
+def share_key(share: Share) -> str:
+    """Under which its result is kept: other code, or other payloads, are another key."""
+    return result_key({"fuzz": "decoded", "code": code_version(), "drawn_by": drawn_by(), **share._asdict()})
+
+
+def decode_every_key(
+    console: Console, payloads: int, seed: int, until: float, store: ResultStore | None = None
+) -> tuple[AllDecoded, bool]:
+    """Decode `payloads` of each key until it is `until` (`time.time`). Returns what was done, and
+    whether it was interrupted. Shares in the store are taken from there."""
+    done, open_shares = AllDecoded(), []
+    for share in shares(payloads, SHARE, seed):
+        known = store.get(share_key(share)) if store is not None else None
+        if known is None:
+            open_shares.append(share)
+        else:
+            done.rows[share.key].add(
+                Decoded(share.key, known["accepted"], known["rejected"], Counter(known["escaped"]))
+            )
+    done.whole = not open_shares
+    if done.whole or time.time() >= until:
+        return done, False
+    memory: dict[int, float] = {}
+    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(usable_cores(), context, initializer=_leave_interrupts_to_the_parent)
+    waiting: set[Future[ShareDone]] = set()
+    interrupted = False
+    with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+        bar = progress.add_task("payloads decoded", total=payloads * len(done.rows), completed=done.sent)
+
+        def take(future: Future[ShareDone]) -> None:
+            waiting.discard(future)
+            share, decoded, process, most_mb = future.result()
+            done.rows[share.key].add(decoded)
+            if share.first > 0:
+                done.grown_mb = max(done.grown_mb, most_mb - memory.setdefault(process, most_mb))
+            if store is not None:
+                store.put(share_key(share), vars(decoded))
+            progress.advance(bar, share.count)
+            for what in decoded.escaped:
+                progress.console.print(f"{share.key}: {what}", style="red", markup=False, highlight=False)
+
+        try:
+            waiting |= {pool.submit(_decode, share) for share in open_shares}
+            left_s = None if math.isinf(until) else max(until - time.time(), 0.0)
+            for future in as_completed(set(waiting), left_s):
+                take(future)
+            done.whole = True
+        except FutureTimeoutError:
+            progress.console.print("the time is up; what was decoded by now is counted", highlight=False)
+        except KeyboardInterrupt:
+            interrupted = True
+        except BrokenProcessPool:
+            done.failure = "a process that decoded has ended by itself: its memory or a defect in what reads payloads"
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+        # what was at work when it ended is done by now
+        for future in [one for one in waiting if one.done() and not one.cancelled() and one.exception() is None]:
+            take(future)
+    return done, interrupted
