@@ -129,7 +129,8 @@ class Topic(Generic[PayloadT]):
 class Command(Generic[RequestT, ReplyT]):
     """A key with a server that answers each query once, or refuses with a reason.
 
-    `callers` are the services that ask; a test holds them to the code.
+    `callers` are the services that ask; a test holds them to the code. One that changes a calibration answers nobody
+    else: whoever asks must have claimed the name of one of them (crosspih_common/bus/authors.py).
     """
 
     path: str
@@ -138,6 +139,7 @@ class Command(Generic[RequestT, ReplyT]):
     server: str
     callers: tuple[str, ...]
     doc: str
+    changes_calibration: bool = False
 
     def key(self, cell: str) -> str:
         """The full key."""
@@ -214,7 +216,13 @@ ADMITTANCE_MOVE = Command(
 DWELL = Command("arm/dwell", Dwell, MotionOutcome, "hardware", ("planning", "operator"), "hold still and average")
 STOP = Command("arm/stop", StopMotion, StopAccepted, "hardware", ("planning", "operator"), "end whatever moves")
 SET_PAYLOAD = Command(
-    "arm/set_payload", SetPayload, PayloadAccepted, "hardware", ("planning", "operator"), "what hangs on the sensor"
+    "arm/set_payload",
+    SetPayload,
+    PayloadAccepted,
+    "hardware",
+    ("planning", "operator"),
+    "what hangs on the sensor",
+    changes_calibration=True,
 )
 LEASE_TAKE = Command(
     "arm/lease/take", TakeLease, LeaseGranted, "hardware", ("planning", "operator"), "hold the arm: motion needs it"
@@ -256,7 +264,13 @@ FT_CALIBRATION = Topic(
     "bias and payload",
 )
 IDENTIFY_PAYLOAD = Command(
-    "force_torque/identify", IdentifyPayload, FtCalibration, "force_torque", ("planning",), "Eqs. 14-16"
+    "force_torque/identify",
+    IdentifyPayload,
+    FtCalibration,
+    "force_torque",
+    ("planning",),
+    "Eqs. 14-16",
+    changes_calibration=True,
 )
 COMPENSATE = Command(
     "force_torque/compensate",
@@ -298,7 +312,13 @@ ABORT = Command(
     "planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator", "ros2"), "end it, peg backed off"
 )
 CALIBRATE_FT = Command(
-    "planning/calibrate_ft", CalibrateFt, FtCalibration, "planning", ("operator",), "drive the poses and identify"
+    "planning/calibrate_ft",
+    CalibrateFt,
+    FtCalibration,
+    "planning",
+    ("operator",),
+    "drive the poses and identify",
+    changes_calibration=True,
 )
 WITHDRAW = Command(
     "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator", "ros2"), "a seated peg straight out"
@@ -339,6 +359,7 @@ REFUSAL = Topic(
     "a command that was refused, and why",
 )
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples
+AUTHOR_PATH = "service/{service}/author/{process}/{session}"  # a liveliness token too: who speaks for the service
 CAMERA_ALIVE = "camera"  # stands for the service in the token of whatever process serves the camera's keys
 
 
@@ -358,3 +379,8 @@ def topics() -> Iterator[Topic[Any]]:
 def alive_key(cell: str, service: str = "*") -> str:
     """The liveliness key of a service, or the expression for all."""
     return f"{ROOT}/{cell}/{ALIVE_PATH.format(service=service)}"
+
+
+def author_key(cell: str, service: str = "*", process: str = "*", session: str = "*") -> str:
+    """The liveliness key by which a session of a process claims a service's name, or the expression for all."""
+    return f"{ROOT}/{cell}/{AUTHOR_PATH.format(service=service, process=process, session=session)}"

@@ -11,6 +11,7 @@ REFUSALS: dict[str, str] = {
     # by the bus, from any service
     "contract": "the request is not what its key promises: no label, another type or version, or fields that do not "
     "validate; the text names the field",
+    "not_yours": "it changes a calibration, and whoever asks has not claimed the name of a service that may",
     "busy": "another motion or assembly is being carried out; nothing was queued, ask again when it has ended",
     "stopping": "the service was stopped while it carried the command out; it may be half done",
     "internal": "a defect in the service; the text holds the exception",

@@ -19,6 +19,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from crosspih_common import keys, messages
+from crosspih_common.bus.authors import MOST_HELD
 from crosspih_common.bus.bus import HISTORY, NOW_LANE
 from crosspih_common.bus.clock import AHEAD_NS
 from crosspih_common.bus.codec import label_of
@@ -236,6 +237,9 @@ def page() -> str:
         cache=HISTORY[keys.Kind.STATE],
         now_lane=NOW_LANE,
         alive=keys.ALIVE_PATH,
+        author=keys.AUTHOR_PATH,
+        most_held=MOST_HELD,
+        calibrating=[command for command in keys.commands() if command.changes_calibration],
         camera=keys.CAMERA_ALIVE,
         encodings=", ".join(f"`{name}`" for name in ENCODINGS),
         needed=NEEDED,

@@ -54,6 +54,7 @@ WITH_PROCESSES = frozenset([
     "tests/ros2/test_bridge.py",
     "tests/ros2/test_camera_driver.py",
     "tests/recorder/test_recording_over_processes.py",
+    "tests/security/test_attacks.py",
     "tests/service/test_lifecycle.py",
     "tests/system/test_cell_check.py",
     "tests/system/test_commands.py",
@@ -67,7 +68,7 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
-STARTERS = frozenset(["bare", "router", "sdk", "spawn", "stacks", "sdk_arm"])
+STARTERS = frozenset(["bare", "router", "sdk", "secured", "spawn", "stacks", "sdk_arm"])
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
+from crosspih_common.bus.authors import CLAIM_ARRIVES_S, Authors, names_of
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import (
     MOST_BYTES,
@@ -66,13 +67,18 @@ class Publisher(Generic[PayloadT]):
 
 
 class Bus:
-    """One service's place on the bus. Closing it takes back all that was declared and ends all threads."""
+    """One service's place on the bus. Closing it takes back all that was declared and ends all threads.
 
-    def __init__(self, transport: Transport, cell: str, service: str) -> None:
+    It claims its service's name, so that others act on what it says (crosspih_common/bus/authors.py); with `claim`
+    False it does not yet, or only asks and listens.
+    """
+
+    def __init__(self, transport: Transport, cell: str, service: str, *, claim: bool = True) -> None:
         self.cell, self.service = cell, service
         self.clock = BusClock()
         self.traffic = Traffic()
         self.on_reject: Callable[[str], None] | None = None
+        self.on_forged: Callable[[str], None] | None = None
         self._transport = transport
         self._declared: list[Closeable] = []
         self._lanes: dict[str, Lane] = {}
@@ -81,6 +87,10 @@ class Bus:
         self._publishers: dict[str, Publisher[Any]] = {}
         self._lock = threading.Lock()
         self._closed = False
+        self.authors = Authors(transport, cell, self._forged)
+        self._declared.append(self.authors)
+        if claim:
+            self._declared.append(self.authors.claim(service))
         if service != CLOCK.publisher:
             self._listen(CLOCK, lambda tick: None)
 
@@ -150,9 +160,13 @@ class Bus:
         The handler must only enqueue. A sample of another type or version is rejected, as everywhere; `on_refused` is
         told its key.
         """
-        expected = label_of(topic.type)
+        expected, names = label_of(topic.type), names_of(topic.publisher, topic.path)
 
-        def receive(key: str, payload: bytes, label: str) -> None:
+        def take(key: str, payload: bytes, label: str) -> None:
+            self.traffic.count(key, "received")
+            handler(key, payload, label)
+
+        def receive(key: str, payload: bytes, label: str, author: str) -> None:
             name = split_label(label)[0]
             if name != expected:
                 self._reject(key, f"{key}: got {name[:80] or 'no type name'}, want {expected}")
@@ -163,28 +177,39 @@ class Bus:
             except ContractError as error:
                 self._reject(key, str(error))
                 return
-            self.traffic.count(key, "received")
-            handler(key, payload, label)
+            if not names or self.authors.speaks(names, author, id(handler), key, lambda: take(key, payload, label)):
+                take(key, payload, label)
 
         self._declared.append(
             self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
         )
 
     def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> Closeable:
-        def receive(key: str, payload: bytes, label: str) -> None:
-            try:
-                value = decode(topic.type, payload, label, key)
-            except ContractError as error:
-                self._reject(key, str(error))
-                return
+        names = names_of(topic.publisher, topic.path)
+
+        def take(key: str, value: PayloadT) -> None:
             self.traffic.count(key, "received")
             if value.stamp_ns >= 0:
                 self.clock.observe(value.stamp_ns, value.boot_id if isinstance(value, CellClock) else None)
             push(value)
 
+        def receive(key: str, payload: bytes, label: str, author: str) -> None:
+            try:
+                value = decode(topic.type, payload, label, key)
+            except ContractError as error:
+                self._reject(key, str(error))
+                return
+            if not names or self.authors.speaks(names, author, id(push), key, lambda: take(key, value)):
+                take(key, value)
+
         entry = self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
         self._declared.append(entry)
         return entry
+
+    def _forged(self, key: str, why: str) -> None:
+        self.traffic.reject(key, why)
+        if self.on_forged is not None:
+            self.on_forged(why)
 
     def _reject(self, key: str, why: str) -> None:
         self.traffic.reject(key, why)
@@ -262,6 +287,13 @@ class Bus:
                 except ContractError as error:
                     self._reject(key, str(error))
                     raise CommandRefused("contract", str(error)) from None
+                if command.changes_calibration and not self.authors.claimed_by(
+                    command.callers, query.author, CLAIM_ARRIVES_S
+                ):
+                    raise CommandRefused(
+                        "not_yours",
+                        f"{command.path} changes a calibration: only {' and '.join(command.callers)} may ask for it",
+                    )
                 self.traffic.count(key, "received")
                 self.clock.observe(request.stamp_ns)
                 number = requests.publish(request).seq

@@ -5,10 +5,11 @@ from __future__ import annotations
 import queue
 import re
 import threading
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender
+from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
 from crosspih_common.errors import BusClosed, CommandTimeout, NoService
 
 
@@ -32,7 +33,7 @@ class _Undo:
 @dataclass(eq=False)
 class _Subscription:
     pattern: re.Pattern[str]
-    handler: Handler
+    handler: AuthoredHandler
 
 
 @dataclass(eq=False)
@@ -42,9 +43,10 @@ class _Watcher:
 
 
 class _MemoryQuery:
-    def __init__(self, payload: bytes, label: str) -> None:
+    def __init__(self, payload: bytes, label: str, author: str) -> None:
         self.payload = payload
         self.label = label
+        self.author = author
         self.answers: queue.Queue[Answer] = queue.Queue()
 
     def answer(self, answer: Answer) -> None:
@@ -60,21 +62,21 @@ class MemoryHub:
     servers: dict[str, Callable[[Query], None]] = field(default_factory=dict)
     tokens: list[str] = field(default_factory=list)
     watchers: list[_Watcher] = field(default_factory=list)
-    kept: dict[str, tuple[bytes, str]] = field(default_factory=dict)
+    kept: dict[str, tuple[bytes, str, str]] = field(default_factory=dict)
     served: threading.Condition = field(default_factory=threading.Condition)
 
     def transport(self) -> MemoryTransport:
         """A transport of this hub."""
         return MemoryTransport(self)
 
-    def put(self, key: str, payload: bytes, label: str, keep: bool) -> None:
+    def put(self, key: str, payload: bytes, label: str, keep: bool, author: str = "") -> None:
         """Deliver to every matching subscription, in the caller's thread."""
         with self.lock:
             if keep:
-                self.kept[key] = (payload, label)
+                self.kept[key] = (payload, label, author)
             matching = [entry.handler for entry in self.subscriptions if entry.pattern.match(key)]
         for handler in matching:
-            handler(key, payload, label)
+            handler(key, payload, label, author)
 
     def turn(self, key: str, alive: bool) -> None:
         """A liveliness token comes or goes."""
@@ -95,7 +97,7 @@ class _MemorySender:
     def put(self, payload: bytes, label: str) -> None:
         if self._transport.closed:
             raise BusClosed("cannot publish: the bus is closed")
-        self._transport.hub.put(self._key, payload, label, self._keep)
+        self._transport.hub.put(self._key, payload, label, self._keep, self._transport.author)
 
     def close(self) -> None:
         pass
@@ -108,6 +110,7 @@ class MemoryTransport:
 
     def __init__(self, hub: MemoryHub) -> None:
         self.hub = hub
+        self.author = uuid.uuid4().hex
         self.closed = False
         self._undo: list[Closeable] = []
 
@@ -120,15 +123,15 @@ class MemoryTransport:
         """Declare a publisher."""
         return _MemorySender(self, key, keep=recover)
 
-    def subscribe(self, key_expression: str, handler: Handler, *, recover: bool) -> Closeable:
+    def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample, kept ones first where `recover`."""
         entry = _Subscription(_matcher(key_expression), handler)
         with self.hub.lock:
             self.hub.subscriptions.append(entry)
             kept = [(key, *value) for key, value in self.hub.kept.items() if entry.pattern.match(key)]
         if recover:
-            for key, payload, label in kept:
-                handler(key, payload, label)
+            for key, payload, label, author in kept:
+                handler(key, payload, label, author)
 
         def undo() -> None:
             with self.hub.lock:
@@ -148,7 +151,7 @@ class MemoryTransport:
             server = self.hub.servers.get(key)
         if server is None:
             raise NoService(f"{key}: nobody answers; is the service that serves it up? (`crosspih ps`)")
-        query = _MemoryQuery(payload, label)
+        query = _MemoryQuery(payload, label, self.author)
         server(query)
         try:
             return query.answers.get(timeout=deadline_s)
@@ -166,6 +169,16 @@ class MemoryTransport:
         """A liveliness token."""
         self.hub.turn(key, True)
         return self._declared(lambda: self.hub.turn(key, False))
+
+    def claim(self, key: str) -> Closeable:
+        """A liveliness token too."""
+        return self.declare_alive(key)
+
+    def living(self, key_expression: str) -> list[str]:
+        """The tokens that there are."""
+        pattern = _matcher(key_expression)
+        with self.hub.lock:
+            return [key for key in self.hub.tokens if pattern.match(key)]
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Tokens coming and going."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 Handler = Callable[[str, bytes, str], None]  # key, payload, label
+AuthoredHandler = Callable[[str, bytes, str, str], None]  # and the session it comes from; empty where it does not say
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,7 @@ class Query(Protocol):
 
     payload: bytes
     label: str
+    author: str
 
     def answer(self, answer: Answer) -> None:
         """Send the one answer."""
@@ -45,15 +47,17 @@ class Sender(Closeable, Protocol):
 class Transport(Protocol):
     """Carries bytes. Handlers are called on the transport's threads and must only enqueue.
 
-    `endpoint` is the router, or None where the bus is in memory.
+    `endpoint` is the router, or None where the bus is in memory. `author` is this session's name, which travels with
+    whatever it sends.
     """
 
     endpoint: str | None
+    author: str
 
     def sender(self, key: str, *, recover: bool, history: int) -> Sender:
         """Declare a publisher; with `recover` misses are fetched again and `history` samples kept for late readers."""
 
-    def subscribe(self, key_expression: str, handler: Handler, *, recover: bool) -> Closeable:
+    def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample."""
 
     def wait_served(self, key: str, wait_s: float) -> bool:
@@ -67,6 +71,12 @@ class Transport(Protocol):
 
     def declare_alive(self, key: str) -> Closeable:
         """Show that this process lives, until it is closed, dies or hangs."""
+
+    def claim(self, key: str) -> Closeable:
+        """As `declare_alive`, but for as long as this session itself lives: the one whose samples it vouches for."""
+
+    def living(self, key_expression: str) -> list[str]:
+        """The keys of all tokens that there are now."""
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Call with (key, True) for each that lives or comes, (key, False) for each that goes."""

@@ -19,8 +19,9 @@ import zenoh
 from zenoh import ext
 
 from crosspih_common.bus.served import ServedKeys
-from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender
+from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
 from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, NoService
+from crosspih_common.security.credentials import Credentials, credentials_from_environment, secure_endpoint
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 HEARTBEAT_S = 0.5
@@ -33,6 +34,7 @@ LEASE_MS = 5000
 ALIVE_LEASE_MS = 800
 ALIVE_BEATS = 16  # in each such lease; sent by Zenoh's own threads, which no Python code holds up
 ALIVE_CONNECT_S = 10.0
+LIVING_S = 5.0  # a router answers within milliseconds which tokens there are
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
@@ -40,33 +42,46 @@ QUEUE_BATCHES = 16
 _open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
 
 
-def router_config(endpoint: str, peers: bool = False) -> zenoh.Config:
+def router_config(endpoint: str, peers: bool = False, credentials: Credentials | None = None) -> zenoh.Config:
     """The embedded router: listens on one endpoint only, no scouting.
 
-    `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each other, so that they speak among themselves.
+    `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each other, so that they speak among themselves. With
+    credentials it lets in only certificates of their authority, and allows each what the key table says.
     """
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
-        "listen/endpoints": [endpoint],
+        "listen/endpoints": [secure_endpoint(endpoint) if credentials else endpoint],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": peers,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
+    if credentials is not None:
+        # the key table loads every message: a router without certificates needs none of it
+        from crosspih_common.security.access import access_control
+
+        settings |= {**credentials.listening(), "access_control": access_control()}
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     return config
 
 
 def client_config(
-    endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS, beats_a_lease: int = 4
+    endpoint: str,
+    connect_timeout_s: float,
+    lease_ms: int = LEASE_MS,
+    beats_a_lease: int = 4,
+    credentials: Credentials | None = None,
 ) -> zenoh.Config:
-    """A client of the router at an endpoint; comes back by itself when the router was restarted."""
+    """A client of the router at an endpoint; comes back by itself when the router was restarted.
+
+    It listens nowhere and asks nobody but the router: a peer that goes round the router finds nobody.
+    """
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "client",
-        "connect/endpoints": [endpoint],
+        "connect/endpoints": [secure_endpoint(endpoint) if credentials else endpoint],
         "connect/timeout_ms": int(connect_timeout_s * 1000),
         "connect/exit_on_failure": True,
         "scouting/multicast/enabled": False,
@@ -74,31 +89,49 @@ def client_config(
         "transport/link/tx/keep_alive": beats_a_lease,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
     }
+    if credentials is not None:
+        settings |= credentials.connecting()
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     return config
 
 
-def open_zenoh(endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0) -> ZenohTransport:
-    """Connect to the router. Raises BusUnreachable when none answers in time."""
-    return ZenohTransport(_open_session(endpoint, connect_timeout_s), endpoint)
+def open_zenoh(
+    endpoint: str = DEFAULT_ENDPOINT, connect_timeout_s: float = 10.0, service: str = "operator"
+) -> ZenohTransport:
+    """Connect to the router, with the service's certificate where CROSSPIH_CERTIFICATES names a folder.
+
+    Raises BusUnreachable when no router answers in time, ConfigError where the certificate cannot be used.
+    """
+    credentials = credentials_from_environment(service)
+    return ZenohTransport(_open_session(endpoint, connect_timeout_s, credentials), endpoint, credentials)
 
 
 def _open_session(
-    endpoint: str, connect_timeout_s: float, lease_ms: int = LEASE_MS, beats_a_lease: int = 4
+    endpoint: str,
+    connect_timeout_s: float,
+    credentials: Credentials | None,
+    lease_ms: int = LEASE_MS,
+    beats_a_lease: int = 4,
 ) -> zenoh.Session:
     try:
-        return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease))
+        return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease, credentials))
     except zenoh.ZError as error:
+        secure = f" or it refused {credentials.certificate} (`crosspih security show`)" if credentials else ""
         raise BusUnreachable(
-            f"no router answers at {endpoint} within {connect_timeout_s:g} s; start the stack with `crosspih up` "
-            f"or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
+            f"no router answers at {endpoint} within {connect_timeout_s:g} s{secure}; start the stack with "
+            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
         ) from None
 
 
 def _label(attachment: zenoh.ZBytes | None) -> str:
     """The label beside a payload; what is no UTF-8 is no label of ours, and is rejected as such."""
     return attachment.to_bytes().decode(errors="replace") if attachment is not None else ""
+
+
+def _author(info: zenoh.SourceInfo | None) -> str:
+    """The session that a sample or a query comes from; empty where it does not say."""
+    return str(info.source_id.zid) if info is not None else ""
 
 
 class _Declared:
@@ -111,6 +144,20 @@ class _Declared:
 
 
 class _ZenohSender(_Declared):
+    """Of a stream: its samples say by themselves whose they are, as an advanced publisher's do anyway."""
+
+    def __init__(self, entity: zenoh.Publisher) -> None:
+        super().__init__(entity)
+        self._source = entity.id
+
+    def put(self, payload: bytes, label: str) -> None:
+        try:
+            self._entity.put(payload, attachment=label.encode(), source_info=zenoh.SourceInfo(self._source, 0))
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot publish: {error}") from None
+
+
+class _AdvancedSender(_Declared):
     def put(self, payload: bytes, label: str) -> None:
         try:
             self._entity.put(payload, attachment=label.encode())
@@ -124,6 +171,7 @@ class _ZenohQuery:
         self._key = str(query.key_expr)
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
         self.label = _label(query.attachment)
+        self.author = _author(query.source_info)
 
     def answer(self, answer: Answer) -> None:
         query, self._query = self._query, None
@@ -141,8 +189,10 @@ class _ZenohQuery:
 class ZenohTransport:
     """One Zenoh session, closed for certain: by `close`, by the context manager, or at exit."""
 
-    def __init__(self, session: zenoh.Session, endpoint: str) -> None:
+    def __init__(self, session: zenoh.Session, endpoint: str, credentials: Credentials | None = None) -> None:
         self.endpoint: str | None = endpoint
+        self._credentials = credentials
+        self.author = str(session.zid())
         self._session = session
         self._served = ServedKeys(session)
         self._alive_session: zenoh.Session | None = None  # opened with the first token
@@ -165,7 +215,7 @@ class ZenohTransport:
         """Declare a publisher. See Transport."""
         if not recover:
             return _ZenohSender(self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP))
-        return _ZenohSender(
+        return _AdvancedSender(
             ext.declare_advanced_publisher(
                 self._session,
                 key,
@@ -176,11 +226,13 @@ class ZenohTransport:
             )
         )
 
-    def subscribe(self, key_expression: str, handler: Handler, *, recover: bool) -> Closeable:
+    def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample. See Transport."""
 
         def receive(sample: zenoh.Sample) -> None:
-            handler(str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment))
+            handler(
+                str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment), _author(sample.source_info)
+            )
 
         if not recover:
             return _Declared(self._session.declare_subscriber(key_expression, receive))
@@ -217,6 +269,7 @@ class ZenohTransport:
                 target=zenoh.QueryTarget.BEST_MATCHING,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 cancellation_token=token,
+                source_info=zenoh.SourceInfo(self._session.id, 0),
             )
         except zenoh.ZError as error:
             raise BusClosed(f"cannot ask {key}: {error}") from None
@@ -242,8 +295,25 @@ class ZenohTransport:
             if self._closed:
                 raise BusClosed(f"{key}: the bus is closed")
             if self._alive_session is None:
-                self._alive_session = _open_session(self.endpoint, ALIVE_CONNECT_S, ALIVE_LEASE_MS, ALIVE_BEATS)
+                self._alive_session = _open_session(
+                    self.endpoint, ALIVE_CONNECT_S, self._credentials, ALIVE_LEASE_MS, ALIVE_BEATS
+                )
             return _Declared(self._alive_session.liveliness().declare_token(key))
+
+    def claim(self, key: str) -> Closeable:
+        """A liveliness token on the session that publishes. See Transport."""
+        try:
+            return _Declared(self._session.liveliness().declare_token(key))
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot claim {key}: {error}") from None
+
+    def living(self, key_expression: str) -> list[str]:
+        """The keys of all tokens that there are now. See Transport."""
+        try:
+            replies = list(self._session.liveliness().get(key_expression, timeout=LIVING_S))
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot look for {key_expression}: {error}") from None
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Tokens coming and going. See Transport."""

@@ -57,7 +57,7 @@ def main(endpoint: str, cell: str, service: str, parent: int) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)  # the parent decides when nothing is held any more
     be_urgent()  # before Zenoh starts its threads
-    with Bus(open_zenoh(endpoint), cell, service) as bus:
+    with Bus(open_zenoh(endpoint, service=service), cell, service, claim=False) as bus:
         heart = Heart(bus, lambda: os.getppid() == parent and runs(parent))
         print("{}", flush=True)
         for line in sys.stdin:

@@ -40,4 +40,5 @@ class RosNetwork(Section):
         """A node on this network; `field` is the section's own name, for errors. Raises ConfigError, BusUnreachable."""
         where = self.endpoint or endpoint or os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT
         namespace = f"/{self.namespace.strip('/')}"
-        return RosNode(where, self.domain(field), RosTypes(self.distro), node, namespace)
+        service = field.partition(".")[0]  # in whose process the node is
+        return RosNode(where, self.domain(field), RosTypes(self.distro), node, namespace, service=service)

@@ -60,9 +60,16 @@ class RosNode:
     """One node with a Zenoh session of its own. Names without a leading slash stand in its namespace."""
 
     def __init__(
-        self, endpoint: str, domain_id: int, types: RosTypes, name: str, namespace: str = "/", connect_s: float = 10.0
+        self,
+        endpoint: str,
+        domain_id: int,
+        types: RosTypes,
+        name: str,
+        namespace: str = "/",
+        connect_s: float = 10.0,
+        service: str = "operator",
     ) -> None:
-        """Raises BusUnreachable when no router answers."""
+        """`service`: whose certificate it shows, where there are any. Raises BusUnreachable when no router answers."""
         self.endpoint, self.domain_id, self.types, self.name, self.namespace = (
             endpoint,
             domain_id,
@@ -70,7 +77,7 @@ class RosNode:
             name,
             namespace,
         )
-        self._transport: ZenohTransport = open_zenoh(endpoint, connect_s)
+        self._transport: ZenohTransport = open_zenoh(endpoint, connect_s, service)
         self._session = self._transport.session
         self._zid = str(self._session.info.zid())
         self._ids = itertools.count(1)

@@ -33,6 +33,7 @@ from crosspih_common.service import notify
 from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
+SECOND_WAITS_S = 7.0  # the name of one whose machine went silent is free again after the link's lease
 DEFAULT_CELL = packaged("deploy/cells/default.yaml")
 SectionT = TypeVar("SectionT", bound=Section)
 
@@ -57,7 +58,7 @@ class ServiceContext:
     works: Works = field(init=False)
     _last_error: tuple[float, str] = (-math.inf, "")
     _started_at: float = field(default_factory=time.monotonic)
-    _rejection_said_at: float = 0.0
+    _said_at: dict[str, float] = field(default_factory=dict)  # code: when it was last said
 
     def __post_init__(self) -> None:
         self.works = Works(self.bus.duties)
@@ -154,13 +155,20 @@ def run_service(
         signal.signal(number, on_signal)
     try:
         cell = load_cell(arguments.cell)
-        transport = open_zenoh(arguments.endpoint)
+        transport = open_zenoh(arguments.endpoint, service=name)
     except CrosspihError as error:
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         return 1
-    with Bus(transport, cell.workcell.name, name) as bus:
+    with Bus(transport, cell.workcell.name, name, claim=False) as bus:
         context = ServiceContext(name, cell, bus, stop)
-        bus.on_reject = lambda why: _report_rejection(context, why)
+        bus.on_reject = lambda why: _report_rejection(context, "rejected", why)
+        bus.on_forged = lambda why: _report_rejection(context, "forged_state", why)
+        if (claim := bus.authors.claim_alone(name, SECOND_WAITS_S, stop)) is None:
+            context.event(
+                Severity.ERROR, "second_service", f"{name} runs already in cell {bus.cell}; end that one first"
+            )
+            return 1
+        bus.also_close(claim)
         status = bus.publisher(STATUS)
         status.publish(context.status())
         opened: Closeable | None = None
@@ -172,6 +180,7 @@ def run_service(
                 status.publish(context.status())
                 notify.ready()
             while not stop.wait(STATUS_PERIOD_S):
+                bus.authors.tell_of_held()
                 if trouble := context.works.feed():
                     end_hard_after()
                     context.fail(f"does not work any more: {trouble}")
@@ -191,12 +200,12 @@ def run_service(
     return 1 if failed else 0
 
 
-def _report_rejection(context: ServiceContext, why: str) -> None:
-    """Say at most one rejection a second aloud, on a thread of its own (this is a bus callback); all are counted."""
+def _report_rejection(context: ServiceContext, code: str, why: str) -> None:
+    """Say at most one of a code a second aloud, on a thread of its own (this is a bus callback); all are counted."""
     now = time.monotonic()
     context.last_error = why
-    if now - context._rejection_said_at >= 1.0:
-        context._rejection_said_at = now
+    if now - context._said_at.get(code, 0.0) >= 1.0:
+        context._said_at[code] = now
         threading.Thread(
-            target=context.event, args=(Severity.WARNING, "rejected", why), name="rejection", daemon=True
+            target=context.event, args=(Severity.WARNING, code, why), name="rejection", daemon=True
         ).start()

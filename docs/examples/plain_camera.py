@@ -2,7 +2,7 @@
 
     python docs/examples/plain_camera.py --cell cell1 --endpoint tcp/127.0.0.1:7447
 
-Serves `camera/capture`, publishes `camera/calibration` and both pictures, and declares the token of the camera. It
+Serves `camera/capture`, publishes `camera/calibration` and both pictures, and declares the tokens of the camera. It
 draws a dark square that hovers 0.4 m before the left camera; put your own pictures where `draw` is called.
 """
 
@@ -13,6 +13,7 @@ import json
 import queue
 import signal
 import sys
+import uuid
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,9 @@ class Camera:
 
     def __init__(self, session: zenoh.Session, cell: str) -> None:
         self._session, self._root = session, f"crosspih/{cell}/"
+        # what is said below camera/ is this session's to say: its publishers put the session into each sample
+        claim = f"{self._root}service/camera/author/{uuid.uuid4().hex}/{session.zid()}"
+        self._claim = session.liveliness().declare_token(claim)
         self._publishers: dict[str, tuple[Any, list[int]]] = {}
         self._now_ns = self._last_ns = self._captures = 0
         # the cell's clock is a state: history gives a late joiner the newest tick at once

@@ -7,6 +7,7 @@ import sys
 
 import typer
 
+from crosspih_common.security import CERTIFICATES
 from deploy.launcher.cli import register as register_launcher
 from services.operator.assemble import assemble, calibrate_app
 from services.operator.bench.commands import app as bench_app
@@ -24,6 +25,7 @@ from services.operator.recording import recording_app
 from services.operator.replay.cli import replay
 from services.operator.report.cli import report
 from services.operator.results import results
+from services.operator.security.command import app as security_app
 from services.operator.signs_of_life import ps
 from services.operator.train import train
 from services.operator.withdraw import withdraw
@@ -55,6 +57,7 @@ app.command()(results)
 app.add_typer(dataset_app, name="dataset")
 app.command()(train)
 app.command()(keys)
+app.add_typer(security_app, name="security")
 register_launcher(app, ps)
 
 
@@ -63,8 +66,9 @@ def main() -> None:
     if not sys.stdout.isatty():
         # into a file or a pipe tables would be cut to 80 columns
         os.environ.setdefault("COLUMNS", str(COLUMNS_IN_A_FILE))
-    if named := os.environ.get("CROSSPIH_CELL"):  # services are started in another folder
-        os.environ["CROSSPIH_CELL"] = os.path.abspath(named)
+    for variable in ("CROSSPIH_CELL", CERTIFICATES):  # services are started in another folder
+        if named := os.environ.get(variable):
+            os.environ[variable] = os.path.abspath(named)
     app()
 
 

@@ -1,4 +1,8 @@
-"""`python -m services.router`: an embedded Zenoh router on one endpoint."""
+"""`python -m services.router`: an embedded Zenoh router on one endpoint.
+
+With CROSSPIH_CERTIFICATES it lets in only certificates of that folder's authority, and allows each service what the key
+table says (crosspih_common/security/access.py).
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,30 @@ import signal
 import sys
 import threading
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import zenoh
 
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
+from crosspih_common.errors import CrosspihError
+from crosspih_common.security import credentials_from_environment, open_to_whom, secure_endpoint
 from crosspih_common.service import notify
 from crosspih_common.service.urgency import be_urgent
+
+if TYPE_CHECKING:
+    from services.router.telling import Telling
+
+
+def _telling(cell: str | None) -> tuple[type[Telling], str]:
+    """What tells of refusals, and on which cell's bus. Imported here alone: a plain router needs none of it.
+
+    Raises ConfigError for a cell's file that cannot be read.
+    """
+    from crosspih_common.config import load_cell
+    from crosspih_common.service.lifecycle import DEFAULT_CELL
+    from services.router.telling import Telling
+
+    return Telling, load_cell(cell or DEFAULT_CELL).workcell.name
 
 
 def main() -> int:
@@ -24,8 +46,18 @@ def main() -> int:
         "--peers", action="store_true", default=os.environ.get("CROSSPIH_ROUTER_PEERS") == "1",
         help="tell Zenoh peers of each other: for nodes of ROS 2 (docs/hardware/ros2.md)",
     )  # fmt: skip
+    parser.add_argument(
+        "--cell", default=os.environ.get("CROSSPIH_CELL"),
+        help="the cell's YAML file: on whose bus refusals are told, where there are certificates",
+    )  # fmt: skip
     given = parser.parse_args()
     endpoint = given.endpoint
+    try:
+        credentials = credentials_from_environment("router")
+        kind, cell = _telling(given.cell) if credentials else (None, "")
+    except CrosspihError as error:
+        print(f"router: {error}", file=sys.stderr, flush=True)
+        return 1
     stop = threading.Event()
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -34,8 +66,9 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
     be_urgent()  # it does little, and everything waits for it; before Zenoh starts its threads
+    telling = kind() if kind is not None else None  # urgent too: Zenoh waits for whoever reads its log
     try:
-        session = zenoh.open(router_config(endpoint, given.peers))
+        session = zenoh.open(router_config(endpoint, given.peers, credentials))
     except zenoh.ZError as error:
         reason = str(error).splitlines()[0][:200]
         print(
@@ -45,12 +78,20 @@ def main() -> int:
             flush=True,
         )
         return 1
+    bus = None
     try:
-        print(f"router: listening on {endpoint}", flush=True)
+        if telling is not None:
+            bus = telling.to(session, endpoint, cell)
+        print(f"router: listening on {secure_endpoint(endpoint) if credentials else endpoint}", flush=True)
+        if said := open_to_whom(endpoint):
+            print(f"router: {said}", flush=True)
+            notify.status(said)
         notify.ready()
         while not stop.wait(1.0):
             notify.watchdog()
     finally:
+        if bus is not None:
+            bus.close()
         session.close()
     return 0
 

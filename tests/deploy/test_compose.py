@@ -240,3 +240,16 @@ def test_shipped_file_takes_its_settings_from_the_environment() -> None:
     services = load_compose(DEFAULT_COMPOSE_FILE, {"CROSSPIH_ENDPOINT": "tcp/127.0.0.1:9", "CROSSPIH_SPEED": "max"})
     environment = services.services["planning"].environment
     assert (environment["CROSSPIH_ENDPOINT"], environment["CROSSPIH_SPEED"]) == ("tcp/127.0.0.1:9", "max")
+
+
+def test_the_secure_file_is_the_plain_one_with_certificates() -> None:
+    plain = load_compose(DEFAULT_COMPOSE_FILE, {}).services
+    secure_file = DEFAULT_COMPOSE_FILE.with_name("compose.secure.yaml")
+    secure = load_compose(secure_file, {"CROSSPIH_CERTIFICATES": "/certificates"}).services
+    assert list(secure) == list(plain)
+    for name, service in secure.items():
+        certificates = {"CROSSPIH_CERTIFICATES": "/certificates"}
+        assert service.environment == plain[name].environment | certificates
+        assert service.model_copy(update={"environment": {}}) == plain[name].model_copy(update={"environment": {}})
+    with pytest.raises(ComposeError, match="crosspih security init"):
+        load_compose(secure_file, {})

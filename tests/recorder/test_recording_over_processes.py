@@ -60,6 +60,8 @@ def bus_beside_recorder(endpoint: str, spawn: Callable[..., Any], tmp_path: Path
     process = spawn("recorder", "--cell", str(cell_file(tmp_path)), "--endpoint", endpoint)
     with Bus(open_zenoh(endpoint), CELL, "hardware") as bus:
         alive = threading.Event()
+        for name in ("force_torque", "planning"):  # in whose names it publishes too
+            bus.also_close(bus.authors.claim(name))
         bus.watch_alive(lambda service, is_alive: alive.set() if service == "recorder" and is_alive else None)
         assert alive.wait(DEADLINE_S), "".join(process.output)
         yield bus, process

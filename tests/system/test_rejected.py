@@ -5,9 +5,18 @@ from __future__ import annotations
 import pytest
 
 from crosspih_common.bus import open_zenoh
-from crosspih_common.bus.codec import encode, label_with_seq
-from crosspih_common.keys import EVENTS, LOCATE, STATUS, WRENCH_RAW
-from crosspih_common.messages import CellClock, Event, RawWrenchBatch, ServiceStatus, Severity, Strategy
+from crosspih_common.bus.codec import encode, label_of, label_with_seq
+from crosspih_common.keys import EVENTS, FT_CALIBRATION, IDENTIFY_PAYLOAD, LOCATE, STATUS, WRENCH_RAW
+from crosspih_common.messages import (
+    CellClock,
+    Event,
+    FtCalibration,
+    IdentifyPayload,
+    RawWrenchBatch,
+    ServiceStatus,
+    Severity,
+    Strategy,
+)
 from services.operator.session import Session
 from tests.system.running_cell import DEADLINE_S, RunningCell
 
@@ -70,6 +79,45 @@ def test_a_number_that_is_none_is_refused_by_its_server(cell: RunningCell, sessi
             30.0,
         )
     assert answer.is_error and b"duration_s" in answer.payload
+
+
+def test_a_forged_calibration_is_nobodys(cell: RunningCell, session: Session) -> None:
+    """The planner would never calibrate again by itself, and every assembly would end: so it is not to be believed."""
+    forged = FtCalibration(
+        bias=(0.0,) * 6,
+        weight_n=0.5,
+        centroid_m=(0.0, 0.0, 0.04),
+        gravity_base=(0.0, 0.0, -1.0),
+        residual_force_n=0.01,
+        residual_moment_nm=0.001,
+        poses=6,
+    )
+    key, events = FT_CALIBRATION.key(cell.name), session.bus.latest(EVENTS, depth=64)
+    latest = session.bus.latest(FT_CALIBRATION)
+    said: list[str] = []
+    session.bus.on_forged = said.append
+    with open_zenoh(cell.endpoint) as outsider:
+        sender = outsider.sender(key, recover=True, history=1)
+        for _ in range(60):
+            sender.put(encode(forged), label_with_seq(FtCalibration, 0))
+            told = events.wait_for(  # the recorder says so too
+                lambda event: (event.service, event.code) == ("planning", "forged_state") and key in event.text, 0.5
+            )
+            if told is not None and said:
+                break
+        assert told is not None and outsider.author in told.text
+    assert said and outsider.author in said[0]
+    assert latest.wait_for(lambda one: one.weight_n == forged.weight_n, 0.0) is None
+
+
+def test_a_fabricated_identify_changes_no_calibration(cell: RunningCell, session: Session) -> None:
+    before = cell.calibration_file.read_bytes() if cell.calibration_file.exists() else None
+    with open_zenoh(cell.endpoint) as outsider:
+        answer = outsider.query(
+            IDENTIFY_PAYLOAD.key(cell.name), encode(IdentifyPayload(readings=())), label_of(IdentifyPayload), 30.0
+        )
+    assert answer.is_error and answer.payload.startswith(b"not_yours\n")
+    assert (cell.calibration_file.read_bytes() if cell.calibration_file.exists() else None) == before
 
 
 def test_the_cell_still_assembles(session: Session) -> None:

@@ -128,7 +128,7 @@ class ArmShell:
         with contextlib.ExitStack() as stack, contextlib.suppress(BusError):
             bus = self._bus
             if bus.endpoint is not None:
-                bus = stack.enter_context(Bus(open_zenoh(bus.endpoint), bus.cell, bus.service))
+                bus = stack.enter_context(Bus(open_zenoh(bus.endpoint, service=bus.service), bus.cell, bus.service))
             beats = bus.publisher(LEASE_BEAT)
             while not self._closing.wait(self._arm.holder.beat_s):
                 if self._arm.holder.state().holder:

@@ -19,6 +19,7 @@ class CameraShell:
         bus.publisher(CAMERA_CALIBRATION).publish(camera.calibration())
         bus.serve(CAPTURE, self._capture, lane=lane)
         if bus.service != CAMERA_ALIVE:  # a process that has only the camera is called so itself
+            bus.also_close(bus.authors.claim(CAMERA_ALIVE))
             bus.declare_alive(CAMERA_ALIVE)
 
     def _capture(self, command: CaptureStereo) -> StereoPair:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crosspih_common.bus import Bus, open_zenoh
-from crosspih_common.errors import BusError
+from crosspih_common.errors import BusError, ConfigError
 from crosspih_common.holding.soundness import TICKS_KEPT, boots
 from crosspih_common.keys import CLOCK
 from services.operator.rows import Row, ok, wrong
@@ -88,6 +88,8 @@ def router_rows(endpoint: str, cell: str) -> tuple[list[Row], Bus | None]:
         return [wrong(name, f"nothing answers at {endpoint}", mend)], None
     try:
         bus = Bus(open_zenoh(endpoint, CONNECT_S), cell, "operator")
+    except ConfigError as error:
+        return [wrong(name, str(error), "crosspih security show")], None
     except BusError:
         by = (occupant(at.port) if at.here else "") or "something else"
         mend = f"end it, or take another port: CROSSPIH_ENDPOINT=tcp/127.0.0.1:{at.port + 1}"

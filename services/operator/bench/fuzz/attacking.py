@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from crosspih_common.bus import open_zenoh
+from crosspih_common.bus.authors import PROCESS
 from crosspih_common.bus.codec import label_of, label_with_seq
 from crosspih_common.errors import CrosspihError, NoService
 from crosspih_common.holding import hold_arm
@@ -26,6 +27,7 @@ from crosspih_common.keys import (
     WITHDRAW,
     Command,
     Topic,
+    author_key,
     commands,
     topics,
 )
@@ -118,6 +120,9 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
     row = Part(what=command.path)
     fitting = LONG.get(command.path, count)
     with open_zenoh(endpoint()) as transport, contextlib.ExitStack() as held:
+        # a command that changes a calibration answers nobody else
+        author = author_key(session.cell.workcell.name, command.callers[0], PROCESS, transport.author)
+        transport.claim(author)
         holder = held.enter_context(hold_arm(session.bus, "fuzzing")) if _needs_holder(command) else None
         for index in range(count):
             if time.time() > until:

@@ -1,0 +1,195 @@
+"""Who speaks for each service: a token on the bus claims a service's name for one process, and samples carry whose
+session they come from.
+
+Every bus claims the name of its service by the liveliness token `service/<name>/author/<process>/<session>`, which the
+router takes back when the process ends. A name is its first claimant's for as long as that lives: what another session
+says in its name is thrown away and told. Samples that come before any claim are held, the newest of each subscription,
+until the name is claimed.
+"""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable
+from enum import Enum, auto
+
+from crosspih_common.bus.transport import Closeable, Transport
+from crosspih_common.keys import CAMERA_ALIVE, CLOCK, author_key
+
+# One for each process: its sessions, the arm's and the camera's own, speak for the same service.
+PROCESS = uuid.uuid4().hex
+# Held by as many as there are: a person may look at the cell from two windows.
+SHARED_NAMES = frozenset(["operator"])
+# A claim and its first sample go through the router side by side.
+CLAIM_ARRIVES_S = 2.0
+HELD_TOO_LONG_S = 1.0
+MOST_HELD = 8  # of a key; pictures are large
+MOST_HOLDING = 256  # keys and authors: whoever invents them costs no more
+
+
+class Standing(Enum):
+    """Whose sample it is."""
+
+    RIGHTFUL = auto()
+    UNCLAIMED = auto()  # nobody holds the name, or not yet
+    ANOTHER = auto()  # the name is somebody else's
+
+
+def names_of(publisher: str, path: str) -> tuple[str, ...]:
+    """The names under which a topic may be published; empty where each service has a key of its own below it.
+
+    A camera may be a process of its own, beside the one that has the arm.
+    """
+    if publisher == "{service}":
+        return ()
+    if publisher == CLOCK.publisher and path.startswith("camera/"):
+        return publisher, CAMERA_ALIVE
+    return (publisher,)
+
+
+class Held:
+    """The newest samples of one subscription, key and author that came before the author's claim."""
+
+    __slots__ = ("author", "deliver", "key", "names", "said", "since")
+
+    def __init__(self, key: str, names: tuple[str, ...], author: str) -> None:
+        self.key, self.names, self.author = key, names, author
+        self.deliver: deque[Callable[[], None]] = deque(maxlen=MOST_HELD)
+        self.since, self.said = time.monotonic(), False
+
+
+class Authors:
+    """The claims on the bus as one process sees them; `standing` costs two look-ups."""
+
+    def __init__(self, transport: Transport, cell: str, on_forged: Callable[[str, str], None]) -> None:
+        self._transport, self._cell, self._on_forged = transport, cell, on_forged
+        self._changed = threading.Condition()
+        self._claims: dict[str, dict[str, set[str]]] = {}  # name: process: sessions, in the order of their coming
+        self._rightful: dict[str, frozenset[str]] = {}
+        self._held: dict[tuple[int, str, str], Held] = {}
+        self._watch = transport.watch_alive(author_key(cell), self._on_claim)
+
+    # ---------------------------------------------------------------------------------------------------- who is who
+
+    def _on_claim(self, key: str, alive: bool) -> None:
+        *_, name, _, process, session = key.split("/")
+        with self._changed:
+            processes = self._claims.setdefault(name, {})
+            sessions = processes.setdefault(process, set())
+            if alive:
+                sessions.add(session)
+            else:
+                sessions.discard(session)
+            if not sessions:
+                del processes[process]
+            holders, forged = self._holders(name), list[Held]()
+            for where, held in list(self._held.items()):
+                if holders and name in held.names:
+                    del self._held[where]
+                    if held.author not in holders:
+                        forged.append(held)
+                        continue
+                    for deliver in held.deliver:
+                        deliver()
+            # only now: what comes meanwhile waits in `speaks`, and so is not overtaken by what was held
+            self._rightful[name] = holders
+            self._changed.notify_all()
+        for held in forged:
+            self._on_forged(held.key, self.forged(held.key, held.names, held.author))
+
+    def _holders(self, name: str) -> frozenset[str]:
+        processes = list(self._claims[name].values())
+        return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
+
+    def standing(self, names: tuple[str, ...], author: str) -> Standing:
+        """Whether a session speaks for one of the names."""
+        claimed = False
+        for name in names:
+            holders = self._rightful.get(name)
+            if holders:
+                if author in holders:
+                    return Standing.RIGHTFUL
+                claimed = True
+        return Standing.ANOTHER if claimed else Standing.UNCLAIMED
+
+    def claimed_by(self, names: tuple[str, ...], author: str, deadline_s: float) -> bool:
+        """Whether a session claims one of the names, first or not, waiting for the claim to arrive."""
+
+        def claims() -> bool:
+            return any(author in sessions for name in names for sessions in self._claims.get(name, {}).values())
+
+        with self._changed:
+            return bool(author) and self._changed.wait_for(claims, deadline_s)
+
+    def forged(self, key: str, names: tuple[str, ...], author: str) -> str:
+        """What people are told of a sample that is not its author's to send."""
+        return f"{key}: session {author or 'without a name'} does not speak for {' or '.join(names)}; thrown away"
+
+    # ------------------------------------------------------------------------------------------------ before a claim
+
+    def speaks(
+        self, names: tuple[str, ...], author: str, subscription: int, key: str, deliver: Callable[[], None]
+    ) -> bool:
+        """Whether a sample is its author's to send.
+
+        Where the names are not claimed yet it is held, and delivered once they are claimed by its author; where they
+        are somebody else's it is told.
+        """
+        if (standing := self.standing(names, author)) is Standing.RIGHTFUL:
+            return True
+        if standing is Standing.UNCLAIMED:
+            with self._changed:
+                if (standing := self.standing(names, author)) is Standing.UNCLAIMED:
+                    where = subscription, key, author
+                    if where not in self._held and len(self._held) < MOST_HOLDING:
+                        self._held[where] = Held(key, names, author)
+                    if where in self._held:
+                        self._held[where].deliver.append(deliver)
+                    return False
+        if standing is Standing.ANOTHER:
+            self._on_forged(key, self.forged(key, names, author))
+        return standing is Standing.RIGHTFUL
+
+    def tell_of_held(self) -> None:
+        """Tell of samples whose author never claimed the name; called now and then."""
+        now, said = time.monotonic(), []
+        with self._changed:
+            for held in self._held.values():
+                if not held.said and now - held.since > HELD_TOO_LONG_S:
+                    held.said = True
+                    said.append(held)
+        for held in said:
+            self._on_forged(held.key, self.forged(held.key, held.names, held.author))
+
+    # ------------------------------------------------------------------------------------------------------ to claim
+
+    def claim(self, name: str) -> Closeable:
+        """Claim a name for this process."""
+        return self._transport.claim(author_key(self._cell, name, PROCESS, self._transport.author))
+
+    def claim_alone(self, name: str, deadline_s: float, stop: threading.Event) -> Closeable | None:
+        """Claim a name that nobody else has, waiting for another's claim to go; None where it does not.
+
+        Of two that come together both step back and try again, each after a pause of its own.
+        """
+        until = time.monotonic() + deadline_s
+        while True:
+            if not self._others(name):
+                token = self.claim(name)
+                if not self._others(name):
+                    return token
+                token.close()
+            if time.monotonic() > until or stop.wait(random.uniform(0.05, 0.3)):
+                return None
+
+    def _others(self, name: str) -> list[str]:
+        keys = self._transport.living(author_key(self._cell, name))
+        return [key for key in keys if key.split("/")[-2] != PROCESS]
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._watch.close()

@@ -1,0 +1,1 @@
+"""`crosspih security`: the certificates of the stack."""
