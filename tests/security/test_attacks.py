@@ -24,7 +24,7 @@ from crosspih_common.security.access import SERVICES
 from services.operator.security.issuing import Authority, issue_all, write_pair
 from tests.bus.test_zenoh_bus import ask_until_there
 from tests.conftest import ServiceProcess, started_router
-from tests.security.attacks import CELL, DEADLINE_S, Secured, listening_ports
+from tests.security.attacks import CELL, DEADLINE_S, Secured, asked_outright, listening_ports
 
 FORGED = FtCalibration(
     bias=(0.0,) * 6,
@@ -112,7 +112,7 @@ def test_a_peer_that_goes_round_the_router_finds_nobody(secured: Secured) -> Non
     transport = secured.operator._transport
     assert isinstance(transport, ZenohTransport)
     of_the_cell = {key.split("/")[-1] for key in transport.living(author_key(CELL))}
-    of_the_cell |= {str(router) for router in transport.session.info.routers_zid()}
+    of_the_cell |= {transport.author, *(str(router) for router in transport.session.info.routers_zid())}
     assert len(of_the_cell) >= 3  # the router, force_torque, the operator
     alone = {"mode": "peer", "connect/endpoints": [], "listen/endpoints": ["tcp/127.0.0.1:0"],
              "scouting/multicast/enabled": True, "scouting/multicast/interface": "lo"}  # fmt: skip
@@ -147,7 +147,7 @@ def test_vision_commands_the_arm(secured: Secured) -> None:
             assert ask_until_there(planning).was_moving is False
         before = len(asked)
         with pytest.raises(BusError):
-            vision.call(STOP, StopMotion(), 2.0)
+            asked_outright(vision, STOP, StopMotion())
         assert len(asked) == before
     secured.event("access_refused", "vision may not ask", STOP.key(CELL))
 
@@ -165,7 +165,7 @@ def test_vision_writes_the_calibration(secured: Secured) -> None:
         )
         secured.event("access_refused", "vision may not publish on", FT_CALIBRATION.key(CELL))
         with pytest.raises(BusError):
-            vision.call(IDENTIFY_PAYLOAD, IdentifyPayload(readings=()), 2.0)
+            asked_outright(vision, IDENTIFY_PAYLOAD, IdentifyPayload(readings=()))
     secured.event("access_refused", "vision may not ask", IDENTIFY_PAYLOAD.key(CELL))
     value = latest.value()
     assert value is not None and not value.calibrated
