@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from crosspih_common.bus.duty import SAMPLE_S, Duty
+from crosspih_common.bus.duty import JOB_S, SAMPLE_S, Duty
 
 ValueT = TypeVar("ValueT")
 _END = object()
@@ -17,7 +17,7 @@ class Pump(Generic[ValueT]):
     """Hands values to a handler one by one on its own thread; refuses what does not fit."""
 
     def __init__(
-        self, handler: Callable[[ValueT], None], capacity: int, name: str, on_error: Callable[[Exception], None]
+        self, handler: Callable[[ValueT], object], capacity: int, name: str, on_error: Callable[[Exception], None]
     ) -> None:
         self._queue: queue.Queue[object] = queue.Queue(capacity)
         self._handler, self._on_error = handler, on_error
@@ -71,7 +71,7 @@ class Lane:
     may send the next job at once.
     """
 
-    def __init__(self, name: str, longest_s: float) -> None:
+    def __init__(self, name: str, longest_s: float = JOB_S) -> None:
         self._queue: queue.Queue[Job | None] = queue.Queue()
         self._lock = threading.Lock()
         self._waiting = 0

@@ -14,7 +14,8 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import PosePrior, Touch
 from crosspih_common.wrench import refuse_implausible_wrench
 
-RequestT, AnswerT = TypeVar("RequestT"), TypeVar("AnswerT")
+RequestT = TypeVar("RequestT")
+AnswerT = TypeVar("AnswerT")
 
 MOST_PRIOR_M, MOST_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
 FAR_M = 0.5  # from the believed rim to the peg's tip: a touch there was on something else

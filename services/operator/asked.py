@@ -89,7 +89,8 @@ class _Asked:
         self._began_ns = bus.clock.now_ns()
         self._asked_at = time.monotonic()
         self._before: list[Message] = []  # kept, so that no later one is taken for one of these
-        for latest in (self._events, self._refusals, *self._answers):
+        heard: tuple[Latest[Any], ...] = (self._events, self._refusals, *self._answers)
+        for latest in heard:
             self._before += latest.values()
 
     def _new(self, latest: Latest[Any]) -> list[Any]:

@@ -97,7 +97,11 @@ def test_a_planner_that_lives_repeats_its_answer(scene: Scene) -> None:
 
 def test_a_refusal_is_still_one(scene: Scene) -> None:
     refusal = CommandRefusal(command=ASSEMBLE.path, refused="cell_unfit", text="two cells tick")
-    scene.then = lambda: scene.planning.publisher(REFUSAL).publish(refusal) and None
+
+    def refuses() -> None:
+        scene.planning.publisher(REFUSAL).publish(refusal)
+
+    scene.then = refuses
     with pytest.raises(CommandRefused, match="two cells tick"):
         ask_assembly(scene.operator, REQUEST, DEADLINE_S)
 

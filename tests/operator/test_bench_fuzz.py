@@ -20,7 +20,7 @@ def test_shares_hold_every_payload_once_and_all_keys_come_first() -> None:
     assert {share.key for share in made[: len(kinds())]} == set(kinds())
     for key in kinds():
         of_key = [
-            number for share in made if share.key == key for number in range(share.first, share.first + share.count)
+            number for share in made if share.key == key for number in range(share.first, share.first + share.payloads)
         ]
         assert of_key == list(range(250))
 

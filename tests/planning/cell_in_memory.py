@@ -99,7 +99,7 @@ class CellInMemory:
         self.contexts.append(ServiceContext(service, self.cell, bus))
         return self.contexts[-1]
 
-    def _take_phase(self, key: str, payload: bytes, label: str) -> None:
+    def _take_phase(self, key: str, payload: bytes, label: str, author: str) -> None:
         phase = AssemblyPhase.model_validate_json(payload)
         self.phases.append(phase)
         self.on_phase(phase)

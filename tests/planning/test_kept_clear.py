@@ -39,6 +39,9 @@ class NobodyIsAsked:
     def tell_touch(self, touch: Touch) -> None:
         pass
 
+    def tell_event(self, code: str, text: str) -> None:
+        pass
+
     def tell_defect(self, error: Exception) -> None:
         pass
 

@@ -118,7 +118,7 @@ def summarise_sights(condition: str, sights: list[Sight]) -> SightSummary:
         values = np.abs([getattr(sight, name) for sight in accepted])
         return (float(np.median(values)), float(np.percentile(values, 95))) if len(values) else None
 
-    inside = sum(sight.nees is not None and sight.nees < chdtri(6, 0.05) for sight in accepted)
+    inside = sum(sight.nees is not None and bool(sight.nees < chdtri(6, 0.05)) for sight in accepted)
     return SightSummary(
         condition=condition,
         pairs=len(sights),

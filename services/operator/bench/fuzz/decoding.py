@@ -47,7 +47,7 @@ class Share(NamedTuple):
 
     key: str
     first: int
-    count: int
+    payloads: int
     seed: int
 
 
@@ -69,7 +69,7 @@ def shares(payloads: int, size: int, seed: int) -> list[Share]:
 
 def decode_share(share: Share, process: int) -> ShareDone:
     """See `decode_all`."""
-    decoded = decode_all(share.key, kinds()[share.key], share.count, share.seed, share.first)
+    decoded = decode_all(share.key, kinds()[share.key], share.payloads, share.seed, share.first)
     # kilobytes, on macOS bytes
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
     return ShareDone(share, decoded, process, most)

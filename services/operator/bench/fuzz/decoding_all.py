@@ -99,7 +99,7 @@ def decode_every_key(
                 done.grown_mb = max(done.grown_mb, most_mb - memory.setdefault(process, most_mb))
             if store is not None:
                 store.put(share_key(share), vars(decoded))
-            progress.advance(bar, share.count)
+            progress.advance(bar, share.payloads)
             for what in decoded.escaped:
                 progress.console.print(f"{share.key}: {what}", style="red", markup=False, highlight=False)
 

@@ -128,7 +128,7 @@ class PayloadMaker:
             return float(self._one_of(inside))
         if (least is None or least < -NEAR) and (most is None or most > NEAR) and self._rng.random() < 0.95:
             # of the sizes that a cell has, not of those that a number can have
-            return self._rng.choice((-1.0, 1.0)) * 10.0 ** self._rng.uniform(-6.0, math.log10(NEAR))
+            return float(self._rng.choice((-1.0, 1.0)) * 10.0 ** self._rng.uniform(-6.0, math.log10(NEAR)))
         low, high = (-1.0 if least is None else least), (1.0 if most is None else most)
         return float(low + (max(high, low) - low or 1.0) * self._rng.uniform(1e-6, 1.0))
 
