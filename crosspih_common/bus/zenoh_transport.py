@@ -12,7 +12,7 @@ import contextlib
 import json
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import zenoh
@@ -42,16 +42,32 @@ QUEUE_BATCHES = 16
 _open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
 
 
-def router_config(endpoint: str, peers: bool = False, credentials: Credentials | None = None) -> zenoh.Config:
-    """The embedded router: listens on one endpoint only, no scouting.
+# A router on another machine is tried again so often, without end: a link that was cut is back within this time.
+RETRY_MS = 500
 
-    `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each other, so that they speak among themselves. With
-    credentials it lets in only certificates of their authority, and allows each what the key table says.
+
+def router_config(
+    endpoint: str,
+    peers: bool = False,
+    credentials: Credentials | None = None,
+    also_listen: Sequence[str] = (),
+    routers: Sequence[str] = (),
+) -> zenoh.Config:
+    """The embedded router: listens where it is told to and nowhere else, no scouting.
+
+    `also_listen` are further endpoints to listen on, `routers` those of other machines' routers to connect to: one of
+    each two is enough, and it need not be there yet. `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each
+    other, so that they speak among themselves. With credentials it lets in only certificates of their authority, and
+    allows each what the key table says; another router's counts as what all that are behind it may do.
     """
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
-        "listen/endpoints": [secure_endpoint(endpoint) if credentials else endpoint],
+        "listen/endpoints": [secure_endpoint(one) if credentials else one for one in (endpoint, *also_listen)],
+        "connect/endpoints": [secure_endpoint(one) if credentials else one for one in routers],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": RETRY_MS, "period_max_ms": RETRY_MS, "period_increase_factor": 1},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": peers,
         "transport/link/tx/lease": LEASE_MS,

@@ -6,6 +6,10 @@ first word is the interpreter that runs the launcher, and ``stop_grace_period`` 
 
     x-notify: true      the service is healthy once it sent ``READY=1`` (see crosspih_common.service.notify)
     x-watchdog_s: 5     and unhealthy when no ``WATCHDOG=1`` came for this many seconds
+    x-working_dir: ..   as ``working_dir``, which a container engine would take for a folder in the container
+
+The same file may be for a container engine too: the keys of ENGINE_KEYS and ENGINE_SECTIONS are its alone, and are left
+alone here. So is the ``healthcheck`` of a service with ``x-notify``, whose notification says more and sooner.
 """
 
 import re
@@ -13,13 +17,20 @@ import shlex
 from enum import Enum
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from deploy.launcher.restart import RestartPolicy, RestartWhen
 
 _DURATION_PART = re.compile(r"(\d+(?:\.\d+)?)(us|ms|s|m|h|d)")
 _SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+# Of a service, and at the top: what makes sense for a container, and changes nothing for a local process.
+ENGINE_KEYS = frozenset(
+    {"build", "cap_add", "cap_drop", "container_name", "devices", "hostname", "image", "init", "ipc", "labels"}
+    | {"logging", "network_mode", "platform", "pull_policy", "read_only", "security_opt", "shm_size", "tmpfs"}
+    | {"ulimits", "user", "userns_mode", "volumes"}
+)
+ENGINE_SECTIONS = frozenset({"volumes"})
 _NAME = r"^[a-zA-Z0-9][a-zA-Z0-9._-]*$"
 
 
@@ -154,29 +165,41 @@ class Service(_Part):
     depends_on: Annotated[dict[str, Dependency], BeforeValidator(_parse_dependencies)] = {}
     healthcheck: Healthcheck | None = None
     restart: Annotated[RestartPolicy, BeforeValidator(_parse_restart)] = RestartPolicy(RestartWhen.NO)
-    working_dir: str = "."
+    working_dir: str = Field(default=".", validation_alias=AliasChoices("x-working_dir", "working_dir"))
     stop_grace_period: Duration = 2.0
     profiles: tuple[str, ...] = ()
     notify: bool = Field(default=False, alias="x-notify")
     watchdog_s: float | None = Field(default=None, alias="x-watchdog_s", gt=0.0)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_what_is_an_engines(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        if "x-working_dir" in value and "working_dir" in value:
+            raise _refuse("has both x-working_dir and working_dir", "keep the one for whoever is to run it")
+        return {key: entry for key, entry in value.items() if key not in ENGINE_KEYS}
+
     @model_validator(mode="after")
-    def _one_kind_of_health(self) -> "Service":
-        checked = self.healthcheck is not None and self.healthcheck.is_on
-        if self.notify and checked:
-            raise _refuse("has both x-notify and a healthcheck", "keep one of them")
+    def _watched_where_it_notifies(self) -> "Service":
         if self.watchdog_s is not None and not self.notify:
             raise _refuse("x-watchdog_s without x-notify", "add x-notify: true")
         return self
 
     @property
+    def check(self) -> Healthcheck | None:
+        """The check to run here: none where the service itself says how it is."""
+        return None if self.notify or self.healthcheck is None or not self.healthcheck.is_on else self.healthcheck
+
+    @property
     def has_health(self) -> bool:
         """Whether it can ever be healthy, and so be waited for with ``service_healthy``."""
-        return self.notify or (self.healthcheck is not None and self.healthcheck.is_on)
+        return self.notify or self.check is not None
 
 
 class ComposeFile(_Part):
-    """A whole compose file; top-level keys that begin with ``x-`` are there for YAML anchors and are dropped."""
+    """A whole compose file; top-level keys that begin with ``x-`` are there for YAML anchors and are dropped, as are
+    those for a container engine."""
 
     name: str | None = Field(default=None, pattern=_NAME)
     services: dict[Annotated[str, Field(pattern=_NAME)], Service] = Field(min_length=1)
@@ -185,5 +208,9 @@ class ComposeFile(_Part):
     @classmethod
     def _without_extensions(cls, value: Any) -> Any:
         if isinstance(value, dict):
-            return {key: entry for key, entry in value.items() if not str(key).startswith("x-")}
+            return {
+                key: entry
+                for key, entry in value.items()
+                if not str(key).startswith("x-") and key not in ENGINE_SECTIONS
+            }
         return value

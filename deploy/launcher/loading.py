@@ -13,10 +13,10 @@ from deploy.launcher.errors import ComposeError, Fault
 from deploy.launcher.interpolation import interpolate
 from deploy.launcher.order import cycle_among
 
+# What would change what a service is, knows or reaches, and that only in a container: it is refused, not left out.
 _CONTAINER_KEYS = frozenset(
-    {"build", "cap_add", "cap_drop", "configs", "container_name", "deploy", "devices", "dns", "entrypoint", "expose"}
-    | {"extra_hosts", "hostname", "image", "init", "ipc", "labels", "links", "network_mode", "networks", "pid"}
-    | {"platform", "ports", "privileged", "read_only", "secrets", "shm_size", "tmpfs", "tty", "user", "volumes"}
+    {"configs", "deploy", "dns", "entrypoint", "expose", "extra_hosts", "links", "networks", "pid", "ports"}
+    | {"privileged", "secrets", "tty"}
 )
 
 

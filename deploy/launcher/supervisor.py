@@ -209,8 +209,8 @@ class Supervisor:
             self._set_health(unit, health)
 
         monitors = []
-        check = unit.service.healthcheck
-        if check is not None and check.is_on:
+        check = unit.service.check
+        if check is not None:
             monitors.append(after_each_check(check, environment, unit.working_dir, began_s, current, update))
         if unit.service.watchdog_s is not None:
             monitors.append(watch_for_silence(unit.service.watchdog_s, current, update))

@@ -1,4 +1,4 @@
-"""`python -m services.router`: an embedded Zenoh router on one endpoint.
+"""`python -m services.router`: an embedded Zenoh router, and its links to those of other machines.
 
 With CROSSPIH_CERTIFICATES it lets in only certificates of that folder's authority, and allows each service what the key
 table says (crosspih_common/security/access.py).
@@ -38,6 +38,10 @@ def _telling(cell: str | None) -> tuple[type[Telling], str]:
     return Telling, load_cell(cell or DEFAULT_CELL).workcell.name
 
 
+def _endpoints(text: str) -> list[str]:
+    return [one.strip() for one in text.split(",") if one.strip()]
+
+
 def main() -> int:
     """Route until SIGINT or SIGTERM; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m services.router", description="The Zenoh router.")
@@ -47,11 +51,19 @@ def main() -> int:
         help="tell Zenoh peers of each other: for nodes of ROS 2 (docs/hardware/ros2.md)",
     )  # fmt: skip
     parser.add_argument(
+        "--listen", default=os.environ.get("CROSSPIH_ROUTER_LISTEN", ""), metavar="ENDPOINTS",
+        help="where other machines' routers may connect to, separated by commas; nowhere without it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--routers", default=os.environ.get("CROSSPIH_ROUTERS", ""), metavar="ENDPOINTS",
+        help="other machines' routers to connect to, separated by commas (docs/several-machines.md)",
+    )  # fmt: skip
+    parser.add_argument(
         "--cell", default=os.environ.get("CROSSPIH_CELL"),
         help="the cell's YAML file: on whose bus refusals are told, where there are certificates",
     )  # fmt: skip
     given = parser.parse_args()
-    endpoint = given.endpoint
+    endpoint, listen, routers = given.endpoint, _endpoints(given.listen), _endpoints(given.routers)
     try:
         credentials = credentials_from_environment("router")
         kind, cell = _telling(given.cell) if credentials else (None, "")
@@ -68,11 +80,11 @@ def main() -> int:
     be_urgent()  # it does little, and everything waits for it; before Zenoh starts its threads
     telling = kind() if kind is not None else None  # urgent too: Zenoh waits for whoever reads its log
     try:
-        session = zenoh.open(router_config(endpoint, given.peers, credentials))
+        session = zenoh.open(router_config(endpoint, given.peers, credentials, listen, routers))
     except zenoh.ZError as error:
         reason = str(error).splitlines()[0][:200]
         print(
-            f"router: cannot listen on {endpoint}; is another stack up? (`crosspih ps`, or set "
+            f"router: cannot listen on {', '.join((endpoint, *listen))}; is another stack up? (`crosspih ps`, or set "
             f"CROSSPIH_ENDPOINT): {reason}",
             file=sys.stderr,
             flush=True,
@@ -82,10 +94,14 @@ def main() -> int:
     try:
         if telling is not None:
             bus = telling.to(session, endpoint, cell)
-        print(f"router: listening on {secure_endpoint(endpoint) if credentials else endpoint}", flush=True)
-        if said := open_to_whom(endpoint):
-            print(f"router: {said}", flush=True)
-            notify.status(said)
+        listening = [secure_endpoint(one) if credentials else one for one in (endpoint, *listen)]
+        print(f"router: listening on {', '.join(listening)}", flush=True)
+        if routers:
+            print(f"router: connects to {', '.join(routers)}", flush=True)
+        for one in (endpoint, *listen):
+            if said := open_to_whom(one):
+                print(f"router: {said}", flush=True)
+                notify.status(said)
         notify.ready()
         while not stop.wait(1.0):
             notify.watchdog()

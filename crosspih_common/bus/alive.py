@@ -1,0 +1,47 @@
+"""Whether a service lives, as a command: `python -m crosspih_common.bus.alive NAME`, the health check of a container.
+
+Exit status 0 when the router at CROSSPIH_ENDPOINT knows the liveliness token of that service, or for `router` when it
+answers; else 1, and one line on standard error that says why. It loads no more than it needs, for it is run often.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, open_zenoh
+from crosspih_common.errors import BusError
+from crosspih_common.keys import alive_key
+
+ROUTER = "router"  # has no token: without it nobody has
+CONNECT_S = 3.0
+ASK_S = 3.0
+ANY_CELL = "*"
+
+
+def why_not_alive(service: str, endpoint: str) -> str:
+    """Empty when it lives; else what is wrong, for people."""
+    try:
+        with open_zenoh(endpoint, CONNECT_S) as transport:
+            if service == ROUTER:
+                return ""
+            tokens = transport.session.liveliness().get(alive_key(ANY_CELL, service), timeout=ASK_S)
+            if any(token.ok is not None for token in tokens):
+                return ""
+            return f"the router at {endpoint} knows of no {service} that lives"
+    except BusError as error:
+        return str(error)
+
+
+def main(service: str) -> int:
+    """Say why not, if not; the exit status."""
+    why = why_not_alive(service, os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT)
+    if why:
+        print(f"{service}: {why}", file=sys.stderr)
+    return 1 if why else 0
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("python -m crosspih_common.bus.alive NAME: name one service, or router")
+    sys.exit(main(sys.argv[1]))
