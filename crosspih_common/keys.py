@@ -17,6 +17,7 @@ from crosspih_common.messages import (
     AbortAssembly,
     AdmittanceMove,
     AdviseInsertion,
+    AskWallClock,
     Assemble,
     AssemblyPhase,
     AssemblyResult,
@@ -72,6 +73,7 @@ from crosspih_common.messages import (
     TakeLease,
     Touch,
     TouchPlan,
+    WallClock,
     Withdraw,
     WithdrawResult,
 )
@@ -161,6 +163,14 @@ ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder"
 
 # hardware -------------------------------------------------------------------------------------------------------------
 CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", ALL, "the cell's clock", 50.0)
+WALL_CLOCK = Command(
+    "clock/wall",
+    AskWallClock,
+    WallClock,
+    "hardware",
+    tuple(name for name in ALL if name != "hardware"),
+    "how far is a machine's wall clock off",
+)
 JOINT_STATE = Topic(
     "arm/joint_state",
     JointState,

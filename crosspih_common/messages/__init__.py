@@ -33,7 +33,7 @@ from crosspih_common.messages.camera import (
     Gamma,
     StereoPair,
 )
-from crosspih_common.messages.clock import CellClock
+from crosspih_common.messages.clock import AskWallClock, CellClock, WallClock
 from crosspih_common.messages.contact import ClassifyContacts, ContactClassifier, ContactState, ContactStates
 from crosspih_common.messages.estimate import (
     EstimateByNetwork,
@@ -90,6 +90,7 @@ __all__ = [
     "AbortAssembly",
     "AdmittanceMove",
     "AdviseInsertion",
+    "AskWallClock",
     "Assemble",
     "AssemblyPhase",
     "AssemblyResult",
@@ -175,6 +176,7 @@ __all__ = [
     "TrueContact",
     "Vector3",
     "Vector6",
+    "WallClock",
     "Withdraw",
     "WithdrawResult",
     "WrenchMemory",

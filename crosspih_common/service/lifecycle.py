@@ -25,11 +25,12 @@ from typing import Protocol, TypeVar
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
 from crosspih_common.config import CellFile, Section, load_cell
 from crosspih_common.errors import BusError, ConfigError, CrosspihError
-from crosspih_common.keys import EVENTS, STATUS
+from crosspih_common.keys import EVENTS, STATUS, WALL_CLOCK
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
 from crosspih_common.messages.status import LAST_ERROR_S
 from crosspih_common.modules import packaged
 from crosspih_common.service import notify
+from crosspih_common.service.wall_clock import ClockWatch, Difference, this_host
 from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
@@ -56,6 +57,7 @@ class ServiceContext:
     state: ServiceState = ServiceState.STARTING
     reason: str = ""
     works: Works = field(init=False)
+    clocks: ClockWatch | None = None  # None in the cell's own service, whose clock the others are measured against
     _last_error: tuple[float, str] = (-math.inf, "")
     _started_at: float = field(default_factory=time.monotonic)
     _said_at: dict[str, float] = field(default_factory=dict)  # code: when it was last said
@@ -93,6 +95,7 @@ class ServiceContext:
         if state is ServiceState.READY and self.bus.busy:
             state = ServiceState.ACTIVE
         traffic = self.bus.traffic
+        wall = self.wall_difference
         return ServiceStatus(
             service=self.name,
             state=state,
@@ -104,7 +107,30 @@ class ServiceContext:
             dropped=traffic.total("dropped"),
             last_error=(last_error := self.last_error),
             last_error_age_s=round(time.monotonic() - self._last_error[0], 3) if last_error else None,
+            host=this_host(),
+            wall_ns=time.time_ns(),
+            wall_ahead_s=None if wall is None else wall.offset_s,
+            wall_bound_s=None if wall is None else wall.bound_s,
         )
+
+    @property
+    def wall_difference(self) -> Difference | None:
+        """This machine's wall clock against that of the cell's machine, where it is known."""
+        return None if self.clocks is None else self.clocks.difference
+
+    def watch_clocks(self) -> None:
+        """From now on measure this machine's wall clock against the cell's, and say when they are apart."""
+
+        def tell(apart: bool, found: Difference) -> None:
+            if apart:
+                said = f"{found}: log times differ by that, stamps do not; set both by NTP (docs/several-machines.md)"
+                self.event(Severity.WARNING, "clocks_apart", said)
+            else:
+                self.event(Severity.INFO, "clocks_together", str(found))
+
+        if self.name != WALL_CLOCK.server:
+            self.clocks = ClockWatch(self.bus, tell)
+            self.bus.also_close(self.clocks)
 
 
 def _arguments(name: str, argv: Sequence[str] | None) -> argparse.Namespace:
@@ -179,6 +205,7 @@ def run_service(
                 bus.declare_alive()
                 status.publish(context.status())
                 notify.ready()
+                context.watch_clocks()
             while not stop.wait(STATUS_PERIOD_S):
                 bus.authors.tell_of_held()
                 if trouble := context.works.feed():

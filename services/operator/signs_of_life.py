@@ -1,4 +1,5 @@
-"""`crosspih ps`: the launcher's table, and of each service whether the bus has a sign of life from it."""
+"""`crosspih ps`: the launcher's table, of each service whether the bus has a sign of life from it, and at the router
+whether this machine's wall clock is that of the cell's."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import typer
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.config import load_cell
 from crosspih_common.errors import CrosspihError
+from crosspih_common.service.wall_clock import APART_S, measured
 from deploy.launcher.cli import Project, RunDir, show_stack
 from deploy.launcher.conditions import Phase
 from deploy.launcher.health import Health
@@ -18,6 +20,7 @@ from services.operator.session import cell_path, endpoint
 
 CONNECT_S = 1.0
 HEAR_S = 1.0
+CLOCK_ASKED, CLOCK_ASK_S = 3, 1.0
 ROUTER = "router"  # has no token: without it nobody has
 SILENT = "no sign of life on the bus: it hangs"
 
@@ -38,6 +41,20 @@ def noted(state: StackState, alive: set[str]) -> StackState:
     return state.model_copy(update={"services": tuple(rows)})
 
 
+def with_clock(state: StackState, apart: str) -> StackState:
+    """The state with a note at the router, where the clocks of two machines are apart."""
+    rows = [
+        row.model_copy(update={"note": "; ".join(filter(None, (row.note, apart)))}) if row.service == ROUTER else row
+        for row in state.services
+    ]
+    return state.model_copy(update={"services": tuple(rows)})
+
+
+def _clocks_apart(bus: Bus) -> str:
+    wall = measured(bus, CLOCK_ASKED, CLOCK_ASK_S)
+    return str(wall) if wall is not None and wall.least_s > APART_S else ""
+
+
 def _with_signs_of_life(state: StackState) -> StackState:
     wanted = {row.service for row in state.services if row.phase is Phase.RUNNING} - {ROUTER}
     alive: set[str] = set()
@@ -53,7 +70,8 @@ def _with_signs_of_life(state: StackState) -> StackState:
             bus.watch_alive(on_alive)
             with changed:
                 changed.wait_for(lambda: wanted <= alive, HEAR_S)
-                return noted(state, set(alive))
+                noticed = noted(state, set(alive))
+            return with_clock(noticed, _clocks_apart(bus))
     except CrosspihError:
         return state  # no router, or no cell's file: the launcher's own table is all there is
 
@@ -63,6 +81,6 @@ def ps(
     project: Project = DEFAULT_PROJECT,
     run_dir: RunDir = None,
 ) -> None:
-    """Show the services, their health, their restarts, and which have no sign of life on the bus; exit status 1 if the
-    stack is not up."""
+    """Show the services, their health, their restarts, which have no sign of life on the bus, and whether this machine's
+    clock is the cell's; exit status 1 if the stack is not up."""
     show_stack(as_json, project, run_dir, _with_signs_of_life)

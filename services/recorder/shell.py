@@ -13,6 +13,7 @@ from crosspih_common.errors import ContractError
 from crosspih_common.keys import RECORD_START, RECORD_STOP, Topic, topics
 from crosspih_common.messages import RecordingStatus, Severity, StartRecording, StopRecording
 from crosspih_common.service import ServiceContext
+from crosspih_common.service.wall_clock import this_host
 from services.recorder.broken_off import BrokenOff, broken_off
 from services.recorder.config import RecorderConfig
 from services.recorder.recorder import Recorder
@@ -58,12 +59,20 @@ class RecorderShell:
 
     def _metadata(self) -> dict[str, dict[str, str]]:
         cell = self._context.cell
+        wall = self._context.wall_difference
         return {
             "cell": {"name": cell.workcell.name, "path": str(cell.path.resolve()), "yaml": cell.text},
             "versions": library_versions(),
             "recording": {
                 "started": datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
                 "boot_id": self._context.bus.clock.boot_id,
+            },
+            # log times are this machine's, stamps the cell's
+            "wall_clock": {
+                "host": this_host(),
+                "cells_host": "" if wall is None else wall.host,
+                "ahead_s": "" if wall is None else f"{wall.offset_s:.6f}",
+                "bound_s": "" if wall is None else f"{wall.bound_s:.6f}",
             },
         }
 

@@ -98,8 +98,8 @@ def test_every_key_is_read() -> None:
         ("  a: {command: x, healthcheck: {interval: 1s}}", "services.a.healthcheck: no test; add test:"),
         ("  a: {command: x, healthcheck: {test: [GET, /]}}", "services.a.healthcheck.test: ['GET', '/'] is not a test"),
         (
-            "  a: {command: x, x-notify: true, healthcheck: {test: y}}",
-            "services.a: has both x-notify and a healthcheck; keep one",
+            "  a: {command: x, x-working_dir: .., working_dir: /srv}",
+            "services.a: has both x-working_dir and working_dir; keep the one",
         ),
         ("  a: {command: x, x-watchdog_s: 1}", "services.a: x-watchdog_s without x-notify; add x-notify: true"),
         ("  a: {command: x, depends_on: [b]}", "services.a.depends_on.b: no such service; services are a"),
@@ -127,9 +127,9 @@ def test_fault_names_field_and_mend(body: str, expected: str) -> None:
 
 
 def test_all_faults_are_told_at_once() -> None:
-    text = "services:\n  a: {command: x, image: y}\n  b: {restart: 7}\nversion: '3'\n"
+    text = "services:\n  a: {command: x, ports: ['1:1']}\n  b: {restart: 7}\nversion: '3'\n"
     assert [fault.split(":")[0] for fault in _faults(text)] == [
-        "services.a.image",
+        "services.a.ports",
         "services.b.command",
         "services.b.restart",
         "version",

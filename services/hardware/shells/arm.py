@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import socket
 import threading
+import time
 import uuid
 from collections.abc import Callable
 from typing import TypeVar
@@ -25,10 +27,12 @@ from crosspih_common.keys import (
     MOVE_LINEAR,
     SET_PAYLOAD,
     STOP,
+    WALL_CLOCK,
     WRENCH_RAW,
     Command,
 )
 from crosspih_common.messages import (
+    AskWallClock,
     CellClock,
     GiveLease,
     LeaseBeat,
@@ -40,6 +44,7 @@ from crosspih_common.messages import (
     StopAccepted,
     StopMotion,
     TakeLease,
+    WallClock,
 )
 from services.hardware.control.arm import ArmController
 
@@ -82,6 +87,7 @@ class ArmShell:
         self._serve(DWELL, arm.dwell)
         bus.serve(SET_PAYLOAD, self._set_payload, lane=ARM_LANE)
         bus.serve(STOP, self._stop, lane=NOW_LANE)
+        bus.serve(WALL_CLOCK, self._wall_clock, lane=NOW_LANE)
 
     def also_on_tick(self, listener: Callable[[], object]) -> None:
         """Call after each tick of the clock, on the arm's loop."""
@@ -112,6 +118,11 @@ class ArmShell:
             command, moved, lane=ARM_LANE, refuse_when_busy=True, on_accept=self._arm.accept, on_end=self._arm.done,
             longest_s=MOTION_S,
         )  # fmt: skip
+
+    @staticmethod
+    def _wall_clock(request: AskWallClock) -> WallClock:
+        """For others to compare theirs with: nothing here is done by it."""
+        return WallClock(host=socket.gethostname(), wall_ns=time.time_ns())
 
     def _beat(self, beat: LeaseBeat) -> None:
         if beat.holder == self._bus.service and not beat.lease:

@@ -78,6 +78,8 @@ def _of_the_cell(wish: Wish, file: CellFile, read: Sections, bus: Bus | None, sa
         apart = "hardware" in readable and "camera" not in devices.hosted(cell) and not by_force
         needed = (*COMMANDS_NEED, "camera") if apart else COMMANDS_NEED
         rows += looked("services", lambda: network.service_rows(here, alive, needed))
+        if "hardware" in alive:
+            rows += looked("wall clock of the cell", lambda: network.cells_clock_rows(here))
     told: CameraCalibration | None = None
     if "hardware" in readable:
         say("devices")

@@ -13,7 +13,8 @@ from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import BusError, ConfigError
 from crosspih_common.holding.soundness import TICKS_KEPT, boots
 from crosspih_common.keys import CLOCK
-from services.operator.rows import Row, ok, wrong
+from crosspih_common.service.wall_clock import APART_S, measured
+from services.operator.rows import Row, ok, warning, wrong
 
 ENDPOINT = re.compile(r"(?P<kind>tcp|tls|ws|quic|udp)/(?P<host>\[[^\]]+\]|[^:/]+):(?P<port>\d{1,5})")
 CONNECT_S = 1.0
@@ -96,6 +97,18 @@ def router_rows(endpoint: str, cell: str) -> tuple[list[Row], Bus | None]:
         return [wrong(name, f"{endpoint} is taken by {by}, which is no Zenoh router", mend)], None
     by = occupant(at.port) if at.here else ""
     return [ok(name, f"a router answers at {endpoint}" + (f": {by}" if by else ""))], bus
+
+
+def cells_clock_rows(bus: Bus) -> Iterator[Row]:
+    """This machine's wall clock against that of the cell's."""
+    name, wall = "wall clock of the cell", measured(bus)
+    if wall is None:
+        yield ok(name, "the cell does not tell its wall clock")
+    elif wall.least_s > APART_S:
+        mend = "set both by NTP (chrony): log times of recordings and logs differ by that, stamps do not"
+        yield warning(name, str(wall), mend)
+    else:
+        yield ok(name, str(wall))
 
 
 def service_rows(bus: Bus, alive: set[str], needed: tuple[str, ...]) -> Iterator[Row]:
