@@ -11,6 +11,7 @@ from services.operator.bench.compare import compare
 from services.operator.bench.domain import domain
 from services.operator.bench.engines import engines
 from services.operator.bench.fuzz.command import fuzz
+from services.operator.bench.hosts.command import hosts
 from services.operator.bench.kills.command import kills
 from services.operator.bench.matrix.command import matrix
 from services.operator.bench.pictures.command import make_pictures
@@ -42,4 +43,5 @@ app.command()(for_cell(kills))
 app.command()(for_cell(matrix))
 app.command()(for_cell(fuzz))
 app.command()(for_cell(busy))
+app.command()(for_cell(hosts))
 app.command()(for_cell(calibrations))
