@@ -115,7 +115,7 @@ class ServiceContext:
 
     @property
     def wall_difference(self) -> Difference | None:
-        """This machine's wall clock against that of the cell's machine, where it is known."""
+        """How far this machine's wall clock is from that of the cell's machine, where it is known."""
         return None if self.clocks is None else self.clocks.difference
 
     def watch_clocks(self) -> None:

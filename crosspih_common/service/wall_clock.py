@@ -1,11 +1,11 @@
 """How far this machine's wall clock is from that of the cell's machine, bounded from both sides.
 
-Stamps are the cell's clock, and no service's wall clock has a part in them. The log times of recordings and logs, and the
-dates of calibrations, are each machine's own wall clock: where two machines differ, they cannot be laid side by side.
+Stamps are the cell's clock, and no service's wall clock has a part in them. The log times of recordings and logs, and
+the dates of calibrations, are each machine's own wall clock: where two differ, they cannot be laid side by side.
 
-The cell's machine is asked for its time. Its answer was made between the question and its arrival here, so the difference
-is known to half the round trip, however the way there and the way back differ (Cristian 1989). Several such answers
-together say more than the best of them: the difference lies within each.
+The cell's machine is asked for its time. Its answer was made between the question and its arrival here, so the
+difference is known to half the round trip, however the way there and the way back differ (Cristian 1989). Several such
+answers together say more than the best of them: the difference lies within each.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ KEPT = 8
 DRIFT = 1e-4  # two clocks that nobody sets go apart by less, s a second
 FIRST_S, PERIOD_S = 1.0, 10.0  # between the first KEPT exchanges, and after them
 ASK_S = 2.0
-# Beyond the bound: what NTP keeps in any building is ten times less, and what log times are used for, to tell which of two
-# things on two machines came first, bears no more.
+# Beyond the bound: what NTP keeps in any building is ten times less, and what log times are used for, to tell which of
+# two things on two machines came first, bears no more.
 APART_S = 0.02
 
 
@@ -47,7 +47,7 @@ class Exchange:
 
     @property
     def offset_s(self) -> float:
-        """This clock minus that one, were both ways equally long."""
+        """The clock here minus the one there, were both ways equally long."""
         return (0.5 * (self.sent_ns + self.back_ns) - self.there_ns) * 1e-9
 
     @property
@@ -58,7 +58,7 @@ class Exchange:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """This machine's wall clock minus that of the cell's machine `host`: `offset_s`, give or take `bound_s`."""
+    """The wall clock here minus that of the cell's machine `host`: `offset_s`, give or take `bound_s`."""
 
     offset_s: float
     bound_s: float
@@ -114,8 +114,8 @@ def measured(bus: Bus, times: int = 4, deadline_s: float = ASK_S) -> Difference 
 
 
 class ClockWatch:
-    """Measures again and again, on a thread of its own; `tell` is called where the clocks come to be apart (True) or are
-    together again (False)."""
+    """Measures again and again, on a thread of its own; `tell` is called where the clocks come to be apart (True) or
+    are together again (False)."""
 
     def __init__(self, bus: Bus, tell: Callable[[bool, Difference], None]) -> None:
         self._bus, self._tell = bus, tell

@@ -100,7 +100,7 @@ def router_rows(endpoint: str, cell: str) -> tuple[list[Row], Bus | None]:
 
 
 def cells_clock_rows(bus: Bus) -> Iterator[Row]:
-    """This machine's wall clock against that of the cell's."""
+    """How far the wall clock here is from that of the cell's machine."""
     name, wall = "wall clock of the cell", measured(bus)
     if wall is None:
         yield ok(name, "the cell does not tell its wall clock")

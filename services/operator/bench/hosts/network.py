@@ -1,7 +1,7 @@
 """Hosts of this machine: network namespaces, each with one address, and the switch between them.
 
-It needs Linux, /dev/net/tun and the right to make namespaces (root, or CAP_NET_ADMIN with CAP_SYS_ADMIN). Nothing of this
-machine's own network is changed, and all of it is gone afterwards; what a killed run left is removed by the next.
+It needs Linux, /dev/net/tun and the right to make namespaces (root, or CAP_NET_ADMIN with CAP_SYS_ADMIN). Nothing of
+this machine's own network is changed, and all of it is gone afterwards; what a killed run left is removed by the next.
 """
 
 from __future__ import annotations

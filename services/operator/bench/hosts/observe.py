@@ -1,7 +1,7 @@
 """One assembly asked for on a host, and what it saw: `python -m services.operator.bench.hosts.observe SEED`.
 
-Prints a JSON object a line: {"step": phase} as the planner goes on, and in the end {"seen": Seen}. A light command goes to
-and fro all the while, so that its latency is measured as it is during an assembly.
+Prints a JSON object a line: {"step": phase} as the planner goes on, and in the end {"seen": Seen}. A light command goes
+to and fro all the while, so that its latency is measured as it is during an assembly.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ HOLDER = "planning"
 
 
 class Kept(BaseModel):
-    """Of one recording. `rest_s`: from the holder's last beat before the arm let go of it to the arm at rest, of the log
+    """Of one recording. `rest_s`: from the holder's last beat before the arm let go of it to the arm at rest, by the log
     times, which are the recorder's; None where the holder was not lost."""
 
     samples: int = 0

@@ -18,6 +18,7 @@ from services.operator.bench.hosts.observe import Seen
 from services.operator.bench.hosts.plan import CUT_AT, Trial
 from services.operator.bench.hosts.recorded import Kept, kept
 from services.operator.bench.hosts.stacks import COMPUTE, Stacks, stacks_up
+from services.operator.bench.own_cell import content_for
 from services.operator.bench.trials import base_cell_text
 
 OBSERVE = "services.operator.bench.hosts.observe"
@@ -33,13 +34,13 @@ class Row(BaseModel):
     packets: dict[str, int]
 
 
-def cell_text(holder_timeout_s: float | None) -> str:
-    """The cell's file, with the arm's patience where it is to have another."""
-    overrides: dict[str, Any] = {"recorder": {"directory": "recordings"}}
+def cell_text(holder_timeout_s: float | None, folder: Path) -> str:
+    """The cell's file, with the arm's patience where it is to have another, and all that is kept in the folder."""
+    overrides: dict[str, Any] = {"recorder": {"directory": str(folder / "recordings")}}
     if holder_timeout_s is not None:
         overrides["hardware"] = {"limits": {"holder_timeout_s": holder_timeout_s}}
     content = cell_content(base_cell_text(), Condition(name="hosts", overrides=overrides))
-    return yaml.safe_dump(content, sort_keys=False)
+    return yaml.safe_dump(content_for(content, "hosts", folder), sort_keys=False)
 
 
 def run_on_one_stack(
@@ -53,7 +54,7 @@ def run_on_one_stack(
     """Each trial's row to `done`. Raises NoNetwork, NoService."""
     hosts = trials[0].hosts
     cell = folder / "cell.yaml"
-    cell.write_text(cell_text(trials[0].holder_timeout_s), encoding="utf-8")
+    cell.write_text(cell_text(trials[0].holder_timeout_s, folder), encoding="utf-8")
     with Network({host.name: host.address for host in hosts}) as network:
         say(f"{len(hosts)} hosts: bringing the stack up")
         with stacks_up(network, hosts, folder, cell, speed) as stacks:
