@@ -10,7 +10,7 @@ import os
 import sys
 
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, open_zenoh
-from crosspih_common.errors import BusError
+from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import alive_key
 
 ROUTER = "router"  # has no token: without it nobody has
@@ -22,14 +22,14 @@ ANY_CELL = "*"
 def why_not_alive(service: str, endpoint: str) -> str:
     """Empty when it lives; else what is wrong, for people."""
     try:
-        with open_zenoh(endpoint, CONNECT_S) as transport:
+        with open_zenoh(endpoint, CONNECT_S, service) as transport:
             if service == ROUTER:
                 return ""
             tokens = transport.session.liveliness().get(alive_key(ANY_CELL, service), timeout=ASK_S)
             if any(token.ok is not None for token in tokens):
                 return ""
             return f"the router at {endpoint} knows of no {service} that lives"
-    except BusError as error:
+    except CrosspihError as error:
         return str(error)
 
 

@@ -77,7 +77,10 @@ def router_config(
         # the key table loads every message: a router without certificates needs none of it
         from crosspih_common.security.access import access_control
 
-        settings |= {**credentials.listening(), "access_control": access_control()}
+        linked = bool(also_listen or routers)
+        settings |= {**credentials.listening(), "access_control": access_control(linked)}
+        if routers:
+            settings |= credentials.connecting()
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     return config

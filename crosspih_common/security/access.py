@@ -20,6 +20,7 @@ from crosspih_common.keys import (
     LEASE_BEAT,
     LEASE_TAKE,
     LOCATE,
+    ROOT,
     Command,
     Qos,
     Topic,
@@ -131,11 +132,21 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
     return {where: frozenset(keys) for where, keys in table.allowed.items()}
 
 
-def access_control() -> dict[str, Any]:
-    """Zenoh's `access_control` section for the router: nothing is allowed but what `allowed` lists."""
+def linked() -> dict[tuple[str, str, str], frozenset[str]]:
+    """What another machine's router is allowed besides: all that its services may do, for it speaks for all of them.
+
+    Which of them it speaks for cannot be seen here: it has judged them by their certificates, as this one its own.
+    """
+    everything = frozenset([f"{ROOT}/**", f"{ROOT}/**{ADVANCED}", *ROS2_KEYS])
+    return {(ROUTER, flow, message): everything for flow in (IN, OUT) for message in EVERY_MESSAGE}
+
+
+def access_control(other_routers: bool = False) -> dict[str, Any]:
+    """Zenoh's `access_control` section for the router: nothing is allowed but what `allowed` lists, and `linked` where
+    routers of other machines are let in."""
     rules: list[dict[str, Any]] = []
     by_service: dict[str, list[str]] = {service: [] for service in SERVICES}
-    for (service, flow, message), keys in sorted(allowed().items()):
+    for (service, flow, message), keys in sorted({**allowed(), **(linked() if other_routers else {})}.items()):
         name = f"{service} {flow} {message}"
         rules.append({
             "id": name, "permission": "allow", "flows": [flow], "messages": [message], "key_exprs": sorted(keys),

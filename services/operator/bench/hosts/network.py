@@ -20,6 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from crosspih_common.errors import CrosspihError
+from crosspih_common.modules import module_command
 
 TUN = "/dev/net/tun"
 TUNSETIFF, IFF_TUN, IFF_NO_PI = 0x400454CA, 0x0001, 0x1000
@@ -94,7 +95,7 @@ class Network:
         ends = {host: self._host(index, host, address) for index, (host, address) in enumerate(self.addresses.items())}
         self._switch = switch = subprocess.Popen(
             [
-                sys.executable, "-m", "services.operator.bench.hosts.switch",
+                *module_command("services.operator.bench.hosts.switch"),
                 *(f"{self.addresses[host]}={fd}" for host, fd in ends.items()),
             ],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, pass_fds=list(ends.values()),

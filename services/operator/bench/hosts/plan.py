@@ -1,4 +1,4 @@
-"""What is tried on one host and on three."""
+"""What is tried on one host, in plain TCP, and on three with mTLS."""
 
 from __future__ import annotations
 

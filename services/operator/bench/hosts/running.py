@@ -57,7 +57,7 @@ def run_on_one_stack(
     cell.write_text(cell_text(trials[0].holder_timeout_s, folder), encoding="utf-8")
     with Network({host.name: host.address for host in hosts}) as network:
         say(f"{len(hosts)} hosts: bringing the stack up")
-        with stacks_up(network, hosts, folder, cell, speed) as stacks:
+        with stacks_up(network, hosts, folder, cell, speed, secure=len(hosts) > 1) as stacks:
             for trial in trials:
                 say(f"{trial.name}: assembling")
                 done(_run(trial, network, stacks, seed))

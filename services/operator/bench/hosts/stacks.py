@@ -6,20 +6,21 @@ import contextlib
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-import deploy
 from crosspih_common.errors import CrosspihError, NoService
+from crosspih_common.keys import CAMERA_ALIVE
+from crosspih_common.modules import module_command
+from crosspih_common.security import CERTIFICATES, Credentials
+from crosspih_common.security.access import SERVICES
 from services.operator.bench.hosts.network import Network
 
 LOCAL_ENDPOINT = "tcp/127.0.0.1:7447"  # of each host's own router, for the services on it
 PORT = 7448  # for other hosts' routers
 UP_S = 180.0
-ROOT = Path(deploy.__file__).resolve().parent.parent
 CLOCK_AHEAD = Path(__file__).with_name("clock_ahead.c")
 
 
@@ -32,7 +33,6 @@ class Host:
     services: tuple[str, ...]
     connects_to: tuple[str, ...] = ()  # routers of these hosts
     clock_ahead_s: float = 0.0
-    environment: dict[str, str] = field(default_factory=dict)
 
 
 CELL = Host("cell", "10.77.0.1", ("router", "hardware", "force_torque"))
@@ -48,6 +48,22 @@ class Stacks:
     def __init__(self, network: Network, hosts: Sequence[Host], folder: Path, cell: Path, speed: str) -> None:
         self._network, self._hosts, self._folder = network, {host.name: host for host in hosts}, folder
         self._cell, self._speed = cell, speed
+        self._certificates: dict[str, Path] = {}
+
+    def issue_certificates(self) -> None:
+        """One authority; to each host the certificates of its own services and of whoever operates there."""
+        everything = self._folder / "certificates"
+        reached = [word for host in self._hosts.values() for word in ("--host", host.address)]
+        command = module_command("services.operator", "security", "init", "--folder", str(everything), *reached)
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        for host in self._hosts.values():
+            own = self.folder(host.name) / "certificates"
+            own.mkdir(mode=0o700)
+            needed = {"operator", *host.services} | ({CAMERA_ALIVE} if "hardware" in host.services else set())
+            files = [Credentials(everything, service) for service in sorted(needed & set(SERVICES))]
+            for file in {files[0].authority, *(one.certificate for one in files), *(one.key for one in files)}:
+                shutil.copy2(file, own)
+            self._certificates[host.name] = own
 
     def folder(self, host: str) -> Path:
         """Where what this host's services write is."""
@@ -66,8 +82,7 @@ class Stacks:
             "CROSSPIH_ROUTERS": ",".join(f"tcp/{self._hosts[name].address}:{PORT}" for name in host.connects_to),
             "CROSSPIH_RUN_DIR": str(self.folder(host.name) / "run"),
             "CROSSPIH_DATA": str(self.folder(host.name)),
-            "PYTHONPATH": str(ROOT),
-            **host.environment,
+            CERTIFICATES: str(self._certificates[host.name]) if host.name in self._certificates else "",
         }
         if host.clock_ahead_s:
             told |= {"LD_PRELOAD": str(self._shifted()), "CLOCK_AHEAD_NS": str(round(host.clock_ahead_s * 1e9))}
@@ -87,7 +102,7 @@ class Stacks:
     def start(self, host: str, *words: str) -> subprocess.Popen[str]:
         """`python -m <words>` on that host; whoever starts it waits for it."""
         return subprocess.Popen(
-            self._network.on(host, [sys.executable, "-m", *words]),
+            self._network.on(host, module_command(*words)),
             env=self.environment(self._hosts[host]), cwd=self.folder(host),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
@@ -112,9 +127,14 @@ class Stacks:
 
 
 @contextmanager
-def stacks_up(network: Network, hosts: Sequence[Host], folder: Path, cell: Path, speed: str) -> Iterator[Stacks]:
-    """`crosspih up` on every host at once, and `crosspih down` in the end. Raises NoService."""
+def stacks_up(
+    network: Network, hosts: Sequence[Host], folder: Path, cell: Path, speed: str, secure: bool = False
+) -> Iterator[Stacks]:
+    """`crosspih up` on every host at once, and `crosspih down` in the end. `secure`: every link is mTLS. Raises
+    NoService."""
     stacks = Stacks(network, hosts, folder, cell, speed)
+    if secure:
+        stacks.issue_certificates()
     with ExitStack() as undo:
         begun = []
         for host in hosts:
