@@ -81,6 +81,6 @@ def ps(
     project: Project = DEFAULT_PROJECT,
     run_dir: RunDir = None,
 ) -> None:
-    """Show the services, their health, their restarts, which have no sign of life on the bus, and whether the clock here
+    """Show the services, their health and restarts, which have no sign of life on the bus, and whether the clock here
     is the cell's; exit status 1 if the stack is not up."""
     show_stack(as_json, project, run_dir, _with_signs_of_life)

@@ -2,8 +2,10 @@
 
 Each host has a TUN device, whose other end is the file descriptor FD here. Packets go from one to the other by their
 destination, late by a delay, some of them lost; a host whose cable is out gets and sends none. So the hosts' own
-kernels speak TCP over a link that is as bad as wanted. One JSON object a line on standard input, {"delay_s": 0.05, "loss": 0.01,
-"out": ["10.77.0.1"]}, is answered by what was passed on and lost so far.
+kernels speak TCP over a link that is as bad as wanted.
+
+One JSON object a line on standard input, {"delay_s": 0.05, "loss": 0.01, "out": ["10.77.0.1"]}, is answered by what was
+passed on and lost so far.
 """
 
 from __future__ import annotations
