@@ -16,8 +16,8 @@ HOLDER = "planning"
 
 
 class Kept(BaseModel):
-    """Of one recording. `rest_s`: from the last beat of the holder before the arm let go of it to the arm at rest, by the
-    recorder's log times; None where the holder was not lost."""
+    """Of one recording. `rest_s`: from the last beat of the holder before the arm let go of it to the arm at rest, by
+    log times; None where the holder was not lost."""
 
     samples: int = 0
     missing: int = 0
