@@ -48,6 +48,7 @@ WITH_PROCESSES = frozenset([
     "tests/hardware/test_ur_with_a_cell.py",
     "tests/hardware/test_ur_witness.py",
     "tests/holding/test_lease.py",
+    "tests/hosts/test_two_hosts.py",
     "tests/operator/test_bench_pool.py",
     "tests/ros2/test_action.py",
     "tests/ros2/test_arm_driver.py",

@@ -17,8 +17,10 @@ from crosspih_common.modules import module_command
 from crosspih_common.security import CERTIFICATES, Credentials
 from crosspih_common.security.access import SERVICES
 from services.operator.bench.hosts.network import Network
+from services.operator.security.issuing import issue_all
 
-LOCAL_ENDPOINT = "tcp/127.0.0.1:7447"  # of each host's own router, for the services on it
+LOOPBACK = "127.0.0.1"
+LOCAL_ENDPOINT = f"tcp/{LOOPBACK}:7447"  # of each host's own router, for the services on it
 PORT = 7448  # for other hosts' routers
 UP_S = 180.0
 CLOCK_AHEAD = Path(__file__).with_name("clock_ahead.c")
@@ -53,9 +55,7 @@ class Stacks:
     def issue_certificates(self) -> None:
         """One authority; to each host the certificates of its own services and of whoever operates there."""
         everything = self._folder / "certificates"
-        reached = [word for host in self._hosts.values() for word in ("--host", host.address)]
-        command = module_command("services.operator", "security", "init", "--folder", str(everything), *reached)
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        issue_all(everything, SERVICES, [LOOPBACK, *(host.address for host in self._hosts.values())], days=1.0)
         for host in self._hosts.values():
             own = self.folder(host.name) / "certificates"
             own.mkdir(mode=0o700)
