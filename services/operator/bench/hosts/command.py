@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Annotated
@@ -61,6 +62,9 @@ def table_of(rows: list[Row]) -> Table:
 def hosts(
     trial: Annotated[list[str] | None, typer.Option(help=f"{'; '.join(TRIALS)}. All when left out.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Draws the hole.")] = 1000,
+    keep: Annotated[
+        Path | None, typer.Option(help="A folder in which each host's logs and the recordings stay.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Assemble with the stack on one host and split over three, which are network namespaces made for it: also over a
@@ -87,9 +91,14 @@ def hosts(
             for text in row.seen.warnings:
                 console.print(f"  recording: {text}", highlight=False, markup=False)
 
-        for trials in chosen.stacks():
-            with tempfile.TemporaryDirectory(prefix="crosspih-hosts-") as folder:
-                run_on_one_stack(trials, Path(folder), seed, "realtime", say, done)
+        for index, trials in enumerate(chosen.stacks(), 1):
+            with ExitStack() as made:
+                if keep is None:
+                    folder = Path(made.enter_context(tempfile.TemporaryDirectory(prefix="crosspih-hosts-")))
+                else:
+                    folder = keep.absolute() / f"stack{index}"
+                    folder.mkdir(parents=True)
+                run_on_one_stack(trials, folder, seed, "realtime", say, done)
         if as_json:
             json.dump([row.model_dump(mode="json") for row in rows], sys.stdout, indent=1)
             print()

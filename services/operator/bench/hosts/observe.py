@@ -88,7 +88,7 @@ def observe(seed: int) -> Seen:
     with Session(CONNECT_S) as session:
         session.wait_for_services(SERVICES_S, (*NEEDED, "recorder"))
         with session.bus.hearing(FT_CALIBRATION) as calibrated:
-            if calibrated.wait_for(lambda _: True, CALIBRATED_S) is None:
+            if calibrated.wait_for(lambda told: told.calibrated, CALIBRATED_S) is None:
                 session.reset(ResetCell(seed=CALIBRATION_SEED))
                 session.calibrate_ft(CALIBRATION_DWELL_S)
         session.follow_events(on_phase, lambda touch: None, on_event)
