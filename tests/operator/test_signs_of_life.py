@@ -7,7 +7,7 @@ import pytest
 from deploy.launcher.conditions import Phase
 from deploy.launcher.health import Health
 from deploy.launcher.state import ServiceState, StackState
-from services.operator.signs_of_life import SILENT, noted
+from services.operator.signs_of_life import SILENT, noted, with_clock
 
 
 def row(service: str, phase: Phase = Phase.RUNNING, health: Health = Health.HEALTHY) -> ServiceState:
@@ -37,3 +37,13 @@ def test_what_the_launcher_knows_of_is_not_said_again() -> None:
 
 def test_of_another_cell_nothing_is_said() -> None:
     assert notes(row("vision"), row("planning"), alive={"their_vision"}) == {}
+
+
+def test_clocks_that_are_apart_are_noted_at_the_router() -> None:
+    state = StackState(
+        project="p", compose_file="", supervisor_pid=1, since="2026-01-01", finished=False,
+        services=(row("router"), row("vision")),
+    )  # fmt: skip
+    told = {found.service: found.note for found in with_clock(state, "100 ms ahead").services}
+    assert told == {"router": "100 ms ahead", "vision": ""}
+    assert with_clock(state, "") == state

@@ -62,9 +62,7 @@ def table_of(rows: list[Row]) -> Table:
 def hosts(
     trial: Annotated[list[str] | None, typer.Option(help=f"{'; '.join(TRIALS)}. All when left out.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Draws the hole.")] = 1000,
-    keep: Annotated[
-        Path | None, typer.Option(help="A folder in which each host's logs and the recordings stay.")
-    ] = None,
+    keep: Annotated[Path | None, typer.Option(help="A folder in which logs and recordings stay.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Assemble with the stack on one host and split over three, which are network namespaces made for it: also over a
