@@ -1,7 +1,8 @@
-"""Whether a service lives, as a command: `python -m crosspih_common.bus.alive NAME`, the health check of a container.
+"""Whether a service lives, as a command: `python -m crosspih_common.bus.alive NAME [ASKER]`, a container's health check.
 
 Exit status 0 when the router at CROSSPIH_ENDPOINT knows the liveliness token of that service, or for `router` when it
-answers; else 1, and one line on standard error that says why. It loads no more than it needs, for it is run often.
+answers; else 1, and one line on standard error that says why. ASKER is with whose certificate it is asked, where there
+are some: the service's own when left out. It loads no more than it needs, for it is run often.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ ASK_S = 3.0
 ANY_CELL = "*"
 
 
-def why_not_alive(service: str, endpoint: str) -> str:
+def why_not_alive(service: str, endpoint: str, asker: str) -> str:
     """Empty when it lives; else what is wrong, for people."""
     try:
-        with open_zenoh(endpoint, CONNECT_S, service) as transport:
+        with open_zenoh(endpoint, CONNECT_S, asker) as transport:
             if service == ROUTER:
                 return ""
             tokens = transport.session.liveliness().get(alive_key(ANY_CELL, service), timeout=ASK_S)
@@ -33,15 +34,15 @@ def why_not_alive(service: str, endpoint: str) -> str:
         return str(error)
 
 
-def main(service: str) -> int:
+def main(service: str, asker: str) -> int:
     """Say why not, if not; the exit status."""
-    why = why_not_alive(service, os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT)
+    why = why_not_alive(service, os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT, asker)
     if why:
         print(f"{service}: {why}", file=sys.stderr)
     return 1 if why else 0
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit("python -m crosspih_common.bus.alive NAME: name one service, or router")
-    sys.exit(main(sys.argv[1]))
+    if len(sys.argv) not in (2, 3):
+        sys.exit("python -m crosspih_common.bus.alive NAME [ASKER]: name one service, or router")
+    sys.exit(main(sys.argv[1], sys.argv[-1]))

@@ -55,7 +55,7 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 def _lives(stacks: Stacks, host: Host, service: str) -> bool:
-    return stacks.run(host.name, "crosspih_common.bus.alive", service).returncode == 0
+    return stacks.run(host.name, "crosspih_common.bus.alive", service, "operator").returncode == 0
 
 
 def _until(holds: Callable[[], bool]) -> None:
