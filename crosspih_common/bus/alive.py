@@ -1,4 +1,4 @@
-"""Whether a service lives, as a command: `python -m crosspih_common.bus.alive NAME [ASKER]`, a container's health check.
+"""Whether a service lives: `python -m crosspih_common.bus.alive NAME [ASKER]`, the health check of a container.
 
 Exit status 0 when the router at CROSSPIH_ENDPOINT knows the liveliness token of that service, or for `router` when it
 answers; else 1, and one line on standard error that says why. ASKER is with whose certificate it is asked, where there
