@@ -9,13 +9,13 @@ from services.operator.bench.hosts.stacks import COMPUTE, ONE, THREE, Host
 
 PATIENT_S = 0.5  # `hardware.limits.holder_timeout_s` for a link that loses packets
 DELAY_S, LOSS, CUT_S, AHEAD_S = 0.05, 0.01, 5.0, 0.1
-CUT_AT = "pushing"
+CUT_AT, CUT_AFTER_S = "pushing", 2.0  # in the middle of a motion
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One assembly. `cut_s`: the cable of the planner's host is out for so long, from the step CUT_AT on; the assembly
-    after it, with the cable in, is a trial of its own."""
+    """One assembly. `cut_s`: the cable of the planner's host is out for so long, from CUT_AFTER_S after the step CUT_AT
+    on; the assembly after it, with the cable in, is a trial of its own."""
 
     name: str
     hosts: Sequence[Host]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from crosspih_common.errors import CrosspihError
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.hosts.network import Network
 from services.operator.bench.hosts.observe import Seen
-from services.operator.bench.hosts.plan import CUT_AT, Trial
+from services.operator.bench.hosts.plan import CUT_AFTER_S, CUT_AT, Trial
 from services.operator.bench.hosts.recorded import Kept, kept
 from services.operator.bench.hosts.stacks import COMPUTE, Stacks, stacks_up
 from services.operator.bench.own_cell import content_for
@@ -63,12 +64,19 @@ def run_on_one_stack(
                 done(_run(trial, network, stacks, seed))
 
 
+def _cut(network: Network, host: str, cut_s: float) -> None:
+    time.sleep(CUT_AFTER_S)
+    network.become(out=[host])
+    time.sleep(cut_s)
+    network.become()
+
+
 def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> Row:
     before = network.become(trial.delay_s, trial.loss)
     asker = COMPUTE.name if len(trial.hosts) > 1 else trial.hosts[0].name
     process = stacks.start(asker, OBSERVE, str(seed))
     seen: Seen | None = None
-    cutting: threading.Timer | None = None
+    cutting: threading.Thread | None = None
     assert process.stdout is not None and process.stderr is not None
     # read on a thread of its own: a full pipe would hold the process up
     wrong: list[str] = []
@@ -79,8 +87,7 @@ def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> Row:
         if "seen" in said:
             seen = Seen.model_validate(said["seen"])
         elif said.get("step") == CUT_AT and trial.cut_s and cutting is None:
-            network.become(out=[asker])
-            cutting = threading.Timer(trial.cut_s, network.become)
+            cutting = threading.Thread(target=_cut, args=(network, asker, trial.cut_s), name="cutting")
             cutting.start()
     process.wait()
     reader.join()
