@@ -39,7 +39,8 @@ class Host:
 
 CELL = Host("cell", "10.77.0.1", ("router", "hardware", "force_torque"))
 COMPUTE = Host("compute", "10.77.0.2", ("router", "vision", "inference", "planning"), ("cell",))
-RECORDER = Host("recorder", "10.77.0.3", ("router", "recorder"), ("cell", "compute"))
+# Both connect to the cell, and not to each other: docs/several-machines.md says why.
+RECORDER = Host("recorder", "10.77.0.3", ("router", "recorder"), ("cell",))
 THREE = (CELL, COMPUTE, RECORDER)
 ONE = (Host("alone", "10.77.0.1", tuple(dict.fromkeys(name for host in THREE for name in host.services))),)
 
