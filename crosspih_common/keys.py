@@ -394,3 +394,8 @@ def alive_key(cell: str, service: str = "*") -> str:
 def author_key(cell: str, service: str = "*", process: str = "*", session: str = "*") -> str:
     """The liveliness key by which a session of a process claims a service's name, or the expression for all."""
     return f"{ROOT}/{cell}/{AUTHOR_PATH.format(service=service, process=process, session=session)}"
+
+
+def router_key(session: str) -> str:
+    """Where a router that is linked to others answers whether it is there, by its session's name."""
+    return f"{ROOT}/routers/{session}"

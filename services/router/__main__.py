@@ -102,9 +102,20 @@ def main() -> int:
             if said := open_to_whom(one):
                 print(f"router: {said}", flush=True)
                 notify.status(said)
+        links = None
+        if listen or routers:
+            from services.router.links import Links  # it loads the key table, which a router alone does without
+
+            links = Links(session)
         notify.ready()
         while not stop.wait(1.0):
             notify.watchdog()
+            if links is not None and routers and (hangs := links.hanging()):
+                print(
+                    f"router: the link to the router {hangs} hangs: ended, so that it is made anew", file=sys.stderr,
+                    flush=True,
+                )  # fmt: skip
+                return 1
     finally:
         if bus is not None:
             bus.close()
