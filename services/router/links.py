@@ -1,7 +1,7 @@
 """Whether the links to other machines' routers carry anything: Zenoh alone does not always notice that one does not.
 
-After a cut about as long as its lease one router may have given the link up while the other still holds it for whole; it
-then hears nothing, and does not connect again. So linked routers answer each other, and whoever connected asks.
+After a cut about as long as its lease one router may have given the link up while the other still holds it for whole;
+it then hears nothing, and does not connect again. So linked routers answer each other, and whoever connected asks.
 """
 
 from __future__ import annotations
