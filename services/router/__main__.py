@@ -110,7 +110,7 @@ def main() -> int:
         notify.ready()
         while not stop.wait(1.0):
             notify.watchdog()
-            if links is not None and (hangs := links.hanging()):
+            if links is not None and routers and (hangs := links.hanging()):
                 print(
                     f"router: the link to the router {hangs} hangs: ended, so that it is made anew", file=sys.stderr,
                     flush=True,
