@@ -42,8 +42,8 @@ QUEUE_BATCHES = 16
 _open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
 
 
-# A router on another machine is tried again so often, without end. Longer than the lease: the other side has given a link
-# that was cut up by then too. One that still held it for whole when the next came was seen to keep neither.
+# A router on another machine is tried again so often, without end. Longer than the lease: by then the other side, too,
+# has given up a link that was cut. One that still held it for whole when the next came was seen to keep neither.
 RETRY_MS = LEASE_MS + 2000
 
 
