@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel
 
-from crosspih_common.keys import ADMITTANCE_MOVE, FOLLOW, GUARDED_MOVE, JOINT_STATE, LEASE_BEAT, MOVE_LINEAR
+from crosspih_common.keys import ADMITTANCE_MOVE, FOLLOW, GUARDED_MOVE, JOINT_STATE, LEASE_BEAT, MOVE_LINEAR, Command
 from crosspih_common.messages import StopReason
 from crosspih_common.recording import Recording, RecordingError, read_recording
 
-MOTIONS = (FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADMITTANCE_MOVE)
+MOTIONS: tuple[Command[Any, Any], ...] = (FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADMITTANCE_MOVE)
 AT_REST_RAD_S = 1e-3
 HOLDER = "planning"
 
