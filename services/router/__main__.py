@@ -106,15 +106,14 @@ def main() -> int:
         if listen or routers:
             from services.router.links import Links  # it loads the key table, which a router alone does without
 
-            links = Links(session)
+            links = Links(session, routers)
         notify.ready()
         while not stop.wait(1.0):
             notify.watchdog()
-            if links is not None and routers and (hangs := links.hanging()):
+            if links is not None and routers and links.hang():
                 print(
-                    f"router: the link to the router {hangs} hangs: ended, so that it is made anew", file=sys.stderr,
-                    flush=True,
-                )  # fmt: skip
+                    "router: a link to another one hangs: ended, so that it is made anew", file=sys.stderr, flush=True
+                )
                 return 1
     finally:
         if bus is not None:
