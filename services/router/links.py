@@ -1,8 +1,8 @@
 """Whether the links to other machines' routers carry anything: Zenoh alone does not always make them anew.
 
-After a cut about as long as its lease one router may have given the link up while the other still holds it for whole; the
-one is then sent what it throws away, and does not connect again. So linked routers answer each other, whoever connected
-asks, and says when too few answer though they can be reached.
+After a cut about as long as its lease one router may have given the link up while the other still holds it for whole;
+the one is then sent what it throws away, and does not connect again. So linked routers answer each other, whoever
+connected asks, and says when too few answer though they can be reached.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class Links:
         self._queryable = session.declare_queryable(own, lambda query: query.reply(own, b""), complete=True)
 
     def hang(self) -> bool:
-        """Whether fewer routers have answered for LACKS_S than this one connects to, though all can be reached, and once
-        all did. Waits for answers ASK_S each."""
+        """Whether fewer routers have answered for LACKS_S than this one connects to, though all can be reached, and
+        once all did. Waits for answers ASK_S each."""
         answering = sum(self._answers(str(zid)) for zid in self._session.info.routers_zid())
         if answering >= len(self._endpoints):
             self._whole_at = self._clock()
