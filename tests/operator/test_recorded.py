@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -41,14 +41,16 @@ def say(bus: Bus, text: str) -> None:
 
 def test_a_recorder_that_is_started_again_goes_on_and_the_result_names_all_files(tmp_path: Path) -> None:
     hub = MemoryHub()
-    with Bus(hub.transport(), "m", "hardware") as hardware, Bus(hub.transport(), "m", "operator") as operator:
+    buses = (Bus(hub.transport(), "m", name) for name in ("hardware", "operator", "planning"))
+    with ExitStack() as stack:
+        hardware, operator, planning = (stack.enter_context(bus) for bus in buses)
         hardware.publisher(CLOCK).publish(CellClock(stamp_ns=5, boot_id="b", realtime=True))
         with recorder(hub, tmp_path):
             tape = Recorded(operator, "twice", required=True)
-            say(operator, "before")
-        say(operator, "while nobody listens")
+            say(planning, "before")
+        say(planning, "while nobody listens")
         with recorder(hub, tmp_path) as context:
-            say(operator, "after")
+            say(planning, "after")
             kept = tape.end()
             assert context.last_error.startswith("recording_resumed")
     assert tape.trouble == ""

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from crosspih_common.errors import ConfigError
+from crosspih_common.modules import module_command
 from services.operator.__main__ import app
 from services.operator.results.cli import entries_named
 from services.operator.results.page import duration, make_page
@@ -62,7 +63,7 @@ def test_a_name_or_how_names_begin_is_enough(name: str, found: list[str]) -> Non
 
 
 def test_commands_run_with_this_interpreter() -> None:
-    assert arguments("crosspih bench domain")[1:] == ["-m", "services.operator", "bench", "domain"]
+    assert arguments("crosspih bench domain") == module_command("services.operator", "bench", "domain")
     assert arguments("python -m a 'b c'")[1:] == ["-m", "a", "b c"]
 
 

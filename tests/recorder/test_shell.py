@@ -44,11 +44,11 @@ def test_a_recording_over_a_bus_in_memory(tmp_path: Path) -> None:
         vision.publisher(EVENTS).publish(Event(service="vision", severity=Severity.INFO, code="c", text="t"))
         phases = planning.publisher(PHASE)
         phases.publish(AssemblyPhase(assembly_id="a", phase=Phase.PUSHING, text="x"))
-        # a stranger's samples on the same key: another type, an old version, and the right label over nonsense
-        stranger = hub.transport().sender(PHASE.key("m"), recover=False, history=0)
-        stranger.put(b"{}", "crosspih.Touch/1 1")
-        stranger.put(b"{}", "crosspih.AssemblyPhase/0 1")
-        stranger.put(b"nonsense", "crosspih.AssemblyPhase/1 1")
+        # the planner's own samples on the same key: another type, an old version, and the right label over nonsense
+        raw = planning._transport.sender(PHASE.key("m"), recover=False, history=0)
+        raw.put(b"{}", "crosspih.Touch/1 1")
+        raw.put(b"{}", "crosspih.AssemblyPhase/0 1")
+        raw.put(b"nonsense", "crosspih.AssemblyPhase/1 1")
         stopped = planning.call(RECORD_STOP, StopRecording(), 10.0)
         rejected = {row.key: row.rejected for row in bus.traffic.snapshot() if row.rejected}
         shell.close()
