@@ -167,8 +167,9 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
         + solved[..., BORE_SLOPE - 2] * slope_bore[..., None]
     )
     face, bore = taken[..., 0], taken[..., 1]
-    ones = np.ones_like(face)
-    amounts = np.stack([face, bore, grey_chamfer, slope_face * ones, slope_bore * ones], axis=-1)
+    amounts = np.empty((*face.shape, SHOWN))
+    for index, amount in enumerate((face, bore, grey_chamfer, slope_face, slope_bore)):
+        amounts[..., index] = amount
     model = (amounts[..., None, :] @ columns[..., :SHOWN, :])[..., 0, :]
     if greys_only:
         none = np.empty(0)
@@ -176,7 +177,9 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
     # residual, and the derivatives by where the steps are and by the blur: each its shape times the height of its step
     first_step, second_step = grey_chamfer - face, bore - grey_chamfer
     wanted = np.array([GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR, CHAMFER]) - 2
-    heights = np.stack([ones, first_step, second_step, first_step, second_step, ones], axis=-1)
+    heights = np.ones((*face.shape, len(wanted)))
+    for index, step in enumerate((first_step, second_step, first_step, second_step), start=1):
+        heights[..., index] = step
     table = left[..., wanted[:, None], wanted] * heights[..., :, None] * heights[..., None, :]
     # the residual is the grey less what the group's greys explain; a profile's own two are gone already
     explained = left[..., wanted[:, None], kinds[1:]] @ amounts[..., [3, 4, 2], None]
