@@ -58,6 +58,8 @@ FAINT_NOISES = 1.4
 # what the face's plane leaves of what is seen inside, when that does not lie in it
 NOT_IN_PLANE = 0.44
 CHAMFERED_M = 1e-4
+# of the inside next to the rim, saturated: with more of it only what is seen inside tells a hole
+WHITE_INSIDE = 0.4
 # what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
 # and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
 EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
@@ -167,7 +169,8 @@ def judge(evidence: Evidence, quality: Quality) -> None:
         )
     sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
     faint = inside.structure < FAINT_NOISES * inside.noise
-    chamfer = evidence.chamfer > sure
+    # beside a white inside the chamfer's grey is a guess
+    chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE
     # a chamfer that is as likely drawn on the face is no proof
     no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > INK_UNEVEN
     deeper_least = DEEPER_PLAIN if not faint else 0.0 if no_ink else DEEPER_LEAST

@@ -292,6 +292,11 @@ def kinds_of(rim: Rim) -> dict[str, slice]:
     return _indices(rim)[2]
 
 
+def parameters_of(rim: Rim) -> NDArray[np.int64]:
+    """(2, G, 22): which of all parameters each edge's local ones are, in the order of TWICE."""
+    return _indices(rim)[0]
+
+
 def in_whole(rim: Rim, local: Array) -> Array:
     """(P,): what the edges of both pictures say in their local parameters (2, G, 21), added up by all parameters."""
     index, total, _ = _indices(rim)

@@ -24,6 +24,8 @@ FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
 SATURATED_GREY, SATURATED_REACH = 250.0, 2
+# so far outside the rim, sd of the blur, a dark face is not white, whatever light is inside
+WHITE_FACE_BLURS = 1.2
 # of a face or a bore that is saturated, one sd of its grey
 UNSEEN_GREY = 2000.0
 # columns of a profile's table
@@ -74,11 +76,14 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
     # a saturated pixel says how bright it is at least, not how bright; what is sampled within a pixel of it holds it
     full = grey > SATURATED_GREY
     if full.any():
+        # but white where the face should be, and it is not white farther out: the rim does not lie here
+        odd = full & (offsets < -WHITE_FACE_BLURS * blur_px) & ~full[..., :1]
+        full &= ~odd
         wide = full.copy()
         for step in range(1, SATURATED_REACH + 1):
             wide[..., step:] |= full[..., :-step]
             wide[..., :-step] |= full[..., step:]
-        inside *= ~wide
+        inside *= odd | ~wide
     return Profiles(offsets, grey, inside, beyond)
 
 
