@@ -128,12 +128,14 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
     best = int(np.nanargmin(share))
     depth = float(inside.depths_m[best])
     gain = share[0] - share[best]
+    # the planes are far apart: the deepest of a pocket's is deep where the next one below explains more than that above
+    deep_enough = depth > DEEP_M or (depth == DEEP_M and bool(share[best + 1] < share[best - 1]))
     if black > BOTTOM_SHARE:
         # as bright as a bottom of the face's own surface
         nothing_like_it = share[best] > BRIGHT_NOT_EXPLAINED and inside.uneven > MIRRORED_UNEVEN
-        if nothing_like_it or (gain > BETTER and depth > DEEP_M):
+        if nothing_like_it or (gain > BETTER and deep_enough):
             return np.inf
-        return depth if depth <= DEEP_M and (share[best] < EXPLAINED or gain > BETTER) else None
+        return depth if not deep_enough and (share[best] < EXPLAINED or gain > BETTER) else None
     if seen > PLAIN_NOISES:
         if share[0] > NOT_EXPLAINED:
             return np.inf
