@@ -12,7 +12,8 @@ from services.vision.fit.influence import jackknife, without_each
 from services.vision.fit.quality import quality_of
 from services.vision.fit.solve import POSE, TWICE, Doubts, Fit, Images, parameters
 from tests.vision.drawn_pairs import Look, drawn_pair
-from tests.vision.test_hard_pictures import CHI2_6_9999, HALF_RANGES, HOLE, STEREO, truth_of
+from tests.vision.test_detect import HALF_RANGES, STEREO, truth_of
+from tests.vision.test_hard_pictures import CHI2_6_9999, HOLE
 
 COARSE, FINE = rims(HOLE)
 TRUTH = truth_of(STEREO, 3)
