@@ -26,7 +26,6 @@ INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
 SATURATED_MOST = 0.25
 # the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
 RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.5, 4.0, 10.0
-INSIDE_SATURATED_MOST = 0.4
 # a chamfer that is white alone, the inside seen: its outer line looks wider by where the blur is cut off
 WHITE_RIM_INSIDE, WHITE_RIM_SIZES = 0.1, 18.0
 STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
@@ -50,7 +49,7 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             "expose less, or take the glare off it"
         )
     saturated = quality.rim_saturated > RIM_SATURATED_MOST
-    blind = quality.inside < INSIDE_LEAST or quality.inside_saturated > INSIDE_SATURATED_MOST
+    blind = quality.inside < INSIDE_LEAST
     sizes_most = WHITE_RIM_SIZES if quality.inside_saturated < WHITE_RIM_INSIDE else SATURATED_SIZES_MOST
     odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > sizes_most
     if saturated and (odd or blind):
@@ -90,11 +89,14 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
     rough_most = ROUGH_MOST if quality.supported > COVERED else ROUGH_MOST_COVERED
-    if quality.residual > RESIDUAL_MOST or quality.rough > rough_most:
+    # what noise alone leaves says nothing against the rim, however low its step
+    noise = quality.noise_grey / max(quality.step_grey, 1.0)
+    unexplained = float(np.sqrt(max(quality.residual**2 - noise**2, 0.0)))
+    if unexplained > RESIDUAL_MOST or quality.rough > rough_most:
         if dim:
             raise too_dark
         raise PoorFit(
-            f"at the rim {quality.residual:.0%} of the step is left unexplained, want less than "
+            f"at the rim {unexplained:.0%} of the step is left unexplained, want less than "
             f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {rough_most:.0%}: use "
             "a larger, softer light"
         )

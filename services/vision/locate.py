@@ -160,7 +160,7 @@ def locate_rim(
     ]
     return Located(
         pose_base_hole,
-        covariance_of(attempt.fit, attempt.quality, half_ranges, attempt.spread + lens.of_pose()),
+        covariance_of(attempt.fit, fine, attempt.quality, half_ranges, attempt.spread + lens.of_pose()),
         _figures(attempt) | lenses.figures() | _lens_figures(lens),
         pictures[0],
         pictures[1],

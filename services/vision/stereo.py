@@ -80,7 +80,7 @@ class Camera:
     def project(self, points_camera_m: Array) -> Array:
         """Pixels (..., 2) of points (..., 3) in this camera's frame, m, before it (z > 0)."""
         slopes = self.bent(points_camera_m[..., :2] / points_camera_m[..., 2:])
-        return np.stack([self.fx_px * slopes[..., 0] + self.cx_px, self.fy_px * slopes[..., 1] + self.cy_px], axis=-1)
+        return np.asarray(slopes * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px))
 
     def slopes(self, pixels: Array) -> Array:
         """(x/z, y/z) (..., 2) of the rays that pixels (..., 2) see; NaN for a pixel that the lens's formula never meets
@@ -171,9 +171,11 @@ class StereoModel:
     def project(self, points_camera_m: Array) -> Array:
         """Pixels (2, ..., 2), left then right, of points (..., 3) in the left camera's frame, m."""
         points = np.asarray(points_camera_m, dtype=float)
+        rows = points.reshape(-1, 3)
         # points as rows: R^T (p - t)
-        in_right = (points - self.pose_left_right.translation_m) @ self.pose_left_right.rotation
-        return np.stack([self.left.project(points), self.right.project(in_right)])
+        in_right = (rows - self.pose_left_right.translation_m) @ self.pose_left_right.rotation
+        seen = np.stack([self.left.project(rows), self.right.project(in_right)])
+        return seen.reshape(2, *points.shape[:-1], 2)
 
     def triangulate(self, left_px: Array, right_px: Array) -> Array:
         """Points (..., 3), m, left camera's frame, nearest in both pictures to pixels (..., 2) of each.

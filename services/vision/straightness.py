@@ -100,7 +100,8 @@ def lenses_of(images: tuple[Light, Light], cameras: tuple[Camera, Camera]) -> Le
 
 def bows(light: Light, camera: Camera) -> Array:
     """(n, 2): what each long edge in a picture (height, width) says of its camera's lens: a k1 and its sd."""
-    found = [bow for line in _lines(light, camera) if (bow := _of_line(light, camera, line)) is not None]
+    edges = _edges(light, _lines(light, camera))
+    found = [bow for points in edges if (bow := _of_edge(points, camera)) is not None]
     k1, sd = np.array(found).reshape(-1, 2).T
     straight = np.abs(k1) < K1_MOST
     return np.stack([k1[straight], sd[straight]], axis=1)
@@ -163,11 +164,8 @@ def _same(line: Array, other: Array) -> bool:
     return beside < REACH_PX and -REACH_PX < float(off @ along) < length + REACH_PX and abs(float(way @ along)) > 0.98
 
 
-def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] | None:
-    """k1 and its sd by one line; None where there is no clear single edge."""
-    points = _edge_points(light, line)
-    if points is None:
-        return None
+def _of_edge(points: Array, camera: Camera) -> tuple[float, float] | None:
+    """k1 and its sd by points (ALONG, 2), px, along one edge; None where they are too ragged to tell."""
     focal = np.array([camera.fx_px, camera.fy_px])
     slopes = camera.slopes(points)
     if not np.isfinite(slopes).all():
@@ -197,32 +195,36 @@ def _of_line(light: Light, camera: Camera, line: Array) -> tuple[float, float] |
     return float(bowed @ off / strength), float(np.hypot(ragged, own_bow_px * (bowed @ own) / strength))
 
 
-def _edge_points(light: Light, line: Array) -> Array | None:
-    """(ALONG, 2), px: where the edge is, each profile across it moved until it is the mean of all."""
-    along = line[1] - line[0]
-    normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    at = line[0] + np.linspace(ENDS, 1.0 - ENDS, ALONG)[:, None] * along
+def _edges(light: Light, lines: Array) -> list[Array]:
+    """Of lines (n, 2, 2), px, those along a clear single edge: (ALONG, 2), px, where the edge is, each profile across
+    it moved until it is the mean of all."""
+    along = lines[:, 1] - lines[:, 0]
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    at = lines[:, :1] + np.linspace(ENDS, 1.0 - ENDS, ALONG)[:, None] * along[:, None]
     offsets = np.arange(-REACH_PX, REACH_PX + 1e-9, STEP_PX)
-    reach = at[[0, 0, -1, -1]] + REACH_PX * normal * np.array([[-1], [1], [-1], [1]])
-    if reach.min() < 1.0 or np.any(reach.max(axis=0) > np.array(light.shape[::-1]) - 2.0):
-        return None
-    shift = np.zeros(ALONG)
+    reach = at[:, [0, 0, -1, -1]] + REACH_PX * normal[:, None] * np.array([[-1], [1], [-1], [1]])
+    low, high = reach.min(axis=(1, 2)), np.array(light.shape[::-1]) - 2.0 - reach.max(axis=1)
+    inside = (low >= 1.0) & (high >= 0.0).all(axis=1)
+    at, normal = at[inside], normal[inside]
+    if not len(at):
+        return []
+    clear, shift = np.ones(len(at), dtype=bool), np.zeros(at.shape[:2])
     for _ in range(4):
-        points = (at[:, None, :] + (offsets[:, None] + shift[:, None, None]) * normal).astype(np.float32)
-        grey = np.asarray(cv2.remap(light, points[..., 0], points[..., 1], cv2.INTER_CUBIC), dtype=float)
-        mean = grey.mean(axis=0)
-        slope = np.gradient(mean, STEP_PX)
-        basis = np.stack([np.ones_like(mean), mean - mean.mean(), slope], axis=1)
-        parts, *_ = np.linalg.lstsq(basis, grey.T, rcond=None)
-        gain = parts[1]
-        if np.median(gain) < 0.5 or np.any(~np.isfinite(parts)):
-            return None
-        step = np.clip(parts[2] / np.where(np.abs(gain) > 0.2, gain, np.inf), -1.0, 1.0)
+        places = at[:, :, None] + (offsets[:, None] + shift[..., None, None]) * normal[:, None, None]
+        rows = places.reshape(-1, len(offsets), 2).astype(np.float32)
+        seen = cv2.remap(light, rows[..., 0], rows[..., 1], cv2.INTER_CUBIC)
+        grey = np.asarray(seen, dtype=float).reshape(*at.shape[:2], -1)
+        mean = grey.mean(axis=1)
+        slope = np.gradient(mean, STEP_PX, axis=1)
+        basis = np.stack([np.ones_like(mean), mean - mean.mean(axis=1, keepdims=True), slope], axis=2)
+        parts = np.linalg.pinv(basis) @ np.swapaxes(grey, 1, 2)
+        gain = parts[:, 1]
+        clear &= np.median(gain, axis=1) >= 0.5
+        step = np.clip(parts[:, 2] / np.where(np.abs(gain) > 0.2, gain, np.inf), -1.0, 1.0)
         shift = shift - step
-        shift -= shift.mean()
-    noise = float(np.std(grey - (basis @ parts).T))
-    rises = np.abs(np.diff(mean))
-    single = rises.sum() < 1.3 * abs(mean[-1] - mean[0])
-    if not single or abs(mean[-1] - mean[0]) < STEP_LEAST_NOISE * noise or np.abs(shift).max() > REACH_PX / 2:
-        return None
-    return np.asarray(at + shift[:, None] * normal)
+        shift -= shift.mean(axis=1, keepdims=True)
+    noise = np.std(grey - np.swapaxes(basis @ parts, 1, 2), axis=(1, 2))
+    height = np.abs(mean[:, -1] - mean[:, 0])
+    single = np.abs(np.diff(mean, axis=1)).sum(axis=1) < 1.3 * height
+    clear &= single & (height >= STEP_LEAST_NOISE * noise) & (np.abs(shift).max(axis=1) <= REACH_PX / 2)
+    return list((at + shift[..., None] * normal[:, None])[clear])

@@ -32,7 +32,7 @@ def fitted(look: Look, seed: int) -> tuple[Fit, Quality, float, float]:
     quality = quality_of(fit, fine, Doubts())
     off = fit.state.pose_camera_hole.inverse() @ truth
     error = np.concatenate([off.translation_m, off.rotvec_rad()])
-    square = float(error @ np.linalg.solve(covariance_of(fit, quality, HALF_RANGES, np.zeros((6, 6))), error))
+    square = float(error @ np.linalg.solve(covariance_of(fit, fine, quality, HALF_RANGES, np.zeros((6, 6))), error))
     return fit, quality, float(np.hypot(error[0], error[1])), square
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 from types import TracebackType
 from typing import Any
@@ -11,6 +12,8 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.modules import module_command
 
 LOCATING = "services.vision.offline"
+# as deploy/compose.yaml starts the service: the fit's matrices are so small that threads only wait for each other
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 class BadInput(CrosspihError):
@@ -26,8 +29,9 @@ class OfflineVision:
 
     def __init__(self, module: str = LOCATING) -> None:
         self._process = subprocess.Popen(
-            module_command(module), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
-        )
+            module_command(module), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8",
+            env={**ONE_THREAD, **os.environ},
+        )  # fmt: skip
 
     def __enter__(self) -> OfflineVision:
         return self

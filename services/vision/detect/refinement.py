@@ -98,7 +98,7 @@ class SeenRim:
         projected = stereo.project(np.stack(rows))
         seen = np.stack([level.to_level(projected[side]) for side, level in enumerate(levels)], axis=1)
         middle, outer, inner = seen[:3]
-        by_point = np.stack([(moved - middle) / delta for moved in seen[3:]], axis=-1)  # (2, K, M, 2, 3)
+        by_point = np.moveaxis((seen[3:] - middle) / delta, 0, -1)  # (2, K, M, 2, 3)
         by_frame = by_point @ poses.rotation[None, :, None]
         tangent = np.einsum("skmij,mj->skmi", by_frame, samples.along)
         tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
@@ -107,7 +107,8 @@ class SeenRim:
         towards = np.einsum("skmij,mj,skmi->skm", by_frame, inward, normal)
         normal *= np.sign(towards)[..., None]
         along_normal = np.einsum("skmi,skmij->skmj", normal, by_frame)
-        turning = np.cross(np.broadcast_to(middle_m, along_normal.shape), along_normal)
+        (x, y, z), (by_x, by_y, by_z) = middle_m.T, np.moveaxis(along_normal, -1, 0)
+        turning = np.stack([y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x], axis=-1)
         if samples.round:
             turning[..., 2] = 0.0
         width = np.maximum(np.sum((inner - outer) * normal, axis=-1), 0.0)

@@ -58,6 +58,8 @@ FAINT_NOISES = 1.4
 # what the face's plane leaves of what is seen inside, when that does not lie in it
 NOT_IN_PLANE = 0.44
 CHAMFERED_M = 1e-4
+# of the inside next to the rim, saturated: with more of it only what is seen inside tells a hole
+WHITE_INSIDE = 0.4
 # what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
 # and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
 EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
@@ -126,12 +128,14 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
     best = int(np.nanargmin(share))
     depth = float(inside.depths_m[best])
     gain = share[0] - share[best]
+    # the planes are far apart: the deepest of a pocket's is deep where the next one below explains more than that above
+    deep_enough = depth > DEEP_M or (depth == DEEP_M and bool(share[best + 1] < share[best - 1]))
     if black > BOTTOM_SHARE:
         # as bright as a bottom of the face's own surface
         nothing_like_it = share[best] > BRIGHT_NOT_EXPLAINED and inside.uneven > MIRRORED_UNEVEN
-        if nothing_like_it or (gain > BETTER and depth > DEEP_M):
+        if nothing_like_it or (gain > BETTER and deep_enough):
             return np.inf
-        return depth if depth <= DEEP_M and (share[best] < EXPLAINED or gain > BETTER) else None
+        return depth if not deep_enough and (share[best] < EXPLAINED or gain > BETTER) else None
     if seen > PLAIN_NOISES:
         if share[0] > NOT_EXPLAINED:
             return np.inf
@@ -167,7 +171,8 @@ def judge(evidence: Evidence, quality: Quality) -> None:
         )
     sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
     faint = inside.structure < FAINT_NOISES * inside.noise
-    chamfer = evidence.chamfer > sure
+    # beside a white inside the chamfer's grey is a guess
+    chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE
     # a chamfer that is as likely drawn on the face is no proof
     no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > INK_UNEVEN
     deeper_least = DEEPER_PLAIN if not faint else 0.0 if no_ink else DEEPER_LEAST

@@ -8,7 +8,7 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import Rim
-from services.vision.fit.solve import COMMON, POSE, Doubts, Fit, kinds_of
+from services.vision.fit.solve import COMMON, POSE, Doubts, Fit, parameters
 from services.vision.fit.steps import SATURATED_GREY
 
 # a step is seen that many times the noise of ALONG neighbours' mean
@@ -97,7 +97,7 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
     seen = inside.sum(axis=-1) >= SEEN_SAMPLES
     ok = (height > least) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
     squares = np.sum(weight * steps.residual**2) / max(float(weight.sum()), 1.0)
-    kinds = kinds_of(rim)
+    kinds = parameters(rim)[2]
     offset, sizes = kinds["offset"], slice(POSE, COMMON)
     off = fit.effects[offset]
     offset_sd = np.full(2, doubts.offset_sd_px)

@@ -118,7 +118,7 @@ def believed(kind: str, gloss: float) -> float:
 
 def start_state(rim: Rim, pose: Pose, blur_px2: float = BLUR_START_PX2) -> State:
     """A fit's beginning at a pose."""
-    kinds = _indices(rim)[2]
+    kinds = parameters(rim)[2]
     return State(
         pose,
         np.zeros(SIZES),
@@ -239,7 +239,9 @@ def iterate(
     return stepped(rim, look(images, rim, stereo, state, extra_px2), doubts, hold_blur)
 
 
-def _indices(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
+def parameters(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
+    """(2, G, 22) which of all parameters each edge's local ones are, in the order of TWICE; how many there are in all;
+    and where each kind of effect lies in the covariance and in the effects."""
     return _indices_of(rim.shape[0], tuple(rim.facing.tolist()))
 
 
@@ -287,21 +289,16 @@ def _cells_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], 
     return (index[..., :, None] * total + index[..., None, :]).ravel(), np.triu(np.ones((total, total), dtype=bool), 1)
 
 
-def kinds_of(rim: Rim) -> dict[str, slice]:
-    """Where each kind of effect lies in the covariance and in the effects."""
-    return _indices(rim)[2]
-
-
 def in_whole(rim: Rim, local: Array) -> Array:
     """(P,): what the edges of both pictures say in their local parameters (2, G, 21), added up by all parameters."""
-    index, total, _ = _indices(rim)
+    index, total, _ = parameters(rim)
     return np.asarray(np.bincount(index.ravel(), local[..., TWICE].ravel(), total), dtype=float)
 
 
 def _solve(
     rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
 ) -> tuple[Array, Array]:
-    index, total, kinds = _indices(rim)
+    index, total, kinds = parameters(rim)
     cells, above = _cells_of(rim.shape[0], tuple(rim.facing.tolist()))
     wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
     information = np.asarray(np.bincount(cells, wide.ravel(), total * total), dtype=float).reshape(total, total)
@@ -356,7 +353,7 @@ def _solve(
 
 
 def _moved(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
-    _, _, kinds = _indices(rim)
+    _, _, kinds = parameters(rim)
     step = effects[:POSE].copy()
     # far from the rim the profile is flat and a step means nothing
     step *= min(1.0, 0.002 / max(float(np.linalg.norm(step[:3])), 1e-12))

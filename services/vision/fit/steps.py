@@ -24,6 +24,8 @@ FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
 SATURATED_GREY, SATURATED_REACH = 250.0, 2
+# so far outside the rim, sd of the blur, a dark face is not white, whatever light is inside
+WHITE_FACE_BLURS = 1.2
 # of a face or a bore that is saturated, one sd of its grey
 UNSEEN_GREY = 2000.0
 # columns of a profile's table
@@ -74,11 +76,14 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
     # a saturated pixel says how bright it is at least, not how bright; what is sampled within a pixel of it holds it
     full = grey > SATURATED_GREY
     if full.any():
+        # but white where the face should be, and it is not white farther out: the rim does not lie here
+        odd = full & (offsets < -WHITE_FACE_BLURS * blur_px) & ~full[..., :1]
+        full &= ~odd
         wide = full.copy()
         for step in range(1, SATURATED_REACH + 1):
             wide[..., step:] |= full[..., :-step]
             wide[..., :-step] |= full[..., step:]
-        inside *= ~wide
+        inside *= odd | ~wide
     return Profiles(offsets, grey, inside, beyond)
 
 
@@ -167,8 +172,9 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
         + solved[..., BORE_SLOPE - 2] * slope_bore[..., None]
     )
     face, bore = taken[..., 0], taken[..., 1]
-    ones = np.ones_like(face)
-    amounts = np.stack([face, bore, grey_chamfer, slope_face * ones, slope_bore * ones], axis=-1)
+    amounts = np.empty((*face.shape, SHOWN))
+    for index, amount in enumerate((face, bore, grey_chamfer, slope_face, slope_bore)):
+        amounts[..., index] = amount
     model = (amounts[..., None, :] @ columns[..., :SHOWN, :])[..., 0, :]
     if greys_only:
         none = np.empty(0)
@@ -176,7 +182,9 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
     # residual, and the derivatives by where the steps are and by the blur: each its shape times the height of its step
     first_step, second_step = grey_chamfer - face, bore - grey_chamfer
     wanted = np.array([GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR, CHAMFER]) - 2
-    heights = np.stack([ones, first_step, second_step, first_step, second_step, ones], axis=-1)
+    heights = np.ones((*face.shape, len(wanted)))
+    for index, step in enumerate((first_step, second_step, first_step, second_step), start=1):
+        heights[..., index] = step
     table = left[..., wanted[:, None], wanted] * heights[..., :, None] * heights[..., None, :]
     # the residual is the grey less what the group's greys explain; a profile's own two are gone already
     explained = left[..., wanted[:, None], kinds[1:]] @ amounts[..., [3, 4, 2], None]
