@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -122,9 +123,9 @@ def test_a_sensor_that_stands_still_is_named_before_anything_moves(
 ) -> None:
     put, key = cell.hub.put, WRENCH_RAW.key(cell.cell.workcell.name)
 
-    def cut(at: str, payload: bytes, label: str, keep: bool) -> None:
+    def cut(at: str, *sample: Any) -> None:
         if at != key:
-            put(at, payload, label, keep)
+            put(at, *sample)
 
     cell.planning.clock = cell.planning.bus.latest(CLOCK, 256)
     cell.reset(24)
