@@ -344,14 +344,9 @@ RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder
 
 # every service --------------------------------------------------------------------------------------------------------
 STATUS = Topic(
-    "service/{service}/status",
-    ServiceStatus,
-    Kind.STREAM,
-    "{service}",
-    ("operator", "ros2", *RECORDED),
-    "how it is",
+    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", ("operator", "ros2", *RECORDED), "how it is",
     1.0,
-)
+)  # fmt: skip
 EVENTS = Topic(
     "service/{service}/event",
     Event,
