@@ -20,6 +20,7 @@ from services.operator.bench.protocols.day import day
 from services.operator.bench.refine import refine
 from services.operator.bench.scaling import scaling
 from services.operator.bench.sizes import sizes
+from services.operator.bench.soak.command import soak
 from services.operator.bench.states import states
 from services.operator.bench.vision import vision
 from services.operator.for_cell import for_cell
@@ -41,6 +42,7 @@ app.command()(cell)
 app.command()(for_cell(caps))
 app.command()(for_cell(kills))
 app.command()(for_cell(matrix))
+app.command()(for_cell(soak))
 app.command()(for_cell(fuzz))
 app.command()(for_cell(busy))
 app.command()(for_cell(hosts))

@@ -6,7 +6,6 @@ import contextlib
 import json
 import time
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, Field
@@ -35,6 +34,7 @@ from crosspih_common.messages import Dwell, Image, ResetCell, Strategy
 from crosspih_common.messages.motion import Held
 from deploy.launcher import StateDirectory
 from services.operator.bench.fuzz.payloads import PayloadMaker, Sort
+from services.operator.bench.processes import held_by_services, restarts_of
 from services.operator.session import NEEDED, Session, endpoint
 
 DEADLINE_S = 120.0
@@ -177,15 +177,8 @@ def _put_all(session: Session, topic: Topic[Any], count: int, seed: int, until: 
     return part
 
 
-def _rows(session: Session) -> Any:
-    state = StateDirectory(session.cell.workcell.name).read()
-    if state is None:
-        raise NoService("the launcher's state cannot be read: is the stack still up?")
-    return state.services
-
-
 def _restarts(session: Session) -> dict[str, int]:
-    return {row.service: row.restarts for row in _rows(session)}
+    return restarts_of(session.cell.workcell.name)
 
 
 def _tracebacks(session: Session) -> dict[str, int]:
@@ -202,10 +195,4 @@ def _more(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
 
 def _memory_mb(session: Session) -> dict[str, float]:
     """Resident memory of each service."""
-    found = {}
-    for row in _rows(session):
-        with contextlib.suppress(OSError, StopIteration):
-            lines = Path(f"/proc/{row.pid}/status").read_text().splitlines()
-            kilobytes = int(next(line for line in lines if line.startswith("VmRSS")).split()[1])
-            found[row.service] = round(kilobytes / 1024, 1)
-    return found
+    return {service: held.memory_mb for service, held in held_by_services(session.cell.workcell.name).items()}

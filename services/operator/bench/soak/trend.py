@@ -1,0 +1,43 @@
+"""Whether a figure that was taken again and again grows. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+WARM_UP_SHARE = 0.2  # of the figures, the first: what is loaded and allocated once is no leak
+LEAST_FIGURES = 6  # below that nothing can be said
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """From the first figure after the warm-up to the last: by how much it grew, and the 95 % interval of that."""
+
+    first: float
+    last: float
+    grown: float
+    low: float
+    high: float
+
+    def is_more_than(self, allowed: float) -> bool:
+        """Whether it surely grew by more than is allowed: the whole interval lies above."""
+        return self.low > allowed
+
+
+def growth(at_s: Sequence[float], figures: Sequence[float]) -> Growth | None:
+    """Theil and Sen's slope, which single outliers do not move, times the time spanned; None for too few figures.
+
+    `at_s` and `figures` (n,), in any unit of the latter. Source: Sen, J. Am. Stat. Assoc. 63 (1968) 1379.
+    """
+    from scipy.stats import theilslopes  # loaded where it is used: it takes half a second
+
+    skipped = int(len(figures) * WARM_UP_SHARE)
+    times, values = np.asarray(at_s, float)[skipped:], np.asarray(figures, float)[skipped:]
+    if len(values) < LEAST_FIGURES or np.ptp(times) <= 0.0:
+        return None
+    found = theilslopes(values, times, 0.95)
+    span_s = float(np.ptp(times))
+    slope, low, high = float(found.slope), float(found.low_slope), float(found.high_slope)
+    return Growth(float(values[0]), float(values[-1]), slope * span_s, low * span_s, high * span_s)
