@@ -12,6 +12,7 @@ from crosspih_common.messages import RecordingStatus, StartRecording, StopRecord
 
 RECORDER_DEADLINE_S = 60.0
 BACK_S = 10.0  # how long a recorder that went is waited for at the end
+RECORDER_WAIT_S = 1.0  # for a recorder that is not there yet; one that comes back at the end is asked again
 _POLL_S = 0.2
 
 
@@ -32,7 +33,7 @@ class Recorded:
         self._started: RecordingStatus | None = None
         self.trouble = ""
         try:
-            status = bus.call(RECORD_START, StartRecording(name=name), RECORDER_DEADLINE_S)
+            status = bus.call(RECORD_START, StartRecording(name=name), RECORDER_DEADLINE_S, RECORDER_WAIT_S)
         except CrosspihError as error:
             if required or (isinstance(error, CommandRefused) and error.code == "unwritable"):
                 raise
@@ -53,7 +54,7 @@ class Recorded:
         until = time.monotonic() + BACK_S
         while True:
             try:
-                status = self._bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)
+                status = self._bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S, RECORDER_WAIT_S)
                 break
             except CrosspihError as error:
                 if time.monotonic() >= until:

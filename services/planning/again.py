@@ -26,6 +26,7 @@ from crosspih_common.keys import (
     REFUSAL,
     STOP,
     TOUCH,
+    WALL_CLOCK,
     Command,
     Topic,
     commands,
@@ -52,8 +53,10 @@ from services.planning.result import result_of
 
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
+# of the shell around it: who holds the arm, and what every service asks of the time
+NO_DECISIONS = (STOP, LEASE_TAKE, LEASE_GIVE, WALL_CLOCK)
 ASKED: tuple[Command[Any, Any], ...] = tuple(
-    command for command in commands() if "planning" in command.callers and command not in (STOP, LEASE_TAKE, LEASE_GIVE)
+    command for command in commands() if "planning" in command.callers and command not in NO_DECISIONS
 )
 TOPICS: tuple[Topic[Any], ...] = (
     FT_CALIBRATION, PHASE, TOUCH, REFUSAL,

@@ -31,6 +31,7 @@ RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 RETRY_S = 0.2
 NO_LEASE = "no_lease"
+BUSY = "busy"
 BACKING_OFF_PATIENCE = 3.0  # times the patience
 
 
@@ -59,6 +60,7 @@ class BusPorts:
         deadline_s = self._config.motion_deadline_s if moves else self._config.answer_deadline_s
         give_up_at: float | None = None
         retaken = False
+        first_busy_at: float | None = None
         while True:
             if self._heed_abort and self._shell.abort.is_set():
                 raise AssemblyFailed(Failure.ABORTED, "somebody ended the assembly")
@@ -80,6 +82,11 @@ class BusPorts:
                 self._shell.closing.wait(RETRY_S)
                 continue
             except CommandRefused as refusal:
+                if refusal.code == BUSY and moves and not self._heed_abort and self._waits_for_rest(first_busy_at):
+                    # the motion that the link was lost in is being ended by the arm itself
+                    first_busy_at = first_busy_at or time.monotonic()
+                    self._shell.closing.wait(RETRY_S)
+                    continue
                 if refusal.code != NO_LEASE:
                     raise
                 if self._heed_abort or retaken:
@@ -94,6 +101,9 @@ class BusPorts:
             elif isinstance(reply, HoleEstimate):
                 self.hardware_wall_s += reply.capture_wall_s
             return reply
+
+    def _waits_for_rest(self, first_busy_at: float | None) -> bool:
+        return first_busy_at is None or time.monotonic() - first_busy_at < self._patience_s
 
     @property
     def _patience_s(self) -> float:

@@ -51,6 +51,9 @@ def back_off(run: Run) -> bool:
     run.tell(Phase.BACKING_OFF, "taking the peg out")
     # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
     aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.believed is None else [run.believed])]
+    # A link that is lost leaves open what became of the command that went by it: the arm has stopped by itself, and
+    # each step here leads to a stated pose, so that it may be asked for once more.
+    mended: dict[Failure | None, int] = {Failure.ARM_STOPPED: BACK_OFF_TRIES, Failure.SERVICE_LOST: 1}
     for _ in range(BACK_OFF_TRIES):
         try:
             run.dwell(0.02)
@@ -58,8 +61,9 @@ def back_off(run: Run) -> bool:
                 return True
         except (AssemblyFailed, CommandRefused) as error:
             run.tell(Phase.BACKING_OFF, f"could not back off: {error}")
-            if isinstance(error, CommandRefused) or error.failure is not Failure.ARM_STOPPED:
+            if isinstance(error, CommandRefused) or mended.get(error.failure, 0) == 0:
                 return False
+            mended[error.failure] -= 1
         except Exception as error:
             run.ports.tell_defect(error)
             return False

@@ -29,6 +29,7 @@ ASSEMBLY = "assembly"  # how the purpose of such a lease begins
 HEAR_S = 10.0
 HELD_S = 10.0  # the arm lets go of a holder that is gone within this
 LOOK_S = 0.05
+STILL_HIS = frozenset(["held", "busy"])
 _POLL_S = 0.2
 
 
@@ -75,8 +76,8 @@ class Predecessor:
                     run.dwell(LOOK_S)
                 break
             except CommandRefused as refusal:
-                # until the arm has let go of the one that is gone
-                if refusal.code != "held" or time.monotonic() > until:
+                # until the arm has let go of the one that is gone, and its last motion has ended
+                if refusal.code not in STILL_HIS or time.monotonic() > until:
                     raise
             shell.closing.wait(_POLL_S)
         nominal = workcell.hole_prior.pose_base_hole()

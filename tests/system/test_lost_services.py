@@ -131,10 +131,12 @@ def test_planning_that_is_lost_is_named_and_its_successor_takes_the_peg_out(
 def test_a_router_that_is_lost_costs_the_assembly_but_not_its_result(cell: RunningCell, session: Session) -> None:
     kill = KillOnPhase(cell, "router", pushing)
     session.bus.subscribe(PHASE, kill)
+    said: list[str] = []
+    session.bus.subscribe(PHASE, lambda phase: said.append(f"{phase.phase.value}: {phase.text}"))
     figures, result = session.trial(SEED, Strategy.FUSED, record=False)
     assert kill.killed_pid is not None
     assert result.inserted or result.failure in (Failure.ARM_STOPPED, Failure.SERVICE_LOST), result
-    assert figures.inserted or result.backed_off, result.failure_detail
+    assert figures.inserted or result.backed_off, (result.failure_detail, said[-4:])
     cell.wait_restarted("router", kill.killed_pid)
     session.wait_for_services(DEADLINE_S)
     assert_inserts(session, SEED + 1)

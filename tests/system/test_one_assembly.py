@@ -49,6 +49,7 @@ ASKED = (
     "vision/locate",
 )
 Settings = dict[str, dict[str, float]]
+WALL_ECHOES = (WALL_CLOCK.request_echo.path, WALL_CLOCK.reply_echo.path)
 
 
 @dataclass
@@ -166,11 +167,13 @@ def test_the_counts_are_those_of_the_assembly(trial: Trial) -> None:
 
 
 def test_no_number_is_missing_on_any_channel(trial: Trial) -> None:
+    # in their own order: what every service asks of the time while the recorder comes up may overtake its own past
     gaps = {
         path: wrong
         for path, sequences in trial.file.sequences.items()
-        if (wrong := [pair for pair in pairwise(sequences) if pair[1] != pair[0] + 1])
-    }
+        if (wrong := [pair for pair in pairwise(sorted(sequences) if path in WALL_ECHOES else sequences)
+                      if pair[1] != pair[0] + 1])
+    }  # fmt: skip
     assert not gaps
 
 
