@@ -159,7 +159,8 @@ class _Declared:
         self._entity = entity
 
     def close(self) -> None:
-        with contextlib.suppress(zenoh.ZError):
+        # RuntimeError: another thread is just using it, so that it cannot be taken back; the session's end does that
+        with contextlib.suppress(zenoh.ZError, RuntimeError):
             self._entity.undeclare()
 
 

@@ -189,7 +189,7 @@ def test_what_the_cell_says_is_heard_in_ros_and_an_assembly_is_asked_for(
     # a refusal is told as it is
     refused = sdk("call", "/assemble").said("success")
     assert refused == {"success": False, "message": "held: somebody else holds the arm: teach pendant"}
-    assert bridge.terminate() == 0
+    assert bridge.terminate() == 0, "".join(bridge.output)[-3000:]
     with RosNode(endpoint, 0, RosTypes(), "looking") as node:
         left = [one for one in node.graph() if one.node == "crosspih"]
         assert not left  # whoever has gone is no longer in the graph
