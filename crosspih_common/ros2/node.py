@@ -222,7 +222,7 @@ class RosNode:
         """Take back all that was declared and close the session. Safe to call twice."""
         declared, self._declared = self._declared, []
         for entity in reversed(declared):
-            # RuntimeError: another thread is just using it, so that it cannot be taken back; the session's end does that
+            # RuntimeError: another thread is just using it and it cannot be taken back; the session's end does that
             with contextlib.suppress(zenoh.ZError, RuntimeError):
                 entity.undeclare()
         for lane in self._lanes:

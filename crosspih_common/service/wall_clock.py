@@ -24,6 +24,7 @@ from crosspih_common.messages import AskWallClock
 
 KEPT = 8
 DRIFT = 1e-4  # two clocks that nobody sets go apart by less, s a second
+END_S = 0.5
 FIRST_S, PERIOD_S = 1.0, 10.0  # between the first KEPT exchanges, and after them
 ASK_S = 2.0
 # Beyond the bound: what NTP keeps in any building is ten times less, and what log times are used for, to tell which of
@@ -95,7 +96,7 @@ def narrowed(exchanges: Sequence[Exchange], host: str) -> Difference | None:
 def exchange(bus: Bus, deadline_s: float = ASK_S) -> tuple[Exchange, str]:
     """Ask once; also the name of the cell's machine. Raises CrosspihError where nobody answers."""
     sent_ns, began_ns = time.time_ns(), time.monotonic_ns()
-    answer = bus.call(WALL_CLOCK, AskWallClock(), deadline_s)
+    answer = bus.call(WALL_CLOCK, AskWallClock(), deadline_s, 0.0)
     # by the other clock: this one may be set meanwhile
     now_ns = time.monotonic_ns()
     return Exchange(sent_ns, answer.wall_ns, sent_ns + now_ns - began_ns, now_ns * 1e-9), answer.host
@@ -150,5 +151,7 @@ class ClockWatch:
             self._tell(apart, found)
 
     def close(self) -> None:
-        """End. A question that is still open is not waited for: it ends with the bus."""
+        """End. An open question is waited for a moment: the interpreter must not end within Zenoh's code."""
         self._stop.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(END_S)
