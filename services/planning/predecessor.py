@@ -29,7 +29,7 @@ ASSEMBLY = "assembly"  # how the purpose of such a lease begins
 HEAR_S = 10.0
 HELD_S = 10.0  # the arm lets go of a holder that is gone within this
 LOOK_S = 0.05
-STILL_HIS = frozenset(["held", "busy"])
+STILL_IN_USE = frozenset(["held", "busy"])
 _POLL_S = 0.2
 
 
@@ -77,7 +77,7 @@ class Predecessor:
                 break
             except CommandRefused as refusal:
                 # until the arm has let go of the one that is gone, and its last motion has ended
-                if refusal.code not in STILL_HIS or time.monotonic() > until:
+                if refusal.code not in STILL_IN_USE or time.monotonic() > until:
                     raise
             shell.closing.wait(_POLL_S)
         nominal = workcell.hole_prior.pose_base_hole()

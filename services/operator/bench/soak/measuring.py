@@ -119,15 +119,20 @@ def grown(taken: Sequence[Figures]) -> list[Grown]:
     rows: list[tuple[str, str, Callable[[Figures], float], float]] = []
     for name in names:
         rows += [
-            (f"{name}: memory", "MB", lambda one, name=name: one.services[name].memory_mb, MEMORY_MB),  # type: ignore[misc]
-            (f"{name}: descriptors", "", lambda one, name=name: one.services[name].descriptors, DESCRIPTORS),  # type: ignore[misc]
-            (f"{name}: threads", "", lambda one, name=name: one.services[name].threads, THREADS),  # type: ignore[misc]
+            (f"{name}: memory", "MB", _of(name, "memory_mb"), MEMORY_MB),
+            (f"{name}: descriptors", "", _of(name, "descriptors"), DESCRIPTORS),
+            (f"{name}: threads", "", _of(name, "threads"), THREADS),
         ]
     if taken:
         usual_ms = median(one.latency_ms[0] for one in taken)
         rows.append(("latency of a command, p50", "ms", lambda one: one.latency_ms[0], LATENCY_SHARE * usual_ms))
     rows.append(("disk: state and logs", "MB", lambda one: one.kept_mb, DISK_MB))
     return list(_judged(at_s, taken, rows))
+
+
+def _of(service: str, held: str) -> Callable[[Figures], float]:
+    """Reads what a service held."""
+    return lambda one: float(getattr(one.services[service], held))
 
 
 def _judged(
