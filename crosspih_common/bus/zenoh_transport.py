@@ -334,6 +334,8 @@ class ZenohTransport:
             replies = list(self._session.liveliness().get(key_expression, timeout=LIVING_S))
         except zenoh.ZError as error:
             raise BusClosed(f"cannot look for {key_expression}: {error}") from None
+        if any(reply.err is not None for reply in replies):
+            raise BusUnreachable(f"the router did not say within {LIVING_S:g} s who has {key_expression}")
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:

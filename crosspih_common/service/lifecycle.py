@@ -189,7 +189,12 @@ def run_service(
         context = ServiceContext(name, cell, bus, stop)
         bus.on_reject = lambda why: _report_rejection(context, "rejected", why)
         bus.on_forged = lambda why: _report_rejection(context, "forged_state", why)
-        if (claim := bus.authors.claim_alone(name, SECOND_WAITS_S, stop)) is None:
+        try:
+            claim = bus.authors.claim_alone(name, SECOND_WAITS_S, stop)
+        except BusError as error:
+            print(f"{name}: {error}", file=sys.stderr, flush=True)
+            return 1
+        if claim is None:
             context.event(
                 Severity.ERROR, "second_service", f"{name} runs already in cell {bus.cell}; end that one first"
             )
