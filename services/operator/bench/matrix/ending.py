@@ -54,6 +54,7 @@ class _Run:
         self._healthy_s: float | None = None
         self._operator: subprocess.Popen[str] | None = None
         self._said: tuple[str, str] = ("", "")
+        self._begun_wall_ns = time.time_ns()
 
     def run(self) -> Seen:
         """One case. Raises NoService when the stack cannot be seen."""
@@ -168,7 +169,9 @@ class _Run:
         if recording is None:
             said = () if trouble is None else (trouble,)
             return Tape(parts=1, gap_s=0.0, missing=0, finished=False, warnings=(*warnings, *said)) if said else None
+        # without the states that were there already: each comes once more at the recording's begin, as old as it is
         stamps = np.sort([sample.wall_ns for samples in recording.samples.values() for sample in samples])
+        stamps = stamps[stamps >= self._begun_wall_ns]
         return Tape(
             parts=len(recording.parts),
             gap_s=float(np.diff(stamps).max(initial=0)) * 1e-9,
