@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -11,6 +11,7 @@ from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.authors import MOST_HELD, PROCESS, Authors, Standing, names_of
 from crosspih_common.bus.codec import encode, label_of, label_with_seq
 from crosspih_common.bus.memory import MemoryTransport
+from crosspih_common.bus.transport import Closeable
 from crosspih_common.keys import (
     CAMERA_CALIBRATION,
     FT_CALIBRATION,
@@ -163,6 +164,27 @@ def test_a_service_alone_claims_its_name_and_a_second_does_not(hub: MemoryHub) -
     other.transport.close()
     assert authors.claim_alone("vision", 0.2, stop) is not None
     assert hub.transport().living(author_key(CELL, "vision", PROCESS))
+
+
+class TakenInLate(MemoryTransport):
+    """A session just opened, as Zenoh's: its first questions are answered by its own process alone."""
+
+    def __init__(self, hub: MemoryHub) -> None:
+        super().__init__(hub)
+        self.unheard = 2
+
+    def living(self, key_expression: str) -> list[str]:
+        self.unheard -= 1
+        return [] if self.unheard >= 0 else super().living(key_expression)
+
+    def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
+        return self._declared(lambda: None)
+
+
+def test_an_answer_without_the_router_is_not_believed(hub: MemoryHub) -> None:
+    Stranger(hub).claim("vision", "another process")
+    authors = Authors(TakenInLate(hub), CELL, lambda key, why: None)
+    assert authors.claim_alone("vision", 0.2, threading.Event()) is None
 
 
 def test_a_service_waits_for_one_that_goes(hub: MemoryHub) -> None:
