@@ -64,6 +64,9 @@ class BusClosed(BusError):
     """The bus was closed while it was in use."""
 
 
+STOPPING = "stopping"  # the code of a refusal by a service that was ended in order while it carried the command out
+
+
 class CommandRefused(CrosspihError):
     """The service answered no. `code` is stable and for programs; the text says why and what would mend it."""
 

@@ -1,9 +1,9 @@
 """An assembly asked for, with a named result whoever dies meanwhile.
 
-The answer of a query is lost with the planner that would have given it, with the router that it would have gone
-through, and with a link that was cut while the planner hung. What happened is then on the bus: a planner that lives
-repeats its answer on its own topic once it is done, and one that is started in its place tells what it found. So the
-operator goes on listening, has the successor take the peg out, and says by name what it knows.
+The answer of a query is lost with the planner that would have given it (killed, or stopped in order), with the router
+that it would have gone through, and with a link that was cut while the planner hung. What happened is then on the bus:
+a planner that lives repeats its answer on its own topic once it is done, and one that is started in its place tells
+what it found. So the operator goes on listening, has the successor take the peg out, and says by name what it knows.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from crosspih_common.bus import Bus, Latest
-from crosspih_common.errors import CommandRefused, CrosspihError, NoService, NotSent
+from crosspih_common.errors import STOPPING, CommandRefused, CrosspihError, NoService, NotSent
 from crosspih_common.keys import (
     ADMITTANCE_MOVE,
     ASSEMBLE,
@@ -69,7 +69,9 @@ def ask_assembly(
             return bus.call(ASSEMBLE, request, deadline_s)
         except NotSent:
             raise
-        except NoService as lost:
+        except (NoService, CommandRefused) as lost:
+            if isinstance(lost, CommandRefused) and lost.code != STOPPING:
+                raise
             say(f"{PLANNER} does not answer any more: waiting for its own word, or its successor's")
             return asked.learn(str(lost), say)
 
@@ -128,7 +130,7 @@ class _Asked:
                 found: AssemblyResult = result
                 return found
         for refusal in self._new(self._refusals):
-            if refusal.command == ASSEMBLE.path:
+            if refusal.command == ASSEMBLE.path and refusal.refused != STOPPING:
                 raise CommandRefused(refusal.refused, refusal.text)
         return None
 

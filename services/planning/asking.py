@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from crosspih_common.errors import BusError, CommandRefused, CommandTimeout, NotSent
+from crosspih_common.errors import STOPPING, BusError, CommandRefused, CommandTimeout, NoService, NotSent
 from crosspih_common.holding import ArmLease
 from crosspih_common.holding.soundness import StreamsHeard
 from crosspih_common.keys import Command
@@ -68,7 +68,7 @@ class BusPorts:
                 self._require_same_cell()
             started = time.monotonic()
             try:
-                reply = self._lease.ask(command, request, deadline_s)
+                reply = self._ask_once(command, request, deadline_s)
             except BusError as error:
                 now = time.monotonic()
                 if give_up_at is None:
@@ -101,6 +101,15 @@ class BusPorts:
             elif isinstance(reply, HoleEstimate):
                 self.hardware_wall_s += reply.capture_wall_s
             return reply
+
+    def _ask_once(self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float) -> ReplyT:
+        """A service that is stopped in order is as lost as one that is killed: whoever started it may bring it back."""
+        try:
+            return self._lease.ask(command, request, deadline_s)
+        except CommandRefused as refusal:
+            if refusal.code == STOPPING:
+                raise NoService(str(refusal)) from None
+            raise
 
     def _waits_for_rest(self, first_busy_at: float | None) -> bool:
         return first_busy_at is None or time.monotonic() - first_busy_at < self._patience_s

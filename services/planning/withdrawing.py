@@ -10,6 +10,7 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import GUARDED_MOVE
 from crosspih_common.messages import Failure, GuardedMove, Phase, StopReason, Withdraw, floats
+from crosspih_common.wrench.plausibility import IMPLAUSIBLE
 from services.planning.calibrating import tell_payload
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
@@ -65,7 +66,14 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
             "the force/torque sensor was never calibrated, so its pull cannot be watched; take the peg out by hand, "
             "then `crosspih calibrate ft`",
         )
-    tell_payload(run, calibration)
+    try:
+        tell_payload(run, calibration)
+    except CommandRefused as refusal:
+        if refusal.code != IMPLAUSIBLE:
+            raise
+        # A peg that presses against its bore lets nobody check a payload. The arm keeps the one it was told while the
+        # peg was free, and the pull is watched with that; an arm that was told none refuses the pull by name.
+        run.tell(Phase.BACKING_OFF, "the peg presses against its bore: pulled out with the payload told before")
     tip_m = run.workcell.peg.shape().tip_m
     run.tell(Phase.BACKING_OFF, "taking the peg straight out", force_limit_n=request.force_limit_n)
     for left in range(TRIES - 1, -1, -1):

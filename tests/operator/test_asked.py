@@ -9,7 +9,7 @@ import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.transport import Query
-from crosspih_common.errors import CommandRefused, NoService, NotSent
+from crosspih_common.errors import STOPPING, CommandRefused, NoService, NotSent
 from crosspih_common.keys import ASSEMBLE, EVENTS, REFUSAL, STATUS, WITHDRAW
 from crosspih_common.messages import (
     Assemble,
@@ -128,6 +128,20 @@ def test_a_successor_that_found_the_peg_is_asked_to_take_it_out(scene: Scene, wi
     assert "planning ended in the middle of the assembly" in found.failure_detail
     assert ("30 mm" if withdrawn else "stuck") in found.failure_detail
     assert any("successor takes the peg out" in text for text in said)
+
+
+def test_a_planner_that_was_stopped_in_order_has_a_successor_too(scene: Scene) -> None:
+    def stopped(query: Query) -> None:
+        scene.planning.publisher(REFUSAL).publish(
+            CommandRefusal(command=ASSEMBLE.path, refused=STOPPING, text="planning was stopped")
+        )
+        scene.status(2, 0.0)
+        scene.event("arm_found")
+        raise CommandRefused(STOPPING, "planning was stopped")
+
+    scene.hub.servers[ASSEMBLE.key("c")] = stopped
+    found = ask_assembly(scene.operator, REQUEST, DEADLINE_S)
+    assert found.failure is Failure.SERVICE_LOST and found.backed_off and "was stopped" in found.failure_detail
 
 
 def test_a_peg_that_stands_clear_needs_no_withdrawal(scene: Scene) -> None:

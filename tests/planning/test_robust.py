@@ -12,13 +12,15 @@ from crosspih_common.bus import Bus
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.holding import hold_arm
-from crosspih_common.keys import CALIBRATE_FT, CLOCK, LEASE, WITHDRAW, WRENCH_RAW
+from crosspih_common.keys import CALIBRATE_FT, CLOCK, LEASE, MOVE_LINEAR, WITHDRAW, WRENCH_RAW
 from crosspih_common.messages import (
     AssemblyResult,
     CalibrateFt,
     CellClock,
     Failure,
+    MoveLinear,
     Phase,
+    PoseData,
     PosePrior,
     Strategy,
     Withdraw,
@@ -158,6 +160,18 @@ def test_a_seated_peg_is_withdrawn_and_goes_in_again(cell: CellInMemory) -> None
     withdrawn(cell, cell.assemble())
     # nothing is left to be withdrawn
     assert cell.bus.call(WITHDRAW, Withdraw(), 60.0).distance_m < 1e-3
+
+
+def test_a_peg_that_presses_against_its_bore_is_withdrawn(cell: CellInMemory) -> None:
+    """As a planner that is killed while it presses leaves it: no payload can be checked at rest then."""
+    cell.reset(28)
+    assert cell.assemble().inserted
+    pressed = cell.truth().pose_base_peg.pose() @ Pose.from_translation([6e-4, 0.0, 0.0])
+    with hold_arm(cell.bus, "a push") as lease:
+        lease.ask(MOVE_LINEAR, MoveLinear(pose_base_peg=PoseData.of(pressed), speed_m_s=0.002), 30.0)
+    out = cell.bus.call(WITHDRAW, Withdraw(), 60.0)
+    assert any("presses against its bore" in phase.text for phase in cell.phases)
+    assert out.withdrawn and -0.033 < tip_depth_m(cell) < -0.027
 
 
 def test_a_peg_that_resists_is_left_where_it_is(cell: CellInMemory) -> None:
