@@ -15,9 +15,10 @@ from typing import Any, Generic, TypeVar
 
 from crosspih_common.bus.codec import decode
 from crosspih_common.errors import ContractError, CrosspihError
-from crosspih_common.keys import REFUSAL, ROOT, Command, Payload, Topic
+from crosspih_common.keys import REFUSAL, ROOT, Command, Payload, Topic, topics
 from crosspih_common.messages import CommandRefusal
 from crosspih_common.messages import Message as BusMessage
+from crosspih_common.recording.gaps import gap_matters
 from crosspih_common.recording.numbering import Line
 from crosspih_common.recording.parts import parts_of
 from crosspih_common.recording.scanning import Damage
@@ -165,6 +166,15 @@ class Recording:
     def seq_gaps(self) -> dict[str, int]:
         """Samples that never came, key by key (numbering.py); a publisher that was started again is no gap."""
         return {key: missing for key, line in self.numbers().items() if (missing := line.missing())}
+
+    def gaps_that_matter(self) -> dict[str, int]:
+        """Those of `seq_gaps` of which people are to be told (gaps.py)."""
+        kinds = {key: topic.kind for topic in topics() for key in self.keys_of(topic)}
+        return {
+            key: missing
+            for key, missing in self.seq_gaps().items()
+            if gap_matters(kinds.get(key), missing, len(self.samples[key]))
+        }
 
 
 def read_recording(path: str | Path, only: Iterable[Topic[Any]] | None = None) -> Recording:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from crosspih_common.keys import Kind
+from crosspih_common.recording.gaps import gap_matters
 
-# of a stream that drops rather than waits a few samples may be missing: fewer than so many, or than this share
-STREAM_SAMPLES, STREAM_SHARE = 10, 0.001
 STRAYS = 10  # one follows from each publisher that was started again and spoke once
 CODES = ("samples_dropped", "samples_missing", "samples_rejected", "numbers_in_doubt")
 
@@ -19,7 +18,10 @@ def warnings_of(counts: Mapping[str, Mapping[str, int]], kinds: Mapping[str, Kin
     if dropped:
         text = f"{_samples(dropped)} did not get into the recording: the disk or this machine was too slow or full"
         found["samples_dropped"] = f"{text}{_most(dropped)}"
-    gaps = {key: count for key, count in counts["gaps"].items() if _matters(key, count, counts["heard"], kinds)}
+    heard = counts["heard"]
+    gaps = {
+        key: count for key, count in counts["gaps"].items() if gap_matters(kinds.get(key), count, heard.get(key, 0))
+    }
     if gaps:
         found["samples_missing"] = f"{_samples(gaps)} never came here over the bus{_most(gaps)}"
     rejected = _added(counts["malformed"], counts["refused"])
@@ -31,12 +33,6 @@ def warnings_of(counts: Mapping[str, Mapping[str, int]], kinds: Mapping[str, Kin
         text = f"{_samples(strays)} carry numbers that follow from none: a second publisher on the key?"
         found["numbers_in_doubt"] = f"{text}{_most(strays)}"
     return found
-
-
-def _matters(key: str, count: int, heard: Mapping[str, int], kinds: Mapping[str, Kind]) -> bool:
-    if kinds.get(key) is not Kind.STREAM:
-        return True  # each event matters, and each state
-    return count >= STREAM_SAMPLES and count > STREAM_SHARE * (heard.get(key, 0) + count)
 
 
 def _added(*counts: Mapping[str, int]) -> dict[str, int]:

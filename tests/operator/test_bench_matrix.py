@@ -44,13 +44,19 @@ def test_an_insertion_that_lost_nothing_holds() -> None:
         ({"inserted": False, "failure": "service_lost", "backed_off": True}, "still 50 mm in the hole"),
         ({"healthy_s": None}, "not healthy again"),
         ({"tape": None}, "no recording"),
-        ({"tape": TAPE.model_copy(update={"gap_s": 3.0})}, "nothing says so"),
         ({"tape": TAPE.model_copy(update={"missing": 7})}, "nothing says so"),
     ],
 )
 def test_each_loss_is_told(change: dict[str, object], said: str) -> None:
     found = complaints(case(), INSERTED.model_copy(update=change))
     assert len(found) == 1 and said in found[0]
+
+
+def test_a_time_without_samples_is_a_loss_where_the_recorder_was_away() -> None:
+    """Samples of the others that come late come whole: their numbers tell."""
+    silent = INSERTED.model_copy(update={"tape": TAPE.model_copy(update={"gap_s": 3.0})})
+    assert complaints(case("vision"), silent) == []
+    assert len(complaints(case("recorder"), silent)) == 1
 
 
 def test_what_is_said_is_no_loss_in_silence() -> None:

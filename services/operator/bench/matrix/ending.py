@@ -175,7 +175,7 @@ class _Run:
         return Tape(
             parts=len(recording.parts),
             gap_s=float(np.diff(stamps).max(initial=0)) * 1e-9,
-            missing=sum(recording.seq_gaps().values()),
+            missing=sum(recording.gaps_that_matter().values()),
             finished=recording.finished,
             warnings=warnings,
         )

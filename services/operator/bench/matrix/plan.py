@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from crosspih_common.messages import Phase
 from services.operator.bench.kills import plan as kills
 
-ROUTER, OPERATOR = "router", "operator"
+ROUTER, RECORDER, OPERATOR = "router", "recorder", "operator"
 VICTIMS = (ROUTER, *kills.SERVICES, OPERATOR)
 PHASES = kills.PHASES
 STOPPED_S = 7.0
