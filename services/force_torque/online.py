@@ -48,12 +48,20 @@ class Step:
 
 
 def step(
-    pipeline: Pipeline, samples: Array, stamp_ns: int, period_ns: int, rotation_base_peg: Array, *, accelerating: bool
+    pipeline: Pipeline,
+    samples: Array,
+    stamp_ns: int,
+    period_ns: int,
+    rotation_base_peg: Array,
+    *,
+    accelerating: bool,
+    may_touch: bool,
 ) -> Step:
     """Process a batch (n, 6), as the sensor gives it, first sample at `stamp_ns`, at orientation (3, 3).
 
     While the arm is `accelerating` the payload's inertia is felt like a contact: then neither contact nor free air is
-    judged, and both stay as they were.
+    judged, and both stay as they were. Where the peg `may_touch` the hole's part, too lightly to be noticed, nothing is
+    taken for free air.
     """
     contact, period_s = pipeline.payload.contact(samples, rotation_base_peg), period_ns * 1e-9
     stamps = stamp_ns + period_ns * np.arange(len(contact))
@@ -63,7 +71,7 @@ def step(
     else:
         onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered, period_s)
     # an accelerating arm counts like a contact here: the samples just after it are left out too
-    disturbed = onset.in_contact or accelerating
+    disturbed = onset.in_contact or accelerating or may_touch
     free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, disturbed, period_s)
     after = replace(pipeline, low_pass=low_pass, onset=onset, free=free)
     return Step(after, filtered[-1], onset.in_contact, events, report)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from crosspih_common.config import Workcell
+from crosspih_common.geometry import Pose
 from crosspih_common.messages import (
     ContactClassifier,
     ContactState,
@@ -39,6 +40,7 @@ from services.force_torque.online import Pipeline, step
 JOINT_STATES = 32  # the last ones, that an acceleration is taken from
 _FIRST_PERIOD_S = 1e-3  # until the first batch says its own
 _REMEMBER_NS = 100_000_000
+CLEAR_OF_THE_FACE_M = 0.002
 DRIFT_OVER = 0.8  # of its limit: from there on a drift that was told counts as gone
 
 
@@ -69,6 +71,9 @@ class WrenchStream:
                 settle_s=config.free_air_settle_s,
             ),
         )
+        peg = workcell.peg.shape()
+        self._tip_m = peg.tip_m
+        self._widest_m = float(np.linalg.norm(peg.outline_m(peg.tip_m)[:, :2], axis=1).max())
         self.calibration_seq = -1
         self._drifted = False
         self._judged_ns = 0
@@ -113,13 +118,15 @@ class WrenchStream:
 
     def _take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> Told:
         newest = states[-1]
+        pose_base_peg = self._workcell.pose_base_peg(newest.joints_rad)
         result = step(
             self._pipeline,
             np.asarray(batch.samples),
             batch.stamp_ns,
             batch.period_ns,
-            self._workcell.pose_base_peg(newest.joints_rad).rotation,
+            pose_base_peg.rotation,
             accelerating=joint_acceleration_rad_s2(states) > self._config.still_rad_s2,
+            may_touch=self._may_touch(pose_base_peg),
         )
         self._pipeline = result.pipeline
         stamp_ns = batch.stamp_ns + batch.period_ns * (len(batch.samples) - 1)
@@ -147,6 +154,14 @@ class WrenchStream:
             memory=self._memory(stamp_ns),
         )
         return Told(wrench, state, result.events, drift)
+
+    def _may_touch(self, pose_base_peg: Pose) -> bool:
+        """Whether the peg's tip is so far in that it may touch the hole's part, wherever within its range that is."""
+        prior = self._workcell.hole_prior
+        tip = prior.pose_base_hole().inverse().apply(pose_base_peg.apply([0.0, 0.0, self._tip_m]))
+        _, _, depth_m, rx, ry, _ = prior.half_ranges()
+        beside_m = float(np.hypot(tip[0], tip[1])) + self._widest_m
+        return bool(tip[2] > -(depth_m + beside_m * float(np.hypot(rx, ry)) + CLEAR_OF_THE_FACE_M)
 
     def _memory(self, stamp_ns: int) -> WrenchMemory | None:
         if 0 <= stamp_ns - self._remembered_ns < _REMEMBER_NS:
