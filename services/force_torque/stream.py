@@ -73,6 +73,8 @@ class WrenchStream:
         )
         peg = workcell.peg.shape()
         self._tip_m = peg.tip_m
+        self._pose_hole_base = workcell.hole_prior.pose_base_hole().inverse()
+        self._half_ranges = workcell.hole_prior.half_ranges()
         self._widest_m = float(np.linalg.norm(peg.outline_m(peg.tip_m)[:, :2], axis=1).max())
         self.calibration_seq = -1
         self._drifted = False
@@ -157,9 +159,8 @@ class WrenchStream:
 
     def _may_touch(self, pose_base_peg: Pose) -> bool:
         """Whether the peg's tip is so far in that it may touch the hole's part, wherever within its range that is."""
-        prior = self._workcell.hole_prior
-        tip = prior.pose_base_hole().inverse().apply(pose_base_peg.apply([0.0, 0.0, self._tip_m]))
-        _, _, depth_m, rx, ry, _ = prior.half_ranges()
+        tip = self._pose_hole_base.apply(pose_base_peg.apply([0.0, 0.0, self._tip_m]))
+        _, _, depth_m, rx, ry, _ = self._half_ranges
         beside_m = float(np.hypot(tip[0], tip[1])) + self._widest_m
         return bool(tip[2] > -(depth_m + beside_m * float(np.hypot(rx, ry)) + CLEAR_OF_THE_FACE_M)
 
