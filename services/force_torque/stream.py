@@ -162,7 +162,7 @@ class WrenchStream:
         tip = self._pose_hole_base.apply(pose_base_peg.apply([0.0, 0.0, self._tip_m]))
         _, _, depth_m, rx, ry, _ = self._half_ranges
         beside_m = float(np.hypot(tip[0], tip[1])) + self._widest_m
-        return bool(tip[2] > -(depth_m + beside_m * float(np.hypot(rx, ry)) + CLEAR_OF_THE_FACE_M)
+        return bool(tip[2] > -(depth_m + beside_m * float(np.hypot(rx, ry)) + CLEAR_OF_THE_FACE_M))
 
     def _memory(self, stamp_ns: int) -> WrenchMemory | None:
         if 0 <= stamp_ns - self._remembered_ns < _REMEMBER_NS:
