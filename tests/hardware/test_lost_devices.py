@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crosspih_common.config import Workcell
-from crosspih_common.errors import DeviceLost
+from crosspih_common.errors import STOPPING, CommandRefused, DeviceLost
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Dwell, FollowTrajectory, JointKnot
 from docs.examples.spring_wall import PERIOD_S, Joints, WallSensor
@@ -88,6 +88,16 @@ def test_a_lost_arm_is_not_sent_back_to_where_it_was() -> None:
     assert outcome.stop_reason.value == "completed", outcome.detail
     assert outcome.joints_rad == pytest.approx(elsewhere + 0.01 * BASE)
     arm.close()
+
+
+def test_an_arm_that_was_closed_begins_nothing_more() -> None:
+    """Its devices are let go of next, while its service still answers."""
+    arm, joints = arm_of(realtime=False)
+    arm.close()
+    halted, cycles = joints.halted, joints.cycles
+    with pytest.raises(CommandRefused, match="being stopped") as refused:
+        arm.dwell(Dwell(duration_s=0.1))
+    assert refused.value.code == STOPPING and (joints.halted, joints.cycles) == (halted, cycles)
 
 
 def test_the_loop_asks_again_and_holds_where_the_arm_is() -> None:

@@ -227,6 +227,7 @@ class ArmController:
         unit_direction("gravity_base", command.gravity_base)
         payload = Payload.from_command(command, self._mounting)
         with self._turn.taken():
+            self._require_open()
             runner = self._runner
             runner.recover()
             if len(runner.last_samples) < (runner.last_samples.maxlen or 0):
@@ -270,9 +271,15 @@ class ArmController:
         if not self._commanded.acquire(blocking=False):
             raise CommandRefused("busy", "another command is being carried out; wait for it or stop it")
         try:
+            self._require_open()
             yield
         finally:
             self._commanded.release()
+
+    def _require_open(self) -> None:
+        """Devices are let go of while commands may still come."""
+        if self._closing.is_set():
+            raise CommandRefused("stopping", "the arm's service is being stopped: nothing moves any more")
 
     @contextmanager
     def between_motions(self) -> Iterator[None]:
@@ -286,8 +293,8 @@ class ArmController:
 
     def close(self) -> None:
         """Stop all motion, end the loop, tell the arm to stand. A second call does nothing."""
+        self._closing.set()  # before the stop: whoever commanded what is stopped would command the next
         self.stop()
-        self._closing.set()
         if self._idler is not None:
             self._idler.join()
             self._idler = None
