@@ -5,6 +5,7 @@ tethered_exec (children that cannot outlive us), notify_socket, monitoring, supe
 """
 
 from deploy.launcher.errors import AlreadyUpError, ComposeError, LauncherError, NotUpError, StartError
+from deploy.launcher.process import tethered
 from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, is_up, start_stack, stop_stack
 from deploy.launcher.state import DEFAULT_PROJECT, ServiceState, StackState, StateDirectory
 
@@ -23,4 +24,5 @@ __all__ = [
     "is_up",
     "start_stack",
     "stop_stack",
+    "tethered",
 ]

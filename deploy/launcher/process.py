@@ -25,6 +25,11 @@ def _script(name: str) -> list[str]:
     return [sys.executable, "-I", "-S", str(_HERE / name)]
 
 
+def tethered(command: Sequence[str]) -> list[str]:
+    """A command that the kernel ends when the thread that starts it is gone, however that ends (Linux)."""
+    return [*_script("tethered_exec.py"), str(os.getpid()), *command]
+
+
 def resolve_python(command: Sequence[str]) -> list[str]:
     """The command with ``python`` or ``python3`` as its first word replaced by the launcher's own interpreter; a module
     of ours is then run from where this installation lies, whatever lies in the folder that it is run in."""
@@ -66,9 +71,7 @@ class ServiceProcess:
         read_end, write_end = os.pipe()
         try:
             process = await asyncio.create_subprocess_exec(
-                *_script("tethered_exec.py"),
-                str(os.getpid()),
-                *resolve_python(command),
+                *tethered(resolve_python(command)),
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=write_end,
                 stderr=write_end,

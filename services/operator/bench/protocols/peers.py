@@ -13,19 +13,23 @@ from types import TracebackType
 
 from crosspih_common.errors import NoService
 from crosspih_common.modules import module_command
+from deploy.launcher import tethered
 
 READY_S, ANSWER_S, END_S = 60.0, 10.0, 10.0
 _LAST_LINES = 6
 
 
 class Peer:
-    """A module that is run as a process: it says on standard output when it is ready, and answers a line by a line."""
+    """A module that is run as a process: it says on standard output when it is ready, and answers a line by a line.
+
+    It ends with the thread that made it, also where that is killed.
+    """
 
     def __init__(self, name: str, words: list[str], environment: Mapping[str, str], folder: Path) -> None:
         self.name = name
         self._log = (folder / f"{name}.log").open("w+", encoding="utf-8")
         self._process = subprocess.Popen(
-            module_command(*words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True,
+            tethered(module_command(*words)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True,
             env=dict(environment),
         )  # fmt: skip
         self._lines: queue.Queue[str | None] = queue.Queue()
