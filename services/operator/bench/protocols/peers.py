@@ -29,8 +29,8 @@ class Peer:
         self.name = name
         self._log = (folder / f"{name}.log").open("w+", encoding="utf-8")
         self._process = subprocess.Popen(
-            tethered(module_command(*words)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True,
-            env=dict(environment),
+            tethered(module_command(*words)), env=dict(environment),
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True,
         )  # fmt: skip
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._said: deque[str] = deque(maxlen=_LAST_LINES)
