@@ -1,8 +1,9 @@
-"""How the tests are shared out to two workers; fixtures for tests over real processes: a router on a free port, and
+"""How the tests are shared out to the workers; fixtures for tests over real processes: a router on a free port, and
 services beside it."""
 
 from __future__ import annotations
 
+import gc
 import os
 import queue
 import signal
@@ -24,6 +25,10 @@ from xdist.scheduler import LoadFileScheduling, Scheduling
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+# Collecting makes a million objects that stay, which Python's garbage collector would go through time and again: a
+# quarter of the collection's time. It is at work again before the first test.
+gc.disable()
+
 # the same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None, print_blob=True)
@@ -35,7 +40,8 @@ END_S = 10.0
 
 
 # Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while
-# the other one computes, so that no two cells run beside each other.
+# the others compute, so that no two cells run beside each other. That worker waits much of its time, so that there are
+# three of them for two cores.
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_any_folder.py",
@@ -69,7 +75,11 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
+BEHIND = 5  # nice
 STARTERS = frozenset(["bare", "router", "sdk", "secured", "spawn", "stacks", "sdk_arm"])
+
+
+_begun = False
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
@@ -96,6 +106,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item, file in files.items():
         if STARTERS & set(getattr(item, "fixturenames", ())) and file not in WITH_PROCESSES:
             raise pytest.UsageError(f"{file} starts processes: add it to WITH_PROCESSES in tests/conftest.py")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A worker that begins with what only computes goes behind what the other one starts and waits for."""
+    global _begun
+    computes = item.nodeid.split("::")[0] not in WITH_PROCESSES
+    if not _begun and computes and hasattr(item.config, "workerinput") and hasattr(os, "nice"):
+        os.nice(BEHIND)
+    _begun = True
+
+
+def pytest_collection_finish() -> None:
+    """What was loaded and collected stays for good: the garbage collector need not look at it again."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 class ServiceProcess:

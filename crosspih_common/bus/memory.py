@@ -59,6 +59,7 @@ class MemoryHub:
 
     lock: threading.RLock = field(default_factory=threading.RLock)
     subscriptions: list[_Subscription] = field(default_factory=list)
+    handlers: dict[str, list[AuthoredHandler]] = field(default_factory=dict)  # by key, as the subscriptions stand
     servers: dict[str, Callable[[Query], None]] = field(default_factory=dict)
     tokens: list[str] = field(default_factory=list)
     watchers: list[_Watcher] = field(default_factory=list)
@@ -74,7 +75,10 @@ class MemoryHub:
         with self.lock:
             if keep:
                 self.kept[key] = (payload, label, author)
-            matching = [entry.handler for entry in self.subscriptions if entry.pattern.match(key)]
+            matching = self.handlers.get(key)
+            if matching is None:
+                matching = [entry.handler for entry in self.subscriptions if entry.pattern.match(key)]
+                self.handlers[key] = matching
         for handler in matching:
             handler(key, payload, label, author)
 
@@ -128,6 +132,7 @@ class MemoryTransport:
         entry = _Subscription(_matcher(key_expression), handler)
         with self.hub.lock:
             self.hub.subscriptions.append(entry)
+            self.hub.handlers.clear()
             kept = [(key, *value) for key, value in self.hub.kept.items() if entry.pattern.match(key)]
         if recover:
             for key, payload, label, author in kept:
@@ -137,6 +142,7 @@ class MemoryTransport:
             with self.hub.lock:
                 if entry in self.hub.subscriptions:
                     self.hub.subscriptions.remove(entry)
+                    self.hub.handlers.clear()
 
         return self._declared(undo)
 

@@ -270,7 +270,10 @@ class InferenceShell:
         refuse_implausible_wrench(touch.wrench, "touch.wrench")
         observation = self._observation(touch)
         pose_base_peg = observation.deflected_pose_base_peg()
-        found = self._network.pose_peg_hole(observation.wrench_peg, pose_base_peg.inverse() @ believed)
+        try:
+            found = self._network.pose_peg_hole(observation.wrench_peg, pose_base_peg.inverse() @ believed)
+        except NetworkUnavailable as error:
+            raise CommandRefused("no_weights", str(error)) from None
         pose_base_hole = pose_base_peg @ found
         # one wrench fixes two numbers; the paper gives no covariance, so none better than the prior's is claimed
         half_ranges = self._workcell.hole_prior.half_ranges()

@@ -23,18 +23,18 @@ from crosspih_common.messages import (
     StopAccepted,
     StopMotion,
 )
-from tests.conftest import Router, ServiceProcess
+from tests.conftest import START_S, Router, ServiceProcess
 
 ZEROS = (0.0,) * 6
 DEADLINE_S = 10.0
 
 
-def wait_until(condition: Callable[[], bool], what: str) -> None:
+def wait_until(condition: Callable[[], bool], what: str, deadline_s: float = DEADLINE_S) -> None:
     """Wait for a condition; fail the test at the deadline."""
-    until = time.monotonic() + DEADLINE_S
+    until = time.monotonic() + deadline_s
     pause = threading.Event()
     while not condition():
-        assert time.monotonic() < until, f"not within {DEADLINE_S} s: {what}"
+        assert time.monotonic() < until, f"not within {deadline_s} s: {what}"
         pause.wait(0.01)
 
 
@@ -161,18 +161,21 @@ def test_a_server_killed_while_it_thinks_ends_the_wait(pair: tuple[Bus, Bus], en
     planning.watch_alive(lambda service, here: alive.add(service) if here else alive.discard(service))
     with subprocess.Popen([sys.executable, "-c", SERVER, endpoint], stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
-        wait_until(lambda: "vision" in alive, "the server lives")
         asked = server.stdout
+        try:
+            wait_until(lambda: "vision" in alive, "the server lives", START_S)
 
-        def kill_when_asked() -> None:
-            asked.readline()
-            server.kill()
+            def kill_when_asked() -> None:
+                asked.readline()
+                server.kill()
 
-        killer = threading.Thread(target=kill_when_asked)
-        killer.start()
-        with pytest.raises(NoService, match="ended without a word"):
-            planning.call(LOCATE, LocateHole(), 60.0)
-        killer.join(DEADLINE_S)
+            killer = threading.Thread(target=kill_when_asked)
+            killer.start()
+            with pytest.raises(NoService, match="ended without a word"):
+                planning.call(LOCATE, LocateHole(), 60.0)
+            killer.join(DEADLINE_S)
+        finally:
+            server.kill()  # or nobody would end it where the test has failed
     wait_until(lambda: "vision" not in alive, "its token goes")
 
 

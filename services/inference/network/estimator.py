@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables
 from services.inference.mechanics.translation import solve_translation
+
+if TYPE_CHECKING:
+    from services.inference.network.model import AngleNetwork
 
 TORCH_MEND = "make env TORCH=any, or pip install 'crosspih[networks]'"
 SHIPPED_WEIGHTS = Path(__file__).with_name("weights.safetensors")
@@ -23,27 +28,38 @@ class NetworkUnavailable(Exception):
 class NetworkEstimator:
     """The trained network with the peg and hole that its last step needs.
 
-    weights: a safetensors file; empty: the shipped one. Raises `NetworkUnavailable` when it cannot be read.
+    weights: a safetensors file; empty: the shipped one. Raises `NetworkUnavailable` where there is none or torch is not
+    installed. Torch is loaded and the file read at the first wrench: it takes a second or two, and every start of a
+    stack would wait for what most assemblies never ask.
     """
 
     def __init__(self, weights: str, peg: Peg, hole: Hole) -> None:
-        path = Path(weights) if weights else SHIPPED_WEIGHTS
-        if not path.is_file():
-            raise NetworkUnavailable(f"no network weights at {path}: train some, or name their file in `weights`")
-        # torch takes seconds to import: only those who ask for the network pay.
-        try:
-            from services.inference.network.model import AngleNetwork
-        except ImportError as error:
-            raise NetworkUnavailable(f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
-        try:
-            self._network = AngleNetwork.load(path)
-        except Exception as error:
-            raise NetworkUnavailable(f"{path} is not a network of ours ({error}): train it anew") from error
+        self._path = Path(weights) if weights else SHIPPED_WEIGHTS
+        if not self._path.is_file():
+            raise NetworkUnavailable(f"no network weights at {self._path}: train some, or name their file in `weights`")
+        if importlib.util.find_spec("torch") is None:
+            raise NetworkUnavailable(f"torch is not installed: {TORCH_MEND}")
+        self._network: AngleNetwork | None = None
         self._tables = PairTables.of(peg, hole)
 
+    def _loaded(self) -> AngleNetwork:
+        if self._network is None:
+            try:
+                from services.inference.network.model import AngleNetwork
+            except ImportError as error:
+                raise NetworkUnavailable(f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
+            try:
+                self._network = AngleNetwork.load(self._path)
+            except Exception as error:
+                raise NetworkUnavailable(f"{self._path} is not a network of ours ({error}): train it anew") from error
+        return self._network
+
     def pose_peg_hole(self, wrench_peg: Array, believed_peg_hole: Pose) -> Pose:
-        """The hole in the peg frame from one contact's wrench (6,); the belief only says where along z to start."""
-        angles = self._network.predict(np.asarray(wrench_peg, float))
+        """The hole in the peg frame from one contact's wrench (6,); the belief only says where along z to start.
+
+        Raises `NetworkUnavailable` where torch cannot be loaded or the file is not a network of ours.
+        """
+        angles = self._loaded().predict(np.asarray(wrench_peg, float))
         translation, _ = solve_translation(
             self._tables, angles, wrench_peg, rim_ahead_m=float(believed_peg_hole.translation_m[2])
         )
