@@ -34,6 +34,9 @@ LEASE_MS = 5000
 ALIVE_LEASE_MS = 800
 ALIVE_BEATS = 16  # in each such lease; sent by Zenoh's own threads, which no Python code holds up
 ALIVE_CONNECT_S = 10.0
+# Of each session that ever sent a message of some kilobytes, the router and whoever got it keep 16 MB mapped for good
+# (measured: ten such sessions, 160 MB in both), and what travels so lies in files outside of the certificates' reach.
+NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 LIVING_S = 5.0  # a router answers within milliseconds which tokens there are
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
@@ -73,6 +76,7 @@ def router_config(
         "scouting/gossip/enabled": peers,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
+        **NO_SHARED_MEMORY,
     }
     if credentials is not None:
         # the key table loads every message: a router without certificates needs none of it
@@ -108,6 +112,7 @@ def client_config(
         "transport/link/tx/lease": lease_ms,
         "transport/link/tx/keep_alive": beats_a_lease,
         "transport/link/tx/queue/size/data": QUEUE_BATCHES,
+        **NO_SHARED_MEMORY,
     }
     if credentials is not None:
         settings |= credentials.connecting()

@@ -9,14 +9,17 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import BusUnreachable, CommandRefused, CommandTimeout, NoService, NotSent
-from crosspih_common.keys import EVENTS, JOINT_STATE, LOCATE, STOP
+from crosspih_common.keys import EVENTS, IMAGE_LEFT, JOINT_STATE, LOCATE, STOP
 from crosspih_common.messages import (
     Event,
+    Image,
     JointState,
     LocateHole,
     Severity,
@@ -267,3 +270,14 @@ def test_a_forgotten_close_does_not_hang_the_exit(endpoint: str, end: str, statu
     code = FORGETFUL.format(end=end)
     done = subprocess.run([sys.executable, "-c", code, endpoint], timeout=DEADLINE_S, capture_output=True, check=False)
     assert done.returncode == status
+
+
+def test_a_large_message_leaves_no_memory_shared(pair: tuple[Bus, Bus]) -> None:
+    """Else each session that ever sent one costs the router and its reader 16 MB for good."""
+    hardware, planning = pair
+    maps = Path("/proc/self/maps")
+    before = maps.read_text(encoding="utf-8").count(".zenoh")  # of a session of before, of another kind
+    pictures = planning.latest(IMAGE_LEFT)
+    hardware.publisher(IMAGE_LEFT).publish(Image("camera_left", np.zeros((480, 640), np.uint8)))
+    assert pictures.wait_for(lambda picture: True, DEADLINE_S) is not None
+    assert maps.read_text(encoding="utf-8").count(".zenoh") <= before
