@@ -43,19 +43,31 @@ class SdkProcess:
 
     def said(self, key: str, deadline_s: float = DEADLINE_S) -> dict[str, Any]:
         """The next line that is an object with this key; fails the test at the deadline or at the end."""
+        return self.said_any({key}, deadline_s)
+
+    def said_any(self, keys: set[str], deadline_s: float = DEADLINE_S) -> dict[str, Any]:
+        """The next line that is an object with one of these keys."""
         until = time.monotonic() + deadline_s
         while True:
             try:
                 line = self._lines.get(timeout=max(until - time.monotonic(), 0.001))
             except queue.Empty:
-                pytest.fail(f"the SDK's process did not say {key!r}: {''.join(self.noise)}")
+                pytest.fail(f"the SDK's process did not say any of {keys}: {''.join(self.noise)}")
             if line is None:
-                pytest.fail(f"the SDK's process ended and did not say {key!r}: {''.join(self.noise)}")
+                pytest.fail(f"the SDK's process ended and did not say any of {keys}: {''.join(self.noise)}")
             if line.startswith("{"):
                 said: dict[str, Any] = json.loads(line)
-                if key in said:
+                if keys & said.keys():
                     return said
             self.noise.append(line)
+
+    def said_all(self, *keys: str) -> list[dict[str, Any]]:
+        """The next line of each key, in whatever order they come: the SDK's threads say what they get."""
+        found: dict[str, dict[str, Any]] = {}
+        while len(found) < len(keys):
+            line = self.said_any({*keys} - {*found})
+            found[next(key for key in keys if key in line and key not in found)] = line
+        return [found[key] for key in keys]
 
     def stop(self, number: int = signal.SIGTERM) -> None:
         """End it by a signal and wait."""

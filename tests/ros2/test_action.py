@@ -87,10 +87,9 @@ def test_a_goal_has_feedback_and_a_result_and_another_is_cancelled(
     told: list[int] = []
 
     first = sdk("act", "--hashes", hashes, "--strategy", "force_alone")
-    assert first.said("accepted")["accepted"]
-    assert planner.begun.wait(20.0)
+    accepted, feedback = first.said_all("accepted", "feedback")
+    assert accepted["accepted"] and planner.begun.wait(20.0)
     second, triggered = sdk("act", "--hashes", hashes), sdk("call", "/assemble")
-    feedback = first.said("feedback")
     assert feedback["feedback"] == ["pushing", "pushing with 12 N"]
     assert not second.said("accepted")["accepted"]  # one at a time, and nothing is queued
     assert triggered.said("success")["message"].startswith("busy")
