@@ -33,8 +33,8 @@ up: env ## start the system and show what it writes; Ctrl-C stops it
 results: env ## every table and figure of docs/results.md; hours, and a stopped run goes on where it was
 	@$(BIN)/crosspih results $(ARGS)
 
-test: env ## run the tests in three workers; ARGS='-n 0 tests/bus' runs one folder in this process
-	@$(BIN)/python -m pytest -n 3 --dist loadfile $(ARGS)
+test: env ## run the tests in two workers; ARGS='-n 0 tests/bus' runs one folder in this process
+	@$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 
 lint: env ## style and common errors
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check .
