@@ -56,8 +56,13 @@ def told(value: Any) -> Any:
     return value
 
 
+_saying = threading.Lock()
+
+
 def say(**values: Any) -> None:
-    print(json.dumps(values), flush=True)
+    """A line of its own, whichever of the SDK's threads says it."""
+    with _saying:
+        print(json.dumps(values), flush=True)
 
 
 def listen(given: argparse.Namespace) -> int:
