@@ -35,10 +35,8 @@ PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 
-# how many samples a publisher keeps for unlucky readers; a late one is given the newest alone
-HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}
-# a picture is up to 15 MB, and a burst under several lamps is sent again picture by picture at once when one is missed
-PICTURES_KEPT = 8
+HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}  # kept for readers that miss one; a late one gets the newest
+PICTURES_KEPT = 8  # of each topic: a picture has up to 15 MB
 LEAST_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
 WAITING_REFUSALS = 256
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
@@ -114,8 +112,8 @@ class Bus:
         key = topic.key(self.cell, self.service)
         with self._lock:
             if key not in self._publishers:
-                kept = PICTURES_KEPT if topic.type is Image else HISTORY[topic.kind]
-                sender = self._transport.sender(key, recover=topic.qos is Qos.RECOVER, history=kept)
+                history = PICTURES_KEPT if topic.type is Image else HISTORY[topic.kind]
+                sender = self._transport.sender(key, recover=topic.qos is Qos.RECOVER, history=history)
                 self._publishers[key] = Publisher(self, topic, sender, key)
                 self._declared.append(sender)
             return self._publishers[key]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.config import Workcell
@@ -25,7 +24,7 @@ from crosspih_common.messages import (
     floats,
 )
 from services.hardware.config import HardwareConfig
-from services.hardware.control.effort import of_quadratics, smoothness
+from services.hardware.control.effort import smoothness
 from services.hardware.control.search_path import SearchPath
 from services.hardware.drivers.simulated.config import ForceTorqueConfig
 from services.hardware.drivers.simulated.engines.protocol import STEP_S
@@ -120,11 +119,3 @@ def test_a_motion_tells_how_far_and_how_smoothly_its_tip_went(cell: HostedCell) 
 def test_short_and_still_motions_have_no_jerk() -> None:
     assert smoothness(np.zeros((5, 3)), 0.002) == (0.0, 0.0)
     assert smoothness(np.zeros((100, 3)), 0.002) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize("order", [0, 2])
-@pytest.mark.parametrize("count", [15, 16, 200])
-def test_speed_and_jerk_are_those_of_scipys_filter(order: int, count: int) -> None:
-    values = np.random.default_rng(count).normal(size=(count, 3))
-    expected = savgol_filter(values, 15, 2, deriv=order, delta=0.002, axis=0, mode="interp")
-    assert np.allclose(of_quadratics(values, 15, order, 0.002), expected, rtol=1e-9, atol=1e-9 * 0.002**-order)

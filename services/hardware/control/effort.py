@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import savgol_filter
 
 from crosspih_common.arm import ArmModel
 from crosspih_common.geometry.pose import Array
@@ -76,23 +76,11 @@ def smoothness(positions_m: Array, period_s: float) -> tuple[float, float]:
     if len(positions_m) <= window:
         return 0.0, 0.0
     velocity = np.diff(positions_m, axis=0) / period_s
-    fitted = {order: np.linalg.norm(of_quadratics(velocity, window, order, period_s), axis=1) for order in (0, 2)}
+    fitted = {
+        order: np.linalg.norm(
+            savgol_filter(velocity, window, 2, deriv=order, delta=period_s, axis=0, mode="interp"), axis=1
+        )
+        for order in (0, 2)
+    }
     moving = fitted[0] > MOVING_M_S
     return float(moving.sum() * period_s), float(fitted[2][moving].sum() * period_s)
-
-
-def of_quadratics(values: Array, window: int, order: int, period_s: float) -> Array:
-    """The derivative of order 0 or 2 (n, k) of the quadratics fitted to each window of values (n, k); at both ends, of
-    the first and the last quadratic that there is.
-
-    As scipy.signal.savgol_filter, mode "interp", does: scipy.signal takes a third of a second to load, at each start of
-    the service that everything waits for.
-    """
-    half = window // 2
-    powers = np.vander(np.arange(-half, half + 1), 3, increasing=True)  # of the place in the window, (window, 3)
-    derived = powers if order == 0 else np.tile([0.0, 0.0, 2.0], (window, 1))
-    # from a window's values to the derivative at each place in it, (window, window)
-    each = derived @ np.linalg.pinv(powers)
-    middle = sliding_window_view(values, window, axis=0) @ each[half]
-    ends = each[:half] @ values[:window], each[half + 1 :] @ values[-window:]
-    return np.asarray(np.concatenate((ends[0], middle, ends[1])) / period_s**order)
