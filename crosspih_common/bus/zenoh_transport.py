@@ -128,7 +128,7 @@ def open_zenoh(
 
     Raises BusUnreachable when no router answers in time, ConfigError where the certificate cannot be used.
     """
-    credentials = credentials_from_environment(service)
+    credentials = credentials_from_environment(service, endpoint)
     return ZenohTransport(_open_session(endpoint, connect_timeout_s, credentials), endpoint, credentials)
 
 

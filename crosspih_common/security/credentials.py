@@ -69,9 +69,17 @@ class Credentials:
         return {f"transport/link/tls/{name}": value for name, value in everything.items()}
 
 
-def credentials_from_environment(service: str) -> Credentials | None:
-    """Those that CROSSPIH_CERTIFICATES names; None without it. Raises ConfigError where they cannot be used."""
+def credentials_from_environment(service: str, endpoint: str) -> Credentials | None:
+    """Those that CROSSPIH_CERTIFICATES names; None without it.
+
+    Raises ConfigError where they cannot be used, and where the endpoint is one of TLS and there are none.
+    """
     if not (folder := os.environ.get(CERTIFICATES)):
+        if endpoint.startswith("tls/"):
+            raise ConfigError(
+                f"CROSSPIH_ENDPOINT: {endpoint} is reached with a certificate alone; set {CERTIFICATES} to the folder "
+                "that `crosspih security init` made, or give the endpoint as tcp/..."
+            )
         return None
     found = Credentials(Path(folder).resolve(), service)
     found.check()

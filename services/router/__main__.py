@@ -65,7 +65,7 @@ def main() -> int:
     given = parser.parse_args()
     endpoint, listen, routers = given.endpoint, _endpoints(given.listen), _endpoints(given.routers)
     try:
-        credentials = credentials_from_environment("router")
+        credentials = credentials_from_environment("router", given.endpoint)
         kind, cell = _telling(given.cell) if credentials else (None, "")
     except CrosspihError as error:
         print(f"router: {error}", file=sys.stderr, flush=True)

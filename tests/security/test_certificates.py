@@ -117,13 +117,20 @@ def test_certificates_that_cannot_be_used_are_told_before_anything_starts(
     copied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(CERTIFICATES, str(copied))
-    assert credentials_from_environment("vision") == Credentials(copied.resolve(), "vision")
+    assert credentials_from_environment("vision", "tcp/127.0.0.1:7447") == Credentials(copied.resolve(), "vision")
     (copied / "vision.key").chmod(0o644)
     with pytest.raises(ConfigError, match="others may read"):
-        credentials_from_environment("vision")
+        credentials_from_environment("vision", "tcp/127.0.0.1:7447")
     (copied / "vision.key").unlink()
     with pytest.raises(ConfigError, match=r"vision\.key is not there"):
-        credentials_from_environment("vision")
+        credentials_from_environment("vision", "tcp/127.0.0.1:7447")
+
+
+def test_an_endpoint_of_tls_wants_certificates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(CERTIFICATES, raising=False)
+    assert credentials_from_environment("operator", "tcp/127.0.0.1:7447") is None
+    with pytest.raises(ConfigError, match=f"certificate alone; set {CERTIFICATES}"):
+        credentials_from_environment("operator", "tls/localhost:7447")
 
 
 def test_a_plain_stack_says_who_can_command_it(monkeypatch: pytest.MonkeyPatch) -> None:
