@@ -38,12 +38,14 @@ from services.operator.bench.processes import held_by_services, restarts_of
 from services.operator.session import NEEDED, Session, endpoint
 
 DEADLINE_S = 120.0
-# what each accepted request of takes long: of these as many that fit, and all the others that do not
+# What each accepted request of takes long: no more are sent that fit once so many were accepted, and once twice as many
+# were (also absurd ones can be sound) only what cannot be read.
 LONG = {
     ASSEMBLE.path: 3, CALIBRATE_FT.path: 1, WITHDRAW.path: 10, RESET.path: 40, LOCATE.path: 5, CAPTURE.path: 10,
     FOLLOW.path: 60, DWELL.path: 20,
 }  # fmt: skip
 SORTS = (Sort.FITTING, Sort.FITTING, Sort.MISFIT, Sort.BROKEN)
+ACCEPTED = "accepted"
 INTERNAL = "internal"
 NOTHING = "no answer"
 AFTERWARDS = "an assembly afterwards"
@@ -118,7 +120,7 @@ def _assemble(session: Session) -> Part:
 def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int, until: float) -> Part:
     maker = PayloadMaker(command.request.model_json_schema(), f"{seed} {command.path}")
     row = Part(what=command.path)
-    fitting = LONG.get(command.path, count)
+    enough = LONG.get(command.path, count)
     with open_zenoh(endpoint()) as transport, contextlib.ExitStack() as held:
         # a command that changes a calibration answers nobody else
         author = author_key(session.cell.workcell.name, command.callers[0], PROCESS, transport.author)
@@ -128,9 +130,10 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
             if time.time() > until:
                 break
             sort = SORTS[index % len(SORTS)]
-            if sort is Sort.FITTING and fitting <= 0:
+            if sort is Sort.FITTING and row.answers[ACCEPTED] >= enough:
                 sort = Sort.MISFIT
-            fitting -= sort is Sort.FITTING
+            if row.answers[ACCEPTED] >= 2 * enough:
+                sort = Sort.BROKEN
             sent = maker.payload(sort)
             if holder is not None and sort is Sort.FITTING:
                 # the lease of now, as its holder would name it
@@ -149,7 +152,7 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
                 row.defects.append(f"{error} to {sent[:200]!r}")
                 continue
             code, _, text = answer.payload.decode(errors="replace").partition("\n")
-            row.answers[code if answer.is_error else "accepted"] += 1
+            row.answers[code if answer.is_error else ACCEPTED] += 1
             if answer.is_error and (code == INTERNAL or not text):
                 row.defects.append(f"{code}: {text[:200]} to {sent[:1500]!r}")
             if holder is not None and code == "no_lease":

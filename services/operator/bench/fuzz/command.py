@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import CrosspihError
-from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.conditions import Condition, cell_content, merged
 from services.operator.bench.fuzz.attacking import Part, attack, parts
 from services.operator.bench.fuzz.decoding_all import AllDecoded, decode_every_key, drawn_by
 from services.operator.bench.fuzz.tables import Attacked, decoded_table, markdown, parts_table, summary
@@ -27,6 +27,8 @@ from services.operator.bench.trials import base_cell_text
 from services.operator.session import NEEDED
 
 MOST_SHOWN = 50
+# a sound motion of two minutes would keep all that come after it waiting
+SHORT_MOTIONS = {"hardware": {"limits": {"motion_s": 15.0}}}
 
 
 class _TimeIsUp(CrosspihError):
@@ -89,7 +91,7 @@ def _attack(
     store: ResultStore | None,
 ) -> bool:  # fmt: skip
     """One part after another in one cell; what is in the store is taken from there. Whether it was interrupted."""
-    content = cell_content(base_cell_text(), Condition())
+    content = merged(cell_content(base_cell_text(), Condition()), SHORT_MOTIONS)
     keys = {
         part: result_key(
             {
