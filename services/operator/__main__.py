@@ -8,57 +8,81 @@ import sys
 import typer
 
 from crosspih_common.security import CERTIFICATES
-from deploy.launcher.cli import register as register_launcher
-from services.operator.assemble import assemble, calibrate_app
-from services.operator.bench.commands import app as bench_app
-from services.operator.bench.protocols.practise import practise
-from services.operator.cell_check.command import cell_app
-from services.operator.cell_init.command import init
-from services.operator.dataset import app as dataset_app
-from services.operator.doctor.command import doctor
-from services.operator.drivers import drivers
-from services.operator.for_cell import for_cell
-from services.operator.keys_table import keys
-from services.operator.locate.command import locate
-from services.operator.peg_check.command import peg_app
-from services.operator.recording import recording_app
-from services.operator.replay.cli import replay
-from services.operator.report.cli import report
-from services.operator.results import results
-from services.operator.security.command import app as security_app
-from services.operator.signs_of_life import ps
-from services.operator.train import train
-from services.operator.withdraw import withdraw
+from services.operator.on_demand import OnDemand, group_of
 
 COLUMNS_IN_A_FILE = 120
 
+_HERE = "services.operator"
+COMMANDS = {
+    "assemble": OnDemand(
+        f"{_HERE}.assemble:assemble",
+        "Do one assembly: on the running stack, or on one that is started for it and stopped afterwards.",
+    ),
+    "withdraw": OnDemand(
+        f"{_HERE}.withdraw:withdraw",
+        "Take a seated peg straight out along its own axis, slowly; stop where it resists (status 1).",
+        by_cell=True,
+    ),
+    "bench": OnDemand(f"{_HERE}.bench.commands:app", "Measured distributions over seeds that anyone can repeat."),
+    "cell": OnDemand(f"{_HERE}.cell_commands:app", "The cell itself."),
+    "peg": OnDemand(f"{_HERE}.peg_check.command:peg_app", "Pegs from drawings."),
+    "doctor": OnDemand(
+        f"{_HERE}.doctor.command:doctor",
+        "Could an assembly start? Looks at machine, cell file, devices and calibrations; moves nothing. Status 1: no.",
+    ),
+    "calibrate": OnDemand(f"{_HERE}.calibrate.commands:app", "Calibrations of the cell."),
+    "locate": OnDemand(
+        f"{_HERE}.locate.command:locate", "Where the hole is in a pair of pictures, with no stack running."
+    ),
+    "report": OnDemand(f"{_HERE}.report.cli:report", "Make one self-contained HTML page about a recorded assembly."),
+    "replay": OnDemand(
+        f"{_HERE}.replay.cli:replay",
+        "Have vision, inference, force/torque and planning answer and decide again on what a recording holds, and "
+        "compare bit for bit.",
+    ),
+    "recording": OnDemand(
+        f"{_HERE}.recording:recording_app", "Look into recordings, mend, cut, merge and export them."
+    ),
+    "results": OnDemand(
+        f"{_HERE}.results:results",
+        "Make docs/results.md: run every command whose result is missing or of other code, and write down what it "
+        "said.",
+    ),
+    "dataset": OnDemand(f"{_HERE}.dataset:app", "Contacts with known pose errors, as Parquet."),
+    "train": OnDemand(
+        f"{_HERE}.train:train",
+        "Train the 6-150-3 network: split by pose, early stopping, a page that judges it against what is possible.",
+    ),
+    "keys": OnDemand(f"{_HERE}.keys_table:keys", "Print every key: what travels, who sends it, who reads it."),
+    "security": OnDemand(
+        f"{_HERE}.security.command:app", "Certificates: who may do what in a cell (docs/security.md)."
+    ),
+    "up": OnDemand("deploy.launcher.cli:up", "Start the services and show what they write; Ctrl-C stops them all."),
+    "ps": OnDemand(
+        f"{_HERE}.signs_of_life:ps",
+        "Show the services, their health and restarts, which have no sign of life on the bus, and whether the clock "
+        "here is the cell's; exit status 1 if the stack is not up.",
+    ),
+    "logs": OnDemand(
+        "deploy.launcher.cli:logs",
+        "Show what the services of the running, or of the last, stack wrote, in the order of time.",
+    ),
+    "down": OnDemand("deploy.launcher.cli:down", "Stop all services, in order, and the supervisor."),
+}
+"""Each is imported when it is called: `crosspih --help` needs Typer alone."""
+
 app = typer.Typer(
     name="crosspih",
+    cls=group_of(COMMANDS),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_show_locals=False,
-    help="Autonomous peg-in-hole assembly: run it, measure it, look at what happened.",
 )
-app.command()(assemble)
-app.command()(for_cell(withdraw))
-app.add_typer(bench_app, name="bench")
-cell_app.command()(init)
-cell_app.command()(drivers)
-cell_app.command(context_settings={"ignore_unknown_options": True})(practise)
-app.add_typer(cell_app, name="cell")
-app.add_typer(peg_app, name="peg")
-app.command()(doctor)
-app.add_typer(calibrate_app, name="calibrate")
-app.command()(locate)
-app.command()(report)
-app.command()(replay)
-app.add_typer(recording_app, name="recording")
-app.command()(results)
-app.add_typer(dataset_app, name="dataset")
-app.command()(train)
-app.command()(keys)
-app.add_typer(security_app, name="security")
-register_launcher(app, ps)
+
+
+@app.callback()
+def crosspih() -> None:
+    """Autonomous peg-in-hole assembly: run it, measure it, look at what happened."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""`crosspih assemble`, and the commands of `crosspih calibrate` under one name."""
+"""`crosspih assemble`."""
 
 from __future__ import annotations
 
@@ -16,27 +16,13 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from crosspih_common.recording import RecordingError
 from deploy.launcher import LauncherError
-from services.operator.calibrate.ft import ft
-from services.operator.calibrate.pictures import board, hand_eye, stereo
-from services.operator.calibrate.pushes import mount, stiffness, tcp
 from services.operator.for_cell import CELL_HELP
 from services.operator.pegs import cell_with_peg
-from services.operator.refine import refine
 from services.operator.report import make_report
 from services.operator.scoring import TrialFigures
 from services.operator.session import using_cell
 from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
-
-calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
-calibrate_app.command()(ft)
-calibrate_app.command()(refine)
-calibrate_app.command()(board)
-calibrate_app.command()(stereo)
-calibrate_app.command("hand-eye")(hand_eye)
-calibrate_app.command()(stiffness)
-calibrate_app.command()(mount)
-calibrate_app.command()(tcp)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,48 +2,129 @@
 
 import typer
 
-from services.operator.bench.assembly import assembly
-from services.operator.bench.busy import busy
-from services.operator.bench.calibrations import calibrations
-from services.operator.bench.caps.command import caps
-from services.operator.bench.cell import cell
-from services.operator.bench.compare import compare
-from services.operator.bench.domain import domain
-from services.operator.bench.engines import engines
-from services.operator.bench.fuzz.command import fuzz
-from services.operator.bench.hosts.command import hosts
-from services.operator.bench.kills.command import kills
-from services.operator.bench.matrix.command import matrix
-from services.operator.bench.pictures.command import make_pictures
-from services.operator.bench.protocols.assembling import protocols
-from services.operator.bench.protocols.day import day
-from services.operator.bench.refine import refine
-from services.operator.bench.scaling import scaling
-from services.operator.bench.sizes import sizes
-from services.operator.bench.soak.command import soak
-from services.operator.bench.states import states
-from services.operator.bench.vision import vision
-from services.operator.for_cell import for_cell
+from services.operator.on_demand import OnDemand, group_of
 
-app = typer.Typer(no_args_is_help=True, help="Measured distributions over seeds that anyone can repeat.")
-app.command()(for_cell(assembly))
-app.command()(for_cell(domain))
-app.command()(for_cell(scaling))
-app.command()(for_cell(states))
-app.command()(for_cell(compare))
-app.command()(for_cell(vision))
-app.command()(for_cell(sizes))
-app.command("pictures")(make_pictures)
-app.command()(for_cell(refine))
-app.command()(engines)
-app.command()(protocols)
-app.command()(day)
-app.command()(cell)
-app.command()(for_cell(caps))
-app.command()(for_cell(kills))
-app.command()(for_cell(matrix))
-app.command()(for_cell(soak))
-app.command()(for_cell(fuzz))
-app.command()(for_cell(busy))
-app.command()(for_cell(hosts))
-app.command()(for_cell(calibrations))
+_HERE = "services.operator.bench"
+COMMANDS = {
+    "assembly": OnDemand(
+        f"{_HERE}.assembly:assembly",
+        "Assemble with each of N seeds, in cells side by side, and print the distribution of what came out.",
+        by_cell=True,
+    ),
+    "domain": OnDemand(
+        f"{_HERE}.domain:domain",
+        "Assemble in cells that differ from the default in one factor each: a heat map of success.",
+        by_cell=True,
+    ),
+    "scaling": OnDemand(
+        f"{_HERE}.scaling:scaling",
+        "Measure how many trials a second one cell makes, two cells, and so on, each cell on a core of its own.",
+        by_cell=True,
+    ),
+    "states": OnDemand(
+        f"{_HERE}.states:states",
+        "Push the peg so that each state comes about, judge the wrenches by rule and likelihood, and say who is right.",
+        by_cell=True,
+    ),
+    "compare": OnDemand(
+        f"{_HERE}.compare:compare",
+        "Every strategy on the same seeds: success, time, touches, forces, errors, failures, and a score.",
+        by_cell=True,
+    ),
+    "vision": OnDemand(
+        f"{_HERE}.vision:vision",
+        "Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and lies.",
+        by_cell=True,
+    ),
+    "sizes": OnDemand(
+        f"{_HERE}.sizes:sizes",
+        "Time vision on pictures from 320 x 240 to 2448 x 2048, each in a simulated cell of its own.",
+        by_cell=True,
+    ),
+    "pictures": OnDemand(
+        f"{_HERE}.pictures.command:make_pictures",
+        "Render pictures of a workshop with their truth by a path tracer, for `crosspih bench vision --pictures`.",
+    ),
+    "refine": OnDemand(
+        f"{_HERE}.refine:refine",
+        "Assemble in a cell with unmodelled errors, refine over its recordings, and assemble the next seeds with both.",
+        by_cell=True,
+    ),
+    "engines": OnDemand(
+        f"{_HERE}.engines:engines",
+        "Measure how fast each installed physics engine is.",
+    ),
+    "protocols": OnDemand(
+        f"{_HERE}.protocols.assembling:protocols",
+        "Assemble in real time in a cell whose every device is reached by its published protocol over "
+        "loopback, and score by what only the other end knows. Status 1 where one was not inserted.",
+    ),
+    "day": OnDemand(
+        f"{_HERE}.protocols.day:day",
+        "Walk docs/hardware/in-a-day.md by its own words, before a UR5e, an ATI sensor and two cameras that "
+        "are other ends of their protocols: each command, what each calibration found of what the cell hides,"
+        " and whether the peg went in. Status 1 where a command failed or a peg was not inserted.",
+    ),
+    "cell": OnDemand(
+        f"{_HERE}.cell:cell",
+        "Measure how fast the simulated cell is, and each physics engine by itself in the same run.",
+    ),
+    "caps": OnDemand(
+        f"{_HERE}.caps.command:caps",
+        "Send each kind of motion at a rigid plate, up to the fastest that a message may ask for, and print "
+        "how hard it truly pressed. Ends with status 0 only if none pressed more than 10 % beyond the cap.",
+        by_cell=True,
+    ),
+    "kills": OnDemand(
+        f"{_HERE}.kills.command:kills",
+        "End each service in each phase of an assembly, and print what becomes of arm, peg and assembly. Ends"
+        " with status 0 only if the arm always stops in time, the loss is named within a second, and all ends"
+        " in order.",
+        by_cell=True,
+    ),
+    "matrix": OnDemand(
+        f"{_HERE}.matrix.command:matrix",
+        "End every service, the router and the operator, in each phase of `crosspih assemble`, by each of "
+        "three signals: outcome, time to the result, time until healthy, what the recording lost. Status 0 "
+        "only if all cases hold.",
+        by_cell=True,
+    ),
+    "soak": OnDemand(
+        f"{_HERE}.soak.command:soak",
+        "Assemble for an hour in one stack, and see whether memory, descriptors, threads, latency and disk "
+        "stay where they are, and nothing is dropped. Status 1 where something grows, was lost, or was not "
+        "inserted. Linux.",
+        by_cell=True,
+    ),
+    "fuzz": OnDemand(
+        f"{_HERE}.fuzz.command:fuzz",
+        "Draw payloads from every message's own schema, sound, absurd and broken; decode them, and send them "
+        "to a cell.",
+        by_cell=True,
+    ),
+    "busy": OnDemand(
+        f"{_HERE}.busy:busy",
+        "Assemble while other processes keep the machine busy. Ends with status 0 only if no assembly was "
+        "stopped by the arm's lease or because a living service was taken for lost.",
+        by_cell=True,
+    ),
+    "hosts": OnDemand(
+        f"{_HERE}.hosts.command:hosts",
+        "Assemble with the stack on one host and split over three, which are network namespaces made for it: "
+        "also over a link that is slow and loses packets, one that is cut, and with clocks apart. Needs root,"
+        " on Linux.",
+        by_cell=True,
+    ),
+    "calibrations": OnDemand(
+        f"{_HERE}.calibrations:calibrations",
+        "What stereo, hand-eye, tcp, mount and stiffness find, against what simulated cells hide from the services.",
+        by_cell=True,
+    ),
+}
+
+app = typer.Typer(cls=group_of(COMMANDS), no_args_is_help=True)
+
+
+@app.callback()
+def bench() -> None:
+    """Measured distributions over seeds that anyone can repeat."""

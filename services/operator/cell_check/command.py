@@ -17,8 +17,6 @@ from services.operator.rows import tell, wrong_ones
 from services.operator.session import Session, using_cell
 from services.operator.stack import cell_session
 
-cell_app = typer.Typer(no_args_is_help=True, help="The cell itself.")
-
 
 @contextmanager
 def _some_session(speed: str | None) -> Iterator[Session]:
@@ -33,7 +31,6 @@ def _some_session(speed: str | None) -> Iterator[Session]:
         yield session
 
 
-@cell_app.command()
 def check(
     cell: Annotated[Path | None, typer.Option(help="The cell's file; that of CROSSPIH_CELL when left out.")] = None,
     speed: Annotated[str | None, typer.Option(help="realtime or max, of a cell that is started for it.")] = None,

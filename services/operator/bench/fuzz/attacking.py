@@ -155,9 +155,8 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
             row.answers[code if answer.is_error else ACCEPTED] += 1
             if answer.is_error and (code == INTERNAL or not text):
                 row.defects.append(f"{code}: {text[:200]} to {sent[:1500]!r}")
-            if (
-                holder is not None and sort is Sort.FITTING and code == "no_lease"
-            ):  # what came before has cost it the lease
+            # what came before has cost it the lease; of the others a lease that is wrong is refused rightly
+            if holder is not None and sort is Sort.FITTING and code == "no_lease":
                 with contextlib.suppress(CrosspihError):
                     holder.take()
     return row

@@ -1,0 +1,43 @@
+"""Commands that are imported when they are called: what the lists say, and what printing them loads."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from services.operator.__main__ import COMMANDS, app
+from services.operator.bench.commands import COMMANDS as BENCHES
+from services.operator.cell_commands import COMMANDS as OF_A_CELL
+from services.operator.on_demand import OnDemand
+
+ALL = [(name, entry) for table in (COMMANDS, BENCHES, OF_A_CELL) for name, entry in table.items()]
+HEAVY = ("numpy", "scipy", "pydantic", "zenoh", "yaml")
+
+
+@pytest.mark.parametrize(("name", "entry"), ALL, ids=[entry.where for _, entry in ALL])
+def test_the_list_says_what_the_commands_own_help_says(name: str, entry: OnDemand) -> None:
+    command = entry.load(name)
+    assert command.name == name
+    first, _, _ = (command.help or "").partition("\n\n")
+    assert " ".join(first.split()) == entry.says
+
+
+def test_help_is_printed_by_typer_alone() -> None:
+    program = (
+        "import sys\n"
+        "from services.operator.__main__ import app\n"
+        "try:\n    app(['--help'])\n"
+        "except SystemExit:\n    pass\n"
+        f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+    )
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert said.stderr.strip() == "[]"
+    assert all(name in said.stdout for name in COMMANDS)
+
+
+def test_a_command_that_is_none_is_named_and_a_near_one_suggested() -> None:
+    said = CliRunner().invoke(app, ["benhc"])
+    assert said.exit_code == 2 and "benhc" in said.output and "bench" in said.output
