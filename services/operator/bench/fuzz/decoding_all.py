@@ -17,8 +17,8 @@ from functools import cache
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from services.operator.bench.bar import Bar
 from services.operator.bench.fuzz import decoding as decoding_module
 from services.operator.bench.fuzz import payloads as payloads_module
 from services.operator.bench.fuzz.decoding import Decoded, Share, ShareDone, decode_share, kinds, shares
@@ -83,12 +83,11 @@ def decode_every_key(
     if done.whole or time.time() >= until:
         return done, False
     memory: dict[int, float] = {}
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(usable_cores(), context, initializer=_leave_interrupts_to_the_parent)
     waiting: set[Future[ShareDone]] = set()
     interrupted = False
-    with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+    with Bar(console) as progress:
         bar = progress.add_task("payloads decoded", total=payloads * len(done.rows), completed=done.sent)
 
         def take(future: Future[ShareDone]) -> None:
