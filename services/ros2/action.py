@@ -32,7 +32,7 @@ from crosspih_common.messages import (
 from crosspih_common.ros2 import RosNode, RosQos
 from crosspih_common.ros2 import actions as ros
 from crosspih_common.ros2.converting import SECOND_NS, Converter
-from services.ros2.telling import ABORT_DEADLINE_S, ASSEMBLY_DEADLINE_S, told_assembly
+from services.ros2.telling import ABORT_DEADLINE_S, ASSEMBLY_DEADLINE_S, told_assembly, told_error
 
 NAME = "crosspih_interfaces/action/Assemble"
 DEFINITION = Path(__file__).parent / "crosspih_interfaces" / "action" / "Assemble.action"
@@ -100,23 +100,29 @@ class AssembleAction:
         with self._lock:
             goal.status = ros.EXECUTING
         self._tell_status()
-        status, message = ros.ABORTED, None
+        try:
+            status, message = self._outcome(goal, strategy)
+        except Exception as error:
+            # a defect must reach the asker, and must not leave the goal without an end
+            status, message = ros.ABORTED, self._ended(Failure.DEFECT.value, f"{type(error).__name__}: {error}")
+        return lambda: self._finish(goal, status, message)
+
+    def _outcome(self, goal: _Goal, strategy: str) -> tuple[int, Any]:
+        """Ask for the assembly: the goal's last status and its result."""
         try:
             wanted = Strategy(strategy) if strategy else self._strategy
-            request = Assemble(strategy=wanted, assembly_id=goal.assembly_id)
-            result = self._bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
         except ValueError:
             text = f"strategy {strategy!r}: want one of {', '.join(one.value for one in Strategy)}, or nothing"
-            message = self._ended(Failure.REFUSED.value, text)
+            return ros.ABORTED, self._ended(Failure.REFUSED.value, text)
+        try:
+            request = Assemble(strategy=wanted, assembly_id=goal.assembly_id)
+            result = self._bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
         except CrosspihError as error:
-            message = self._ended(Failure.REFUSED.value, str(error))
-        else:
-            message = self._message(result)
-            if result.inserted:
-                status = ros.SUCCEEDED
-            elif result.failure is Failure.ABORTED and goal.status == ros.CANCELING:
-                status = ros.CANCELED
-        return lambda: self._finish(goal, status, message)
+            return ros.ABORTED, self._ended(*told_error(error))
+        if result.inserted:
+            return ros.SUCCEEDED, self._message(result)
+        cancelled = result.failure is Failure.ABORTED and goal.status == ros.CANCELING
+        return ros.CANCELED if cancelled else ros.ABORTED, self._message(result)
 
     def _finish(self, goal: _Goal, status: int, message: Any) -> None:
         with self._lock:

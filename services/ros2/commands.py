@@ -14,7 +14,7 @@ from crosspih_common.bus import Bus
 from crosspih_common.bus.workers import Lane
 from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import ABORT, ASSEMBLE, WITHDRAW
-from crosspih_common.messages import AbortAssembly, Assemble, Strategy, Withdraw
+from crosspih_common.messages import AbortAssembly, Assemble, Failure, Strategy, Withdraw
 from crosspih_common.ros2 import RosNode
 from crosspih_common.ros2.types import TRIGGER
 from services.ros2.action import AssembleAction
@@ -24,6 +24,7 @@ from services.ros2.telling import (
     WITHDRAW_DEADLINE_S,
     Said,
     told_assembly,
+    told_error,
     told_withdrawal,
 )
 
@@ -53,7 +54,11 @@ class Commands:
         return answer
 
     def _assemble(self) -> Said:
-        return told_assembly(self._bus.call(ASSEMBLE, Assemble(strategy=self._strategy), ASSEMBLY_DEADLINE_S))
+        try:
+            return told_assembly(self._bus.call(ASSEMBLE, Assemble(strategy=self._strategy), ASSEMBLY_DEADLINE_S))
+        except CrosspihError as error:
+            failure, text = told_error(error)
+            return False, text if failure == Failure.REFUSED.value else f"{failure}: {text}"
 
     def _withdraw(self) -> Said:
         return told_withdrawal(self._bus.call(WITHDRAW, Withdraw(), WITHDRAW_DEADLINE_S))

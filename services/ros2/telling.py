@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from crosspih_common.messages import AssemblyResult, WithdrawResult
+from crosspih_common.errors import STOPPING, CommandRefused, CrosspihError, NoService, NotSent
+from crosspih_common.messages import AssemblyResult, Failure, WithdrawResult
 
 ASSEMBLY_DEADLINE_S = 900.0
 WITHDRAW_DEADLINE_S = 300.0
@@ -18,6 +19,18 @@ def told_assembly(result: AssemblyResult) -> Said:
     depth_mm, duration_s = result.insertion_depth_m * 1e3, result.motion_s + result.thinking_s
     text = f"inserted, {depth_mm:.1f} mm deep, {duration_s:.1f} s, peak {result.peak_force_n:.1f} N"
     return True, "; ".join([text, *result.warnings])
+
+
+def told_error(error: CrosspihError) -> tuple[str, str]:
+    """The name and the words of an assembly that has no result: `refused` where planning said no; `no_service` where it
+    was not there; `service_lost` where it was lost in the middle; else the error's own code."""
+    if isinstance(error, NotSent):
+        return error.code, f"{error}; nothing was begun"
+    refused = isinstance(error, CommandRefused)
+    if isinstance(error, NoService) or (refused and error.code == STOPPING):
+        lost = f"planning, or the link to it, was lost in the middle of the assembly ({error})"
+        return Failure.SERVICE_LOST.value, f"{lost}: the peg may be in the hole; `withdraw` takes it out"
+    return Failure.REFUSED.value if refused else error.code, str(error)
 
 
 def told_withdrawal(result: WithdrawResult) -> Said:

@@ -6,11 +6,14 @@ import math
 import time
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
+from services.operator.bench.fuzz import rests_on
 from services.operator.bench.fuzz.attacking import AFTERWARDS, Part, parts
 from services.operator.bench.fuzz.decoding import Decoded, decode_share, kinds, shares
 from services.operator.bench.fuzz.decoding_all import AllDecoded, decode_every_key, share_key
+from services.operator.bench.fuzz.rests_on import part_key, services_behind
 from services.operator.bench.fuzz.tables import Attacked, markdown, part_rows, summary
 from services.operator.bench.store import ResultStore
 
@@ -61,3 +64,29 @@ def test_each_command_and_topic_is_a_part_and_the_page_has_its_counts() -> None:
     page = markdown(AllDecoded(), attacked, 0, 40, 1)
     assert "| `arm/dwell` | 11 | 3 | 7 | 1 | 0 | 0 |" in page and "the assembly afterwards inserted; 2 defects" in page
     assert "51 sent to 2 commands and topics" in summary(AllDecoded(), attacked, 2)
+
+
+def test_a_part_rests_on_who_answers_and_who_is_asked_in_turn() -> None:
+    assert services_behind("inference/estimate") == {"inference"}
+    assert services_behind("vision/locate") == {"vision", "hardware"}
+    assert services_behind("planning/assemble") == {"planning", "hardware", "vision", "force_torque", "inference"}
+    assert services_behind("arm/lease") == {"planning", "recorder"}  # who reads it, of those that are in the cell
+    assert all(services_behind(part) for part in parts())
+
+
+def test_work_on_one_service_leaves_the_others_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed: set[str] = set()
+    monkeypatch.setattr(rests_on, "folder_version", lambda folder: f"{folder} {folder in changed}")
+    monkeypatch.setattr(rests_on, "code_version", lambda: str(changed))
+
+    def keys() -> dict[str, str]:
+        return {part: part_key(part, 10, 1, {"cell": {}}) for part in parts()}
+
+    before = keys()
+    changed.add("services/vision")
+    after = keys()
+    other = {part for part in parts() if before[part] != after[part]}
+    assert other == {part for part in parts() if "vision" in services_behind(part)} and AFTERWARDS in other
+    changed.add("crosspih_common")
+    assert not set(after.values()) & set(keys().values())
+    assert part_key("clock", 10, 1, {}) not in (part_key("clock", 11, 1, {}), part_key("clock", 10, 1, {"vision": {}}))

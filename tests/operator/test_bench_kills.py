@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+from crosspih_common.errors import ConfigError
 from crosspih_common.messages import AssemblyPhase, Failure, Phase
 from services.operator.bench.kills.judging import Limits, Observed, complaints, stopped_after_s
+from services.operator.bench.kills.options import chosen
 from services.operator.bench.kills.plan import PHASES, SERVICES, Case, Ending, begins, cases, ripe
 
 LIMITS = Limits(force_cap_n=60.0, holder_timeout_s=0.1)
@@ -125,3 +127,11 @@ def test_every_loss_is_to_be_named_within_a_second(service: str, ending: Ending)
     for named_s in (1.01, 5.0, None):
         found = complaints(case_of(service, ending), seen(**{**INSERTED, "named_s": named_s}), LIMITS)
         assert any("named" in complaint for complaint in found), found
+
+
+def test_what_is_asked_for_is_chosen_in_the_order_of_the_plan() -> None:
+    assert chosen("--phase", ["seated", "locating"], PHASES) == (Phase.LOCATING, Phase.SEATED)
+    assert chosen("--service", None, SERVICES) == SERVICES
+    assert chosen("--signal", [Ending.STOP], Ending) == (Ending.STOP,)
+    with pytest.raises(ConfigError, match=r"^--phase approach, zero: want one of locating, approaching, pushing"):
+        chosen("--phase", ["zero", "seated", "approach"], PHASES)

@@ -10,7 +10,7 @@ import pytest
 
 from crosspih_common.errors import NoService
 from crosspih_common.messages import JointState
-from services.operator.bench.protocols.assembling import CycleCount, ProtocolResult, ProtocolTrial, table_of
+from services.operator.bench.protocols.assembling import CycleCount, ProtocolResult, ProtocolTrial, line_of, table_of
 from services.operator.bench.protocols.peers import Peer
 from services.operator.bench.protocols.plants import Way, base_content
 
@@ -55,3 +55,15 @@ def test_the_table_names_each_failure() -> None:
 @pytest.mark.parametrize("way", list(Way))
 def test_what_stands_behind_the_protocols_is_a_shipped_cell(way: Way) -> None:
     assert "hole_prior" in base_content(way)["cell"] or way is Way.ROS2
+
+
+def test_each_assembly_is_told_in_a_line() -> None:
+    entered = ProtocolTrial(
+        seed=7, inserted=True, failure=None, detail="", motion_s=11.26, peak_force_n=6.04, wall_s=61.2, cycles=5000,
+        late_cycles=2, states=4000, late_states=1,
+    )  # fmt: skip
+    assert line_of(entered) == (
+        "seed 7: inserted, motion 11.3 s, peak 6.0 N, 2 of 5000 cycles late, 1 of 4000 joint states late, 61 s in all"
+    )
+    lost = ProtocolTrial(seed=8, inserted=False, failure="no_result", detail="NoService: gone", wall_s=3.0)
+    assert line_of(lost) == "seed 8: no_result, 3 s in all: NoService: gone"

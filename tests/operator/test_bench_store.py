@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError
 from services.operator.bench.conditions import Condition, cell_content, condition_of, merged
-from services.operator.bench.source import SourceWatch, code_version, hash_sources
+from services.operator.bench.source import SourceWatch, code_version, folder_version, hash_sources
 from services.operator.bench.store import ResultStore, result_key
 from services.operator.bench.trials import TrialJob, trial_key
 
@@ -125,6 +125,19 @@ def test_the_code_version_is_of_what_the_code_does(tmp_path: Path) -> None:
     (tmp_path / "services/operator/scoring.py").write_text("x = 2\n", encoding="utf-8")
     assert version != hash_sources(tmp_path)
     assert version != hash_sources(_tree(tmp_path, "def f():\n    return 2\n"))
+
+
+def test_a_folders_version_is_of_that_folder(tmp_path: Path) -> None:
+    (tmp_path / "one/deep").mkdir(parents=True)
+    (tmp_path / "one/deep/a.py").write_text("x = 1\n", encoding="utf-8")
+    before = folder_version("one", tmp_path)
+    (tmp_path / "two").mkdir()
+    (tmp_path / "two/a.py").write_text("x = 1\n", encoding="utf-8")
+    folder_version.cache_clear()
+    assert folder_version("one", tmp_path) == before != folder_version("two", tmp_path)
+    (tmp_path / "one/deep/a.py").write_text("x = 2\n", encoding="utf-8")
+    folder_version.cache_clear()
+    assert folder_version("one", tmp_path) != before
 
 
 def test_a_run_notices_that_its_code_is_changed(tmp_path: Path) -> None:

@@ -75,15 +75,38 @@ def planner(endpoint: str) -> Iterator[Planner]:
     there.bus.close()
 
 
+def hashes_of(types: RosTypes) -> str:
+    """What the SDK, which has no rosidl, is told of the action's types."""
+    actions.add_action(types, NAME, DEFINITION.read_text(encoding="utf-8"))
+    kinds = (f"{NAME}_SendGoal", f"{NAME}_GetResult", f"{NAME}_FeedbackMessage", actions.CANCEL)
+    return json.dumps({kind: types.hash(kind) for kind in kinds})
+
+
+def test_a_goal_ends_by_name_when_planning_is_killed(
+    endpoint: str, sdk: Callable[..., SdkProcess], spawn: Callable[..., ServiceProcess]
+) -> None:
+    """There is no arm: planning asks for its lease, and is killed in that."""
+    bridge, planning = spawn("ros2", "--endpoint", endpoint), spawn("planning", "--endpoint", endpoint)
+    lives, begun = threading.Event(), threading.Event()
+    with Bus(open_zenoh(endpoint), "cell1", "operator") as bus:
+        bus.watch_alive(lambda service, alive: lives.set() if service == planning.name and alive else None)
+        bus.hear(ASSEMBLE.request_echo, lambda request: begun.set())
+        assert bridge.wait_for_line("node /crosspih in domain 0") and lives.wait(30.0)
+        goal = sdk("act", "--hashes", hashes_of(RosTypes()))
+        assert goal.said("accepted")["accepted"] and begun.wait(20.0)
+        planning.kill()
+        ended = goal.said("status", deadline_s=10.0)
+    assert (ended["status"], ended["inserted"], ended["failure"]) == (actions.ABORTED, False, "service_lost")
+    assert "the peg may be in the hole" in ended["text"]
+
+
 def test_a_goal_has_feedback_and_a_result_and_another_is_cancelled(
     endpoint: str, planner: Planner, sdk: Callable[..., SdkProcess], spawn: Callable[..., ServiceProcess]
 ) -> None:
     bridge = spawn("ros2", "--endpoint", endpoint)
     assert bridge.wait_for_line("node /crosspih in domain 0")
     types = RosTypes()
-    actions.add_action(types, NAME, DEFINITION.read_text(encoding="utf-8"))
-    kinds = (f"{NAME}_SendGoal", f"{NAME}_GetResult", f"{NAME}_FeedbackMessage", actions.CANCEL)
-    hashes = json.dumps({kind: types.hash(kind) for kind in kinds})
+    hashes = hashes_of(types)
     told: list[int] = []
 
     first = sdk("act", "--hashes", hashes, "--strategy", "force_alone")

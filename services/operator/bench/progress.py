@@ -1,20 +1,13 @@
-"""How a run in cells goes, for people: a bar for the whole and a line for each cell."""
+"""How a run in cells goes, for people: a bar for the whole, and what each cell is at."""
 
 from __future__ import annotations
 
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TaskID
 
+from services.operator.bench.bar import Bar
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.worker import Outcome
 
@@ -25,29 +18,20 @@ class CellsProgress:
     def __init__(self, console: Console | None, title: str = "trials") -> None:
         self._console = console
         self.title = title
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[cells]}"),
-            console=console,
-            disable=console is None,
-        )
+        self.bar = Bar(console)
         self._task: TaskID | None = None
         self._states: dict[int, str] = {}
 
     def say(self, text: str, style: str = "") -> None:
         """A line above the bar."""
         if self._console is not None:
-            self._progress.console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+            self.bar.console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
 
     def taken_over(self, total: int, known: int) -> None:
         """How many there are, and how many of them are known from before."""
         if known:
             self.say(f"{known} of {total} taken over from before")
-        self._task = self._progress.add_task(self.title, total=total, completed=known, cells="")
+        self._task = self.bar.add_task(self.title, total=total, completed=known)
 
     def describe(self, title: str) -> None:
         """What stands before the bar."""
@@ -66,20 +50,20 @@ class CellsProgress:
             then = "once more on a new stack" if again else "given up"
             self.say(f"cell {cell}: {task.label} lost, {then}: {outcome.lost}", "yellow" if again else "red")
         elif self._task is not None:
-            self._progress.advance(self._task)
+            self.bar.advance(self._task)
         self._update()
 
     def _update(self) -> None:
         if self._task is not None:
             cells = "  ".join(f"[{cell}] {state}" for cell, state in sorted(self._states.items()))
             # square brackets would be taken for markup
-            self._progress.update(self._task, description=self.title, cells=cells.replace("[", "\\["))
+            self.bar.update(self._task, description=self.title, beside=cells.replace("[", "\\["))
 
     def __enter__(self) -> CellsProgress:
-        self._progress.start()
+        self.bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._progress.stop()
+        self.bar.stop()

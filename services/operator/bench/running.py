@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import Withdraw, WithdrawResult
+from services.operator.bench.bar import Bar
 from services.operator.bench.trials import TrialJob, TrialsEnded, TrialsStopped
 from services.operator.repeatability import Repeatability, repeatability
 from services.operator.scoring import TrialFigures
@@ -29,10 +29,10 @@ def on_the_running_stack(
     done: Done = []
     withdrawals: list[WithdrawResult] | None = None
     try:
-        with cell_session(None) as (session, _):
+        with cell_session(None) as (session, _), Bar(console) as bar:
             if not session.simulated:
                 withdrawals = []
-            for job in track(jobs, description=jobs[0].strategy.value, console=console):
+            for job in bar.track(jobs, description=jobs[0].strategy.value):
                 figures, _ = session.trial(job.seed, job.strategy, record, on_check=Story(console).checking)
                 done.append((job, figures))
                 if withdrawals is not None and figures.inserted:

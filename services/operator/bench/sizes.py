@@ -136,6 +136,8 @@ def sizes(
             try:
                 with console.status(f"pictures of {width_px} x {height_px}"):
                     rows.append(row_of(own.start(), task.payload))
+                done = f"pictures of {task.label}: {rows[-1].located} of {rows[-1].pairs} located"
+                console.print(done, highlight=False)
             finally:
                 own.close()
                 os.environ.clear()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections.abc import Iterable
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -13,6 +14,7 @@ import crosspih_common
 # what only starts, shows, keeps or counts has no say in how a trial ends
 _NO_SAY = ("operator", "recorder", "router")
 _SCORED_BY = ("scoring.py", "session.py")
+_WANTED = frozenset([".py", ".safetensors", ".json", ".yaml", ".npz"])
 _LIBRARIES = ("numpy", "scipy", "pybullet", "opencv-python-headless", "torch")
 
 
@@ -33,8 +35,11 @@ def _sources(root: Path) -> list[Path]:
         if folder.is_dir() and folder.name not in _NO_SAY:
             found += folder.rglob("*")
     found += [root / "services" / "operator" / name for name in _SCORED_BY]
-    wanted = {".py", ".safetensors", ".json", ".yaml", ".npz"}
-    return sorted(path for path in found if path.suffix in wanted and path.is_file())
+    return _read_from(found)
+
+
+def _read_from(found: Iterable[Path]) -> list[Path]:
+    return sorted(path for path in found if path.suffix in _WANTED and path.is_file())
 
 
 def _version(library: str) -> str:
@@ -46,10 +51,14 @@ def _version(library: str) -> str:
 
 def hash_sources(root: Path) -> str:
     """Sixteen hex digits over the sources below `root` and the versions of the numerical libraries."""
+    return _hash(root, _sources(root))
+
+
+def _hash(root: Path, paths: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for library in _LIBRARIES:
         digest.update(f"{library} {_version(library)}\n".encode())
-    for path in _sources(root):
+    for path in paths:
         digest.update(f"{path.relative_to(root).as_posix()}\n".encode())
         if path.suffix == ".py":
             digest.update(_without_docstrings(path.read_text(encoding="utf-8")).encode())
@@ -66,6 +75,14 @@ def _root() -> Path:
 def code_version() -> str:
     """`hash_sources` of the code that runs here; taken once a process."""
     return hash_sources(_root())
+
+
+@cache
+def folder_version(folder: str, root: Path | None = None) -> str:
+    """As `code_version`, over all of one folder alone, such as `crosspih_common` or `services/vision`: for what rests
+    on less than a trial does. Taken once a process."""
+    root = root or _root()
+    return _hash(root, _read_from((root / folder).rglob("*")))
 
 
 class SourceWatch:

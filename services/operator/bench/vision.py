@@ -12,13 +12,13 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from scipy.special import chdtri
 
 from crosspih_common.errors import CommandRefused, CrosspihError
 from crosspih_common.keys import LOCATE
 from crosspih_common.messages import LocateHole, ResetCell, SceneFaults
+from services.operator.bench.bar import Bar
 from services.operator.bench.options import told
 from services.operator.bench.pictures.running import bench_pictures
 from services.operator.bench.pictures.table import table_of
@@ -206,11 +206,10 @@ def vision(
     summaries: list[SightSummary] = []
     name, sights = "sound", list[Sight]()
     ended: CrosspihError | None = None
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     try:
         with (
             cell_session("max", ("hardware", "vision")) as (session, _),
-            Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as progress,
+            Bar(console) as progress,
         ):
             task = progress.add_task("sound", total=sum(count for _, _, count in wanted))
             for name, scene, count in wanted:

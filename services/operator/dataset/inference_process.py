@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.modules import module_command
+from services.operator.bench.bar import Bar
 
 
 class ToolFailed(CrosspihError):
@@ -24,19 +24,12 @@ def run_tool(arguments: Sequence[str], console: Console, module: str = "services
     The process writes JSON lines: {"doing", "done", "total"} as it goes, {"result"} at the end, or
     {"error"}, in words. Raises ToolFailed.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
     result: dict[str, Any] | None = None
     refused: str | None = None
     command = module_command(module, *arguments)
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,
-        Progress(*columns, console=console) as progress,
+        Bar(console) as progress,
     ):
         assert process.stdout is not None
         task, doing = None, ""

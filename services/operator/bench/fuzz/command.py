@@ -15,14 +15,14 @@ from rich.console import Console
 from crosspih_common.errors import CrosspihError
 from services.operator.bench.conditions import Condition, cell_content, merged
 from services.operator.bench.fuzz.attacking import Part, attack, parts
-from services.operator.bench.fuzz.decoding_all import AllDecoded, decode_every_key, drawn_by
+from services.operator.bench.fuzz.decoding_all import AllDecoded, decode_every_key
+from services.operator.bench.fuzz.rests_on import part_key
 from services.operator.bench.fuzz.tables import Attacked, decoded_table, markdown, parts_table, summary
 from services.operator.bench.options import AsJson, Store, told
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import code_version
-from services.operator.bench.store import ResultStore, result_key
+from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import base_cell_text
 from services.operator.session import NEEDED
 
@@ -92,19 +92,7 @@ def _attack(
 ) -> bool:  # fmt: skip
     """One part after another in one cell; what is in the store is taken from there. Whether it was interrupted."""
     content = merged(cell_content(base_cell_text(), Condition()), SHORT_MOTIONS)
-    keys = {
-        part: result_key(
-            {
-                "fuzz": "asked",
-                "code": code_version(),
-                "drawn_by": drawn_by(),
-                "part": part,
-                "count": asked,
-                "seed": seed,
-            }
-        )
-        for part in wanted
-    }
+    keys = {part: part_key(part, asked, seed, content) for part in wanted}
     known = {part: row for part in wanted if store is not None and (row := store.get(keys[part])) is not None}
     attacked.parts += [Part.model_validate(row) for row in known.values()]
     left = [part for part in wanted if part not in known]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import multiprocessing
 import os
@@ -13,17 +12,14 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from services.operator.bench.fuzz import decoding as decoding_module
-from services.operator.bench.fuzz import payloads as payloads_module
+from services.operator.bench.bar import Bar
 from services.operator.bench.fuzz.decoding import Decoded, Share, ShareDone, decode_share, kinds, shares
+from services.operator.bench.fuzz.rests_on import drawn_by
 from services.operator.bench.local_executor import usable_cores
-from services.operator.bench.source import code_version
+from services.operator.bench.source import folder_version
 from services.operator.bench.store import ResultStore, result_key
 
 SHARE = 2000
@@ -45,13 +41,6 @@ class AllDecoded:
         return sum(row.sent for row in self.rows.values())
 
 
-@cache
-def drawn_by() -> str:
-    """Sixteen hex digits over what draws the payloads: other payloads are other results."""
-    sources = (Path(str(module.__file__)).read_bytes() for module in (payloads_module, decoding_module))
-    return hashlib.sha256(b"".join(sources)).hexdigest()[:16]
-
-
 def _leave_interrupts_to_the_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -61,8 +50,9 @@ def _decode(share: Share) -> ShareDone:
 
 
 def share_key(share: Share) -> str:
-    """Under which its result is kept: other code, or other payloads, are another key."""
-    return result_key({"fuzz": "decoded", "code": code_version(), "drawn_by": drawn_by(), **share._asdict()})
+    """Under which its result is kept: other code that decodes, or other payloads, are another key."""
+    code = folder_version("crosspih_common")
+    return result_key({"fuzz": "decoded", "code": code, "drawn_by": drawn_by(), **share._asdict()})
 
 
 def decode_every_key(
@@ -83,12 +73,11 @@ def decode_every_key(
     if done.whole or time.time() >= until:
         return done, False
     memory: dict[int, float] = {}
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(usable_cores(), context, initializer=_leave_interrupts_to_the_parent)
     waiting: set[Future[ShareDone]] = set()
     interrupted = False
-    with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+    with Bar(console) as progress:
         bar = progress.add_task("payloads decoded", total=payloads * len(done.rows), completed=done.sent)
 
         def take(future: Future[ShareDone]) -> None:

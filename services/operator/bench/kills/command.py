@@ -13,10 +13,10 @@ from pydantic import BaseModel
 from rich.console import Console
 from rich.table import Table
 
-from crosspih_common.errors import ConfigError
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.kills.ending import end_service
 from services.operator.bench.kills.judging import Limits, Observed, complaints
+from services.operator.bench.kills.options import Phases, Seed, Speed, chosen
 from services.operator.bench.kills.plan import PHASES, SERVICES, Case, Ending, cases
 from services.operator.bench.options import AsJson, Cells, told
 from services.operator.bench.own_cell import SPEEDS, CellTask
@@ -90,16 +90,12 @@ def table_of(rows: Sequence[Row], speed: str) -> Table:
 
 def kills(
     service: Annotated[list[str] | None, typer.Option(help=f"{', '.join(SERVICES)}; all when left out.")] = None,
-    phase: Annotated[
-        list[str] | None, typer.Option(help=f"{', '.join(one.value for one in PHASES)}; all when left out.")
-    ] = None,
+    phase: Phases = None,
     ending: Annotated[
         list[Ending] | None, typer.Option("--signal", help="SIGKILL: it is gone; SIGSTOP: it hangs. Both without it.")
     ] = None,
-    speed: Annotated[str, typer.Option(help="realtime, or max: the cell's clock runs only while a command does.")] = (
-        "realtime"
-    ),
-    seed: Annotated[int, typer.Option(min=0, help="Draws the hole.")] = 1000,
+    speed: Speed = "realtime",
+    seed: Seed = 1000,
     cells: Cells = None,
     as_json: AsJson = False,
 ) -> None:
@@ -108,7 +104,9 @@ def kills(
     """
     console = Console(stderr=True)
     with told(console), tempfile.TemporaryDirectory(prefix="crosspih-kills-") as recordings:
-        planned = _planned(service, phase, ending, speed, seed)
+        services, phases = chosen("--service", service, SERVICES), chosen("--phase", phase, PHASES)
+        (speed,) = chosen("--speed", [speed], SPEEDS)
+        planned = list(cases(services, phases, chosen("--signal", ending, Ending), seed))
         tasks, limits = [], []
         for case in planned:
             overrides = {**case.overrides, "recorder": {"directory": recordings}}
@@ -150,23 +148,3 @@ def kills(
         console.print(f"{planned[index].name}: lost its cell: {why}", style="red", markup=False, highlight=False)
     if len(sound) < len(tasks):
         raise typer.Exit(1)
-
-
-def _planned(
-    services: list[str] | None, phases: list[str] | None, endings: list[Ending] | None, speed: str, seed: int
-) -> list[Case]:
-    for option, asked, known in (
-        ("--service", services or [], SERVICES),
-        ("--phase", phases or [], tuple(one.value for one in PHASES)),
-        ("--speed", [speed], SPEEDS),
-    ):
-        if unknown := sorted(set(asked) - set(known)):
-            raise ConfigError(f"{option} {', '.join(unknown)}: want one of {', '.join(known)}")
-    return list(
-        cases(
-            [name for name in SERVICES if not services or name in services],
-            [one for one in PHASES if not phases or one.value in phases],
-            [one for one in Ending if not endings or one in endings],
-            seed,
-        )
-    )

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from crosspih_common.messages import AssemblyPhase, Phase, Strategy
 
 SERVICES = ("planning", "vision", "inference", "force_torque", "hardware", "recorder")
+ROUTER = "router"
 COMPUTING = ("vision", "inference", "force_torque")
 PHASES = (Phase.LOCATING, Phase.APPROACHING, Phase.PUSHING, Phase.TOUCHING, Phase.SEATED)
 # the hole is seen some millimetres off: the first push presses on the rim

@@ -13,8 +13,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from crosspih_common.errors import ConfigError
 from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.kills.options import Phases, Seed, Speed, chosen
 from services.operator.bench.matrix.ending import end_process
 from services.operator.bench.matrix.judging import Seen, outcome
 from services.operator.bench.matrix.page import COLUMNS, Row, section, write_section
@@ -32,16 +32,12 @@ WIDTH = 170
 
 def matrix(
     victim: Annotated[list[str] | None, typer.Option(help=f"{', '.join(VICTIMS)}; all when left out.")] = None,
-    phase: Annotated[
-        list[str] | None, typer.Option(help=f"{', '.join(one.value for one in PHASES)}; all when left out.")
-    ] = None,
+    phase: Phases = None,
     ending: Annotated[
         list[Ending] | None, typer.Option("--signal", help="SIGSTOP lasts 7 s. All three when left out.")
     ] = None,
-    speed: Annotated[str, typer.Option(help="realtime, or max: the cell's clock runs only while a command does.")] = (
-        "realtime"
-    ),
-    seed: Annotated[int, typer.Option(min=0, help="Draws the hole.")] = 1000,
+    speed: Speed = "realtime",
+    seed: Seed = 1000,
     store: Annotated[Path, typer.Option(help="Results as JSON lines: what is there is not done again.")] = Path(
         "matrix.jsonl"
     ),
@@ -56,7 +52,9 @@ def matrix(
     """
     console = Console(stderr=True)
     with told(console), tempfile.TemporaryDirectory(prefix="crosspih-matrix-") as folder, ResultStore(store) as results:
-        planned = _planned(victim, phase, ending, speed, seed)
+        victims, phases = chosen("--victim", victim, VICTIMS), chosen("--phase", phase, PHASES)
+        (speed,) = chosen("--speed", [speed], SPEEDS)
+        planned = list(cases(victims, phases, chosen("--signal", ending, Ending), seed))
         keys = [result_key({"case": case.model_dump(mode="json"), "speed": speed}) for case in planned]
         missing = [index for index, key in enumerate(keys) if results.get(key) is None]
         tasks = []
@@ -123,23 +121,3 @@ def _rows(planned: Sequence[Case], results: ResultStore, speed: str) -> list[Row
         if seen is not None:
             rows.append(Row(case=case, seen=Seen.model_validate(seen)))
     return rows
-
-
-def _planned(
-    victims: list[str] | None, phases: list[str] | None, endings: list[Ending] | None, speed: str, seed: int
-) -> list[Case]:
-    for option, asked, known in (
-        ("--victim", victims or [], VICTIMS),
-        ("--phase", phases or [], tuple(one.value for one in PHASES)),
-        ("--speed", [speed], SPEEDS),
-    ):
-        if unknown := sorted(set(asked) - set(known)):
-            raise ConfigError(f"{option} {', '.join(unknown)}: want one of {', '.join(known)}")
-    return list(
-        cases(
-            [name for name in VICTIMS if not victims or name in victims],
-            [one for one in PHASES if not phases or one.value in phases],
-            [one for one in Ending if not endings or one in endings],
-            seed,
-        )
-    )

@@ -19,12 +19,12 @@ from crosspih_common.keys import ABORT, RECORD_STOP
 from crosspih_common.messages import AbortAssembly, Phase, StopRecording
 from crosspih_common.modules import module_command
 from crosspih_common.recording import RecordingError, read_recording
-from deploy.launcher import ServiceState, StateDirectory
+from deploy.launcher import StateDirectory
 from deploy.launcher.health import Health
-from services.operator.bench.kills.plan import begins, ripe
+from services.operator.bench.kills.victim import Victim
 from services.operator.bench.kills.watching import Watch
 from services.operator.bench.matrix.judging import HEALTHY_S, RESULT_S, Seen, Tape, gone
-from services.operator.bench.matrix.plan import OPERATOR, ROUTER, STOPPED_S, Case, Ending
+from services.operator.bench.matrix.plan import OPERATOR, STOPPED_S, Case, Ending
 from services.operator.session import NEEDED, Session
 
 RIPE_DEADLINE_S = 240.0
@@ -50,6 +50,7 @@ class _Run:
         self._session, self._case, self._folder = session, case, folder
         self._stack = StateDirectory(session.cell.workcell.name)
         self._watch = Watch(session)
+        self._victim = Victim(session, self._watch, case.victim)
         self._before = set(folder.glob("*.mcap"))
         self._healthy_s: float | None = None
         self._operator: subprocess.Popen[str] | None = None
@@ -58,7 +59,7 @@ class _Run:
 
     def run(self) -> Seen:
         """One case. Raises NoService when the stack cannot be seen."""
-        case, watch = self._case, self._watch
+        case, watch, victim = self._case, self._watch, self._victim
         strategy = case.moment.strategy.value
         self._operator = operator = subprocess.Popen(
             module_command(
@@ -68,16 +69,12 @@ class _Run:
         )  # fmt: skip
         reader = threading.Thread(target=self._read, args=(operator,), name="operator-says", daemon=True)
         reader.start()
-        if not self._wait_ripe(operator):
+        if not victim.wait_ripe(case.moment, lambda: operator.poll() is not None, RIPE_DEADLINE_S):
             operator.terminate()
             reader.join(RESULT_S)
             return Seen(signalled=False, detail=self._said[1].strip()[-400:])
-        pid = operator.pid if case.victim == OPERATOR else self._row().pid
-        if pid is None:
-            raise NoService(f"{case.victim}: not running, so it cannot be ended")
-        watch.signalled(case.victim)
-        os.kill(pid, case.ending.number)
-        recovery = threading.Thread(target=self._recover, args=(pid,), name="recovery", daemon=True)
+        victim.end(case.ending.number, operator.pid if case.victim == OPERATOR else None)
+        recovery = threading.Thread(target=self._recover, name="recovery", daemon=True)
         recovery.start()
         if gone(case):
             reader.join(RESULT_S)
@@ -92,42 +89,14 @@ class _Run:
     def _read(self, operator: subprocess.Popen[str]) -> None:
         self._said = operator.communicate()
 
-    def _wait_ripe(self, operator: subprocess.Popen[str]) -> bool:
-        watch, moment = self._watch, self._case.moment
-
-        def now() -> bool:
-            begun = any(begins(moment, phase) for phase in watch.phases)
-            return begun and ripe(moment, watch.speed_rad_s, watch.force_n)
-
-        until = time.monotonic() + RIPE_DEADLINE_S
-        while operator.poll() is None and time.monotonic() < until:
-            if watch.wait(now, 1.0):
-                return True
-        return False
-
-    def _row(self) -> ServiceState:
-        state = self._stack.read()
-        if state is None:
-            raise NoService("the launcher's state cannot be read: is the stack still up?")
-        return next(row for row in state.services if row.service == self._case.victim)
-
-    def _recover(self, pid: int) -> None:
+    def _recover(self) -> None:
         """Let one that was stopped go on, and see when it is healthy again."""
         stopped = self._case.ending is Ending.STOP
         if stopped:
             time.sleep(STOPPED_S)
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
-        if self._case.victim == OPERATOR:
-            return
-        until = time.monotonic() + HEALTHY_S
-        while time.monotonic() < until:
-            row = self._row()
-            alive = self._case.victim == ROUTER or self._case.victim in self._session.alive()
-            if alive and row.health is Health.HEALTHY and (stopped or row.pid not in (None, pid)):
-                self._healthy_s = self._watch.since_signal_s()
-                return
-            time.sleep(_POLL_S)
+            self._victim.then(signal.SIGCONT)
+        if self._case.victim != OPERATOR and self._victim.wait_healthy(HEALTHY_S, same_process=stopped):
+            self._healthy_s = self._watch.since_signal_s()
 
     # ----------------------------------------------------------------------------------------------------- the end
 
@@ -149,7 +118,7 @@ class _Run:
             status=operator.poll(),
             healthy_s=self._healthy_s,
             tape=self._tape(tuple(figures.get("recording_warnings", ()))),
-            tip_before_m=self._tip_before_m(),
+            tip_before_m=self._victim.tip_before_m(),
         )
 
     def _tape(self, warnings: tuple[str, ...]) -> Tape | None:
@@ -179,14 +148,6 @@ class _Run:
             finished=recording.finished,
             warnings=warnings,
         )
-
-    def _tip_before_m(self) -> float | None:
-        truth = self._watch.last_truth()
-        if truth is None or self._case.victim == "hardware":
-            return None
-        tip_m = self._session.cell.workcell.peg.shape().tip_m
-        tip = truth.pose_base_hole.pose().inverse().apply(truth.pose_base_peg.pose().apply([0.0, 0.0, tip_m]))
-        return -float(tip[2])
 
     def make_whole(self) -> None:
         """Nothing runs and nothing is recorded any more, for the next case."""

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict
 from crosspih_common.messages import Phase
 from services.operator.bench.kills import plan as kills
 
-ROUTER, RECORDER, OPERATOR = "router", "recorder", "operator"
-VICTIMS = (ROUTER, *kills.SERVICES, OPERATOR)
+RECORDER, OPERATOR = "recorder", "operator"
+VICTIMS = (kills.ROUTER, *kills.SERVICES, OPERATOR)
 PHASES = kills.PHASES
 STOPPED_S = 7.0
 

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
+from services.operator.bench.bar import Bar
 from services.operator.bench.options import told
 from services.operator.bench.pictures import renderer, shots, store
 from services.operator.bench.pictures.rendering import render
@@ -88,8 +88,7 @@ def make_pictures(
         scenes = scenes_for(named, number, share)
         (out / shots.SCENES).mkdir(parents=True, exist_ok=True)
         (out / shots.SET).write_text(json.dumps(about, indent=1), encoding="utf-8")
-        bars = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with Progress(*bars, TimeRemainingColumn(), console=console) as progress:
+        with Bar(console) as progress:
             task = progress.add_task("scenes", total=len(scenes))
             for scene in scenes:
                 progress.update(task, description=scene.group)
@@ -106,7 +105,7 @@ def make_pictures(
         console.print(f"{out}: {len(held)} pairs of {len({one.row for one in held})} rows", highlight=False)
 
 
-def _write_png(out: Path, rows: list[str], folder: Path, progress: Progress) -> None:
+def _write_png(out: Path, rows: list[str], folder: Path, progress: Bar) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     truths: dict[str, Any] = {}
     wanted = shots.wanted_from(out, rows, None)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from crosspih_common.errors import CrosspihError
+from services.operator.bench.bar import Bar
 from services.operator.bench.pictures import shots
 from services.operator.bench.pictures.asking import answers
 from services.operator.bench.pictures.command import RENDERED, SMALL
@@ -41,8 +41,7 @@ def bench_pictures(
     named = None if rows is None else [name.strip() for name in rows.split(",") if name.strip()]
     wanted = shots.wanted_from(folder, named, pairs)
     each: list[Verdict] = []
-    bars = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*bars, TimeRemainingColumn(), console=console) as progress:
+    with Bar(console) as progress:
         task = progress.add_task("pictures", total=len(wanted))
         for verdict in answers(wanted, annotated, beside):
             each.append(verdict)

@@ -166,6 +166,21 @@ def _trial(session: Session, asked: _Asked) -> ProtocolTrial:
     )  # fmt: skip
 
 
+def line_of(trial: ProtocolTrial) -> str:
+    """One assembly, for people who wait for the next."""
+    said = [f"seed {trial.seed}: {'inserted' if trial.inserted else trial.failure}"]
+    if trial.motion_s is not None:
+        said.append(f"motion {trial.motion_s:.1f} s")
+    if trial.peak_force_n is not None:
+        said.append(f"peak {trial.peak_force_n:.1f} N")
+    if trial.cycles:
+        said.append(f"{trial.late_cycles} of {trial.cycles} cycles late")
+    if trial.states:
+        said.append(f"{trial.late_states} of {trial.states} joint states late")
+    said.append(f"{trial.wall_s:.0f} s in all")
+    return ", ".join(said) + (f": {trial.detail}" if trial.detail else "")
+
+
 def table_of(result: ProtocolResult) -> Table:
     """Counts, times and errors."""
     count = len(result.trials)
@@ -221,8 +236,8 @@ def protocols(
         rows = []
         for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):
             rows.append(assembled(way, one, strategy, cell))
-            if not rows[-1].inserted:
-                console.print(f"seed {one}: {rows[-1].failure} {rows[-1].detail}", style="red", markup=False)
+            said, style = line_of(rows[-1]), "" if rows[-1].inserted else "red"
+            console.print(said, style=style, markup=False, highlight=False, soft_wrap=True)
         result = ProtocolResult(way=way.value, inserted=sum(row.inserted for row in rows), trials=rows)
         if as_json:
             sys.stdout.write(result.model_dump_json(indent=1) + "\n")

@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from services.operator.bench.bar import Bar
 from services.operator.bench.conditions import Condition, cell_content, merged
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.own_cell import SPEEDS, CellTask, OwnCell
@@ -104,9 +104,8 @@ def soak(
 def _soak(
     session: Session, taken: list[Figures], console: Console, began_s: float, minutes: float, seed: int, keep: bool
 ) -> None:
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     statuses, run = statuses_of(session), Path(os.environ[RUN])
-    with Progress(*columns, console=console) as progress:
+    with Bar(console, counted=False) as progress:
         bar = progress.add_task("soak", total=minutes * 60.0)
         while (now_s := time.monotonic() - began_s) < minutes * 60.0:
             progress.update(bar, completed=now_s, description=f"soak, {len(taken)} assemblies")
