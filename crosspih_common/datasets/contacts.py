@@ -26,6 +26,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
+from crosspih_common.provenance import Measured, tell_measured
 
 SCHEMA_VERSION = 1
 CONTACT = "contact"
@@ -72,10 +73,21 @@ class DatasetOrigin(BaseModel):
     version: str = ""
 
     def same_draws(self, other: DatasetOrigin) -> bool:
-        """Whether rows of both can stand in one table: same cell, same settings, same maker."""
-        return (self.made_by, self.cell_sha256, self.settings, self.schema_version) == (
-            other.made_by, other.cell_sha256, other.settings, other.schema_version,
-        )  # fmt: skip
+        """Whether rows of both can stand in one table: same cell, same settings, same maker, same code."""
+        return not self.differs_in(other)
+
+    def differs_in(self, other: DatasetOrigin) -> list[str]:
+        """In what rows of both differ, in words; nothing where they can stand in one table."""
+        said = {
+            "made_by": "made by another maker", "cell_sha256": "of another cell", "settings": "with other settings",
+            "schema_version": "in another version of the table",
+            "code": f"by other code ({self.code or 'which is not said'}, not {other.code or 'said'})",
+        }  # fmt: skip
+        return [words for name, words in said.items() if getattr(self, name) != getattr(other, name)]
+
+    def draws(self, pose_seed: int, repeat: int) -> bool:
+        """Whether the command that is named makes such a row."""
+        return self.first_seed <= pose_seed < self.first_seed + self.poses and repeat < self.repeats
 
 
 class ContactRow(BaseModel):
@@ -168,8 +180,10 @@ def read_contacts(path: Path) -> ContactTable:
         if table.schema.names != wanted.names:
             missing = sorted(set(wanted.names) ^ set(table.schema.names))
             raise DatasetError(f"{file}: columns {missing} differ from this version's: make the data set anew")
-        if not _origin(file, table).same_draws(origin):
-            raise DatasetError(f"{file} and {files[0].name} were made with other settings: keep them in two folders")
+        if differs := _origin(file, table).differs_in(origin):
+            raise DatasetError(
+                f"{file} holds rows {', '.join(differs)} than {files[0].name} does: keep them in two folders"
+            )
     return ContactTable(pa.concat_tables([table.cast(wanted) for table in tables]), origin)
 
 
@@ -186,18 +200,25 @@ def _origin(file: Path, table: Any) -> DatasetOrigin:
 class ContactWriter:
     """Adds rows to a data set's folder; `done` are the seeds that it has already.
 
-    Raises DatasetError when the folder holds rows made otherwise. One writer at a time.
+    Raises DatasetError when the folder holds rows made otherwise, by other code, or others than the origin's command
+    makes: the rows are always those of the command that the files name. One writer at a time.
     """
 
     def __init__(self, folder: Path, origin: DatasetOrigin) -> None:
         self.folder, self.origin = folder, origin
         self.done: set[int] = set()
+        self._made = 0
         if folder.is_dir() and any(folder.glob("*.parquet")):
             known = read_contacts(folder)
-            if not known.origin.same_draws(origin):
+            if differs := known.origin.differs_in(origin):
                 raise DatasetError(
-                    f"{folder} holds contacts made in another cell or with other settings "
-                    f"({known.origin.command}): name another folder"
+                    f"{folder} holds contacts {', '.join(differs)} ({known.origin.command}): name another folder"
+                )
+            drawn = zip(known.integers("pose_seed").tolist(), known.integers("repeat").tolist(), strict=True)
+            if others := sum(not origin.draws(*one) for one in drawn):
+                raise DatasetError(
+                    f"{folder} holds {others} contacts that this command does not make ({known.origin.command}): the "
+                    f"data set would not be what its command says; ask for those as well, or name another folder"
                 )
             self.done = set(known.integers("seed").tolist())
         folder.mkdir(parents=True, exist_ok=True)
@@ -211,6 +232,7 @@ class ContactWriter:
         self._write(table, self.folder / f"{_PART}{self._next:06d}.parquet")
         self._next += 1
         self.done |= {row.seed for row in rows}
+        self._made += len(rows)
 
     def _write(self, table: Any, path: Path) -> None:
         half = path.with_suffix(".half")
@@ -218,7 +240,8 @@ class ContactWriter:
         os.replace(half, path)
 
     def close(self) -> None:
-        """Join all parts into one file. A second call does nothing."""
+        """Join all parts into one file, and tell who started the command what was there. A second call does nothing."""
+        tell_measured(Measured(taken=len(self.done) - self._made, made=self._made, taken_s=None))
         parts = sorted(self.folder.glob(f"{_PART}*.parquet"))
         if not parts:
             return

@@ -11,7 +11,7 @@ its file, which keeps every request too.
 from __future__ import annotations
 
 import argparse
-import json
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from scipy.stats import chi2
 
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import PoseErrorEstimate
+from crosspih_common.provenance import ResultStore, code_version, result_key
 from services.inference.estimator.coverage import BLOCKS
 from tests.planning.cell_in_memory import VISION_SD
 from tests.planning.measure_touching import FORCE_ALONE_SD, PoorlySeenCell
@@ -89,22 +90,25 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     kept: list[dict[str, Any]] = []
-    if options.out and options.out.exists():
-        kept = [json.loads(line) for line in options.out.read_text().splitlines()]
-    done = {line["seed"] for line in kept}
+    code = code_version("tests.inference.measure_posterior", "tests.planning")
+    made_with = {"code": code, "scale": options.scale, "force_alone": options.force_alone}
+    store = ResultStore(options.out, "--out") if options.out else None
     with tempfile.TemporaryDirectory() as folder:
         cell = PoorlySeenCell(Path(folder))
         try:
             cell.reset(0)
             cell.assemble()  # calibrates
             cell.vision_sd = FORCE_ALONE_SD if options.force_alone else VISION_SD * options.scale
-            seeds = [seed for seed in range(options.seed, options.seed + options.trials) if seed not in done]
+            seeds = range(options.seed, options.seed + options.trials)
             for seed in track(seeds, "trials", console=Console(stderr=True)):
-                lines = trial(cell, seed)
+                key = result_key({**made_with, "seed": seed})
+                found = None if store is None else store.get(key)
+                lines = trial(cell, seed) if found is None else found["lines"]
                 kept += lines
-                if options.out:
-                    with options.out.open("a") as file:
-                        file.write("".join(json.dumps(line) + "\n" for line in lines))
+                if store is not None and found is None:
+                    store.put(key, {"lines": lines}, code=code)
+            if store is not None:
+                print(store.said_of(code), file=sys.stderr)
         finally:
             cell.close()
     print(table(kept))

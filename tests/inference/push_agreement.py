@@ -18,6 +18,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import sys
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -31,6 +33,7 @@ from rich.table import Table
 
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
+from crosspih_common.provenance import ResultStore, code_version, result_key
 from crosspih_common.shapes import CrossPeg, Hole, Peg
 from crosspih_common.shapes.named import NAMED, Sizes, tapered, tip_scale_of
 from services.inference.mechanics import PairTables, PushedPegs, SurfacePair, first_contact, first_contacts, push
@@ -87,6 +90,10 @@ def snapped(name: str) -> tuple[PairTables, SurfacePair]:
         tuple(Polyhedron.hull(corners) for corners in peg), tuple(Polyhedron.hull(corners) for corners in hole), side
     )
     return tables, SurfacePair.of(tables, skin_m=COLLISION_MARGIN_M)
+
+
+# what draws and pushes, beside the mechanics
+MADE_BY = ("tests.inference.push_agreement", "tests.inference.free_peg_world")
 
 
 @dataclass(frozen=True)
@@ -247,17 +254,24 @@ def _difference(wrench: Array, record: dict[str, Any], model: PushedPegs, index:
 
 
 def agreements(seeds: Iterable[int], out: Path | None = None) -> list[Agreement]:
-    """All pushes of some seeds; those whose engine part a file (one JSON object a line) has are taken from there."""
-    lines = out.read_text().splitlines() if out and out.exists() else []
-    known: dict[int, dict[str, Any]] = {record["seed"]: record for record in map(json.loads, lines)}
+    """All pushes of some seeds; those whose engine part a store has, made by this code, are taken from there."""
+    known: dict[int, dict[str, Any]] = {}
+    code = "" if out is None else code_version(*MADE_BY)
+    store = None if out is None else ResultStore(out, "--out")
     cases = []
     for seed in seeds:
         cases.append(draw_case(seed))
-        if seed not in known:
-            known[seed] = engine_push(cases[-1])
-            if out:
-                with out.open("a") as file:
-                    file.write(json.dumps(known[seed]) + "\n")
+        key = result_key({"push": seed, "code": code})
+        kept = None if store is None else store.get(key)
+        if kept is None:
+            started = time.monotonic()
+            kept = engine_push(cases[-1])
+            if store is not None:
+                store.put(key, kept, code=code, took_s=round(time.monotonic() - started, 3))
+        known[seed] = kept
+    if store is not None:
+        print(store.said_of(code), file=sys.stderr)
+        store.close()
     found: dict[int, Agreement] = {}
     for name in dict.fromkeys(case.shape for case in cases):
         group = [case for case in cases if case.shape == name]

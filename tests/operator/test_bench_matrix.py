@@ -9,11 +9,12 @@ from typer.testing import CliRunner
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Phase, Strategy
+from crosspih_common.provenance import ResultStore
 from services.operator.__main__ import app
+from services.operator.bench.matrix.command import case_key
 from services.operator.bench.matrix.judging import Seen, Tape, complaints, lost, outcome
 from services.operator.bench.matrix.page import BEGIN, END, Row, section, write_section
 from services.operator.bench.matrix.plan import PHASES, VICTIMS, Case, Ending, cases
-from services.operator.bench.store import ResultStore, result_key
 
 TAPE = Tape(parts=1, gap_s=0.05, missing=0, finished=True)
 INSERTED = Seen(signalled=True, result_s=20.0, inserted=True, status=0, healthy_s=2.0, tape=TAPE, tip_before_m=-0.05)
@@ -88,8 +89,7 @@ def test_the_section_is_put_between_the_marks_and_the_rest_is_left(tmp_path: Pat
 def test_what_is_in_the_store_is_not_done_again_and_the_page_is_made_of_it(tmp_path: Path) -> None:
     one = case("router")
     with ResultStore(tmp_path / "rows.jsonl") as store:
-        identity = {"case": one.model_dump(mode="json"), "speed": "realtime"}
-        store.put(result_key(identity), INSERTED.model_dump(mode="json"))
+        store.put(case_key(one, "realtime"), INSERTED.model_dump(mode="json"))
     page = tmp_path / "page.md"
     page.write_text(f"{BEGIN}\n{END}\n")
     words = ["bench", "matrix", "--victim", "router", "--phase", "pushing", "--signal", "SIGKILL", "--seed", "1"]

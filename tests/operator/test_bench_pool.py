@@ -14,14 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError, CrosspihError
+from crosspih_common.provenance import ResultStore, code_version
 from services.operator.bench.conditions import cell_content
 from services.operator.bench.local_executor import LocalExecutor
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import HOPELESS, TRIES, ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
 from services.operator.bench.ray_executor import RayExecutor
-from services.operator.bench.source import code_version
-from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import (
     WALL_FIGURES,
     TrialJob,

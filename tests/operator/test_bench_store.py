@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError
+from crosspih_common.provenance import ResultStore, SourceWatch, code_version, folder_version, hash_sources, result_key
 from services.operator.bench.conditions import Condition, cell_content, condition_of, merged
-from services.operator.bench.source import SourceWatch, code_version, folder_version, hash_sources
-from services.operator.bench.store import ResultStore, result_key
 from services.operator.bench.trials import TrialJob, trial_key
 
 NAMES = st.sampled_from(["a", "b", "c"])

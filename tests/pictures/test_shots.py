@@ -14,9 +14,10 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import CameraCalibration
 from services.operator.bench.commands import app
 from services.operator.bench.pictures import shots, store
-from services.operator.bench.pictures.judging import figures_of, least_off
+from services.operator.bench.pictures.judging import PicturesReport, Verdict, figures, figures_of, least_off
 from services.operator.bench.pictures.plain_pnp import plain_pose
 from services.operator.bench.pictures.sets import ROWS
+from services.operator.bench.pictures.table import table_of
 from services.operator.bench.pictures.tracer import Level
 
 SMALL = Path(__file__).parent / "set"
@@ -114,3 +115,15 @@ def test_pictures_that_are_nowhere_end_with_one_line(tmp_path: Path) -> None:
     ran = CliRunner().invoke(app, ["vision", "--pictures", str(tmp_path)])
     assert ran.exit_code == 1
     assert "bench pictures" in ran.stderr
+
+
+def test_a_mixture_of_renderers_is_said() -> None:
+    """Scenes that are there are kept when the renderer's code changes, so the table must say so."""
+    verdicts = [Verdict(name="a", row="matt", is_the_hole=True, located=False, rendered_by=by) for by in ("x", "x", "")]
+
+    def caption(some: list[Verdict]) -> str:
+        row = figures("matt", some)
+        return str(table_of(PicturesReport(pictures="p", rows=[row], all=row, each=some)).caption)
+
+    assert "A MIXTURE of pictures: 2 rendered by x, 1 rendered by code that is not said" in caption(verdicts)
+    assert "MIXTURE" not in caption(verdicts[:2])

@@ -5,7 +5,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -13,8 +17,10 @@ from rich.progress import track
 from scipy.stats import chi2
 
 from crosspih_common.config import Workcell, load_cell
+from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.provenance import ResultStore, code_version, result_key, with_file_contents
 from services.inference.estimator.coverage import BLOCKS, Row, TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.observation import EstimatorSettings
 from services.inference.informed_touch import candidates, informed_touch
@@ -50,12 +56,31 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def _resumed(path: Path | None) -> dict[int, list[TouchRecord]]:
-    """The trials that a file holds already."""
-    if path is None or not path.exists():
-        return {}
-    kept = [json.loads(line) for line in path.read_text().splitlines()]
-    return {one["trial"]: [TouchRecord(**record) for record in one["records"]] for one in kept}
+def trials(
+    make: Callable[[int], list[TouchRecord]], seeds: range, made_with: dict[str, Any], out: Path | None
+) -> dict[int, list[TouchRecord]]:
+    """The trials of all seeds by seed. Those that the file `out` has are taken from there, if they were made with the
+    same settings, cell and code (`made_with`, plain data); what is made is added to it.
+    """
+    console = Console(stderr=True)
+    if out is None:
+        return {seed: make(seed) for seed in track(seeds, "trials", console=console)}
+    code = code_version()
+    done: dict[int, list[TouchRecord]] = {}
+    with ResultStore(out, "--out") as store:
+        keys = {seed: result_key({**made_with, "seed": seed, "code": code}) for seed in seeds}
+        for seed, key in keys.items():
+            if (kept := store.get(key)) is not None:
+                done[seed] = [TouchRecord(**record) for record in kept["records"]]
+        if said := store.said_of(code):
+            console.print(said, highlight=False)
+        for seed in track([seed for seed in seeds if seed not in done], "trials", console=console):
+            started = time.monotonic()
+            done[seed] = make(seed)
+            records = [dataclasses.asdict(record) for record in done[seed]]
+            took_s = round(time.monotonic() - started, 3)
+            store.put(keys[seed], {"records": records}, code=code, took_s=took_s, seed=seed)
+    return done
 
 
 def main() -> None:
@@ -92,14 +117,22 @@ def main() -> None:
     settings = TrialSettings(PRIORS[arguments.prior], arguments.touches)
     policy = informed if arguments.policy == "information" else pattern
     nominal = workcell.hole_prior.pose_base_hole()
-    done = _resumed(arguments.out)
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
-    for seed in track([seed for seed in seeds if seed not in done], "trials", console=Console(stderr=True)):
-        done[seed] = list(run_trial(tables, nominal, compliance, policy, estimator, settings, seed))
-        if arguments.out:
-            with arguments.out.open("a") as file:
-                lines = [dataclasses.asdict(record) for record in done[seed]]
-                file.write(json.dumps({"trial": seed, "records": lines}) + "\n")
+    # settings holds the prior's numbers and how the touches are made; the name of a policy stands for its code
+    made_with = {
+        "coverage": dataclasses.asdict(settings),
+        "estimator": dataclasses.asdict(estimator),
+        "policy": arguments.policy,
+        "cell": with_file_contents(workcell.model_dump(mode="json", exclude={"name"})),
+    }
+    try:
+        done = trials(
+            lambda seed: list(run_trial(tables, nominal, compliance, policy, estimator, settings, seed)),
+            seeds, made_with, arguments.out,
+        )  # fmt: skip
+    except ConfigError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
     records = [record for seed in seeds for record in done[seed]]
     rows = summary(records)
     if arguments.json:

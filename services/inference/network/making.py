@@ -14,6 +14,7 @@ import numpy as np
 from crosspih_common.config import Workcell, load_cell
 from crosspih_common.datasets import ContactRow, ContactWriter, DatasetOrigin
 from crosspih_common.messages import floats
+from crosspih_common.provenance import code_version
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.inference.network.dataset import ContactDataset
 from services.inference.network.synthesis import single_contact_dataset
@@ -56,6 +57,7 @@ def make_contacts(out: Path, poses: int, seed: int, settings: dict[str, float], 
         poses=poses,
         cell_sha256=_shapes_sha256(cell),
         settings=settings,
+        code=code_version(),
         version=_version(),
     )
     noise_sd = floats(np.repeat([settings["force_sd_n"], settings["moment_sd_nm"]], 3))

@@ -34,6 +34,8 @@ class TrainingRecord:
     validation_samples: int = 0
     validation_mse_scaled: float | None = None
     stopped: str = ""
+    dataset_code: str = ""  # that made the rows
+    code: str = ""  # that trained
 
 
 class AngleNetwork:

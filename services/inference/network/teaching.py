@@ -35,8 +35,9 @@ def train_on_table(
         tell(f"{settings.optimiser.value}: error {validation or training:.5f}", epoch, settings.epochs)
 
     network, curves = train(
-        split.training, seed, command, split.validation, settings, table.sha256(), table.origin.command, on_epoch
-    )
+        split.training, seed, command, split.validation, settings, table.sha256(), table.origin.command, on_epoch,
+        table.origin.code,
+    )  # fmt: skip
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         network.save(out)

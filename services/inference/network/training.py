@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
+from crosspih_common.provenance import code_version
 from services.inference.network.dataset import ContactDataset
 from services.inference.network.levenberg import LevenbergMarquardt
 from services.inference.network.model import AngleNetwork, TrainingRecord, nguyen_widrow
@@ -41,13 +42,14 @@ def train(
     dataset_sha256: str = "",
     dataset_command: str = "",
     on_epoch: OnEpoch = _silent,
+    dataset_code: str = "",
 ) -> tuple[AngleNetwork, Curves]:
     """Train on `training`; inputs and outputs are scaled by its own extremes and by nothing else.
 
     Ends at the goal, at the last epoch, when no step helps any more, or when the validation error has not fallen for
     `patience` epochs; the weights with the least validation error are kept (without `validation`: the last). `command`
-    and the data set's hash and command go into the record. The same arguments give the same weights to the last bit.
-    ValueError below 2 contacts.
+    and the data set's hash, command and code go into the record. The same arguments give the same weights to the last
+    bit. ValueError below 2 contacts.
     """
     if len(training) < 2:
         raise ValueError("training wants at least 2 contacts in the dataset")
@@ -105,7 +107,8 @@ def train(
     network.record = TrainingRecord(
         command, seed, record.dataset_sha256, record.samples, len(curves[0]) - 1, settings.goal, curves[0][best],
         curves[0][best] <= settings.goal, settings.optimiser.value, dataset_command, len(training),
-        0 if validation is None else len(validation), curves[1][best] if curves[1] else None, stopped,
+        0 if validation is None else len(validation), curves[1][best] if curves[1] else None, stopped, dataset_code,
+        code_version(),
     )  # fmt: skip
     return network, Curves(tuple(curves[0]), tuple(curves[1]), best, stopped)
 

@@ -22,8 +22,9 @@ from rich.table import Table
 
 from crosspih_common.config import Workcell
 from crosspih_common.config.cell import cell_of_text
-from crosspih_common.errors import CrosspihError
+from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import ResetCell
+from crosspih_common.provenance import cell_identity, code_version, result_key
 from services.operator.bench.calibrations_scored import WANTED, hidden, pictures_scored, pushes_scored
 from services.operator.bench.conditions import cell_content, condition_of, merged
 from services.operator.bench.options import AsJson, Cells, told
@@ -39,6 +40,9 @@ from services.operator.locate.worker import OfflineVision
 from services.operator.session import Session
 
 PICTURES, PUSHES = "pictures", "pushes"
+ABOUT = "about.json"
+# what takes pictures and pushes, beside the cell's own code
+MADE_BY = ("services.operator.calibrate", "services.operator.bench.calibrations")
 NEEDED = {PICTURES: ("hardware",), PUSHES: ("hardware", "force_torque", "planning")}
 
 
@@ -74,7 +78,35 @@ def _kept(payload: dict[str, Any]) -> Path | None:
         return None
     folder = Path(payload["keep"])
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / ABOUT).write_text(json.dumps(taken_with(payload) | {"code": code_version(*MADE_BY)}), encoding="utf-8")
     return folder
+
+
+def taken_with(payload: dict[str, Any]) -> dict[str, Any]:
+    """What decides what a trial takes, but for the code."""
+    names = ("seed", "pairs") if payload["what"] == PICTURES else ("seed", "presses", "force_n")
+    return {**{name: payload[name] for name in names}, "cell": result_key(cell_identity(payload["content"]))}
+
+
+def check_kept(folder: Path, payload: dict[str, Any], console: Console) -> None:
+    """That a folder holds what these settings take, and by which code. Raises ConfigError where it says otherwise."""
+    about = folder / ABOUT
+    if not about.is_file():
+        console.print(f"{folder}: does not say with what settings it was taken", style="yellow", highlight=False)
+        return
+    there, wanted = json.loads(about.read_text(encoding="utf-8")), taken_with(payload)
+    if differ := [name for name, value in wanted.items() if there.get(name) != value]:
+        said = ", ".join(f"{name} {there.get(name)}, not {wanted[name]}" for name in differ)
+        raise ConfigError(f"--from: {folder} was taken with {said}; give the settings that --keep had")
+    if there.get("code") != (code := code_version(*MADE_BY)):
+        said = f"{folder}: taken by code {there.get('code')}, worked on by {code}"
+        console.print(said, style="yellow", highlight=False, soft_wrap=True)
+
+
+def check_free(folder: Path) -> None:
+    """That nothing lies where a trial is to be kept. Raises ConfigError."""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise ConfigError(f"--keep: {folder} holds another trial; name another folder, or look at that one by --from")
 
 
 def scored_again(what: str, folder: Path, payload: dict[str, Any]) -> list[dict[str, Any]]:
@@ -156,11 +188,16 @@ def calibrations(
                     continue
                 root = kept or keep
                 payload = {
-                    "seed": number, "truth": differs["hardware"]["simulated"]["truth"], "content": content,
+                    "what": kind, "seed": number, "content": content,
+                    "truth": differs["hardware"]["simulated"]["truth"],
                     "pairs": pairs, "presses": presses, "force_n": force_n,
                     "keep": None if root is None else str(root.resolve() / f"{kind}-{number}"),
                 }  # fmt: skip
                 tasks.append(CellTask(f"{kind} {number}", content, work, payload, NEEDED[kind], kind == PUSHES))
+                if kept is not None:
+                    check_kept(Path(payload["keep"]), payload, console)
+                elif keep is not None:
+                    check_free(Path(payload["keep"]))
         results: dict[int, list[dict[str, Any]]] = {}
         if kept is not None:
             lost = {}

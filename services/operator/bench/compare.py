@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.messages import Strategy
+from crosspih_common.provenance import ResultStore
 from services.operator.bench.compare_figure import check_suffix, save_figure
 from services.operator.bench.compare_table import compare_table
 from services.operator.bench.comparison import Comparison, compare_strategies
@@ -18,7 +19,6 @@ from services.operator.bench.conditions import Condition
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded, run_trials
 from services.operator.scoring import TrialFigures
 

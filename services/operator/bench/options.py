@@ -11,10 +11,10 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import CrosspihError
+from crosspih_common.provenance import ResultStore
 from deploy.launcher import LauncherError
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
 from services.operator.scoring import TrialFigures
 

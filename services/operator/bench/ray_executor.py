@@ -6,8 +6,8 @@ import contextlib
 from typing import Any
 
 from crosspih_common.errors import ConfigError
+from crosspih_common.provenance import code_version
 from services.operator.bench.own_cell import CellTask
-from services.operator.bench.source import code_version
 from services.operator.bench.worker import CellWorker, Outcome
 
 _END_S = 20.0

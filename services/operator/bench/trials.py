@@ -12,12 +12,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import Failure, PosePrior, Strategy
+from crosspih_common.provenance import ResultStore, SourceWatch, cell_identity, code_version, result_key
 from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_content
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import SourceWatch, code_version
-from services.operator.bench.store import ResultStore, result_key
 from services.operator.scoring import TrialFigures
 from services.operator.session import NEEDED, Session, cell_path
 
@@ -68,9 +67,12 @@ def base_cell_text() -> str:
 
 
 def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:
-    """Under what a trial is kept. Neither the cell's own name nor the condition's has a say."""
-    cell = {name: value for name, value in (content.get("cell") or {}).items() if name != "name"}
-    identity = {"content": {**content, "cell": cell}, "seed": job.seed, "strategy": job.strategy.value, "code": code}
+    """Under what a trial is kept. Neither the cell's own name nor the condition's has a say, and of the files that the
+    cell names (weights, drawings, pictures, calibrations) what is in them has it.
+    """
+    identity: dict[str, Any] = {
+        "content": cell_identity(content), "seed": job.seed, "strategy": job.strategy.value, "code": code,
+    }  # fmt: skip
     if job.known is not None:
         identity["known"] = job.known.model_dump(mode="json")
     return result_key(identity)
@@ -139,16 +141,23 @@ def run_trials(
     def on_result(position: int, result: dict[str, Any]) -> None:
         index = left[position]
         figures = TrialFigures.model_validate(result)
-        if store is not None and watch.unchanged():
-            store.put(keys[index], result, condition=jobs[index].condition.name, peg=jobs[index].peg, code=code)
+        job = jobs[index]
+        # weights that were trained anew meanwhile are another trial's
+        if store is not None and watch.unchanged() and trial_key(contents[index], job, code) == keys[index]:
+            store.put(
+                keys[index], result, code=code, took_s=figures.wall_s, seed=job.seed, strategy=job.strategy.value,
+                condition=job.condition.name, peg=job.peg,
+            )  # fmt: skip
         done[index] = figures
-        on_done(jobs[index], figures)
+        on_done(job, figures)
 
     def ended() -> list[tuple[TrialJob, TrialFigures]]:
         return [(jobs[index], done[index]) for index in sorted(done)]
 
     watcher = progress or CellsProgress(None)
     watcher.taken_over(len(jobs), len(done))
+    if store is not None and (said := store.said_of(code)):
+        watcher.say(said)
     if not left:
         return [done[index] for index in range(len(jobs))]
     tasks = [trial_task(jobs[index], contents[index], record) for index in left]

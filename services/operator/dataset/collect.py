@@ -13,18 +13,19 @@ import yaml
 from rich.console import Console
 
 from crosspih_common.datasets import CONTACT, ContactRow, ContactWriter, DatasetOrigin, read_contacts
+from crosspih_common.provenance import cell_identity, code_version
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.options import Cells, RayAddress, Where, told
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import code_version
 from services.operator.bench.trials import base_cell_text
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contacts
 from services.operator.dataset.describe import summary
 
 # what a task holds: a stopped run loses at most this many samples a cell
 SAMPLES_A_TASK = 10
+MADE_BY = ("services.operator.dataset.contact",)  # beside the cell's own code
 SERVICES = ("hardware", "force_torque", "planning")
 
 Poses = Annotated[int, typer.Option(min=1, max=REPEAT_STRIDE, help="Pose errors to draw, one contact each.")]
@@ -33,10 +34,9 @@ AngleRad = Annotated[float, typer.Option(min=0.0, max=0.3, help="Half range of e
 LateralM = Annotated[float, typer.Option(min=0.0, max=0.02, help="Half range of x and y at the rim.")]
 
 
-def cell_identity(content: dict[str, Any]) -> str:
-    """A hash of all in a cell's file that decides a contact; its name has no say."""
-    cell = {name: value for name, value in (content.get("cell") or {}).items() if name != "name"}
-    text = json.dumps({**content, "cell": cell}, sort_keys=True, default=str)
+def cell_sha256(content: dict[str, Any]) -> str:
+    """A hash of all in a cell's file that decides a contact, the content of files named there; its name has no say."""
+    text = json.dumps(cell_identity(content), sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -77,9 +77,9 @@ def collect(
             first_seed=seed,
             poses=poses,
             repeats=repeats,
-            cell_sha256=cell_identity(content),
+            cell_sha256=cell_sha256(content),
             settings=settings,
-            code=code_version(),
+            code=code_version(*MADE_BY),
             version=version(),
         )
         with ContactWriter(out, origin) as writer:
@@ -106,7 +106,8 @@ def _collect(
     progress = CellsProgress(console, "tens of contacts")
     parts = [left[start : start + SAMPLES_A_TASK] for start in range(0, len(left), SAMPLES_A_TASK)]
     if len(left) < len(wanted):
-        progress.say(f"{len(wanted) - len(left)} of {len(wanted)} contacts are there already")
+        there = len(wanted) - len(left)
+        progress.say(f"{there} of {len(wanted)} contacts are there already, made by this code ({origin.code})")
     if not parts:
         return
     progress.taken_over(len(parts), 0)
@@ -136,4 +137,4 @@ def _collect(
 
 def default_cell_sha256() -> str:
     """The identity of the cell that commands use now."""
-    return cell_identity(yaml.safe_load(base_cell_text()) or {})
+    return cell_sha256(yaml.safe_load(base_cell_text()) or {})

@@ -23,6 +23,7 @@ def summary(path: Path, table: ContactTable) -> Table:
     origin = table.origin
     view.add_row("made by", f"{origin.made_by}: {origin.command}")
     view.add_row("cell", origin.cell_sha256[:16])
+    view.add_row("code", origin.code or "not said")
     view.add_row("rows", table.sha256())
     outcomes = Counter(table.table["outcome"].to_pylist())
     touched = table.touched()

@@ -13,10 +13,10 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import ConfigError, CrosspihError
+from crosspih_common.provenance import code_version
 from services.operator.bench.local_executor import usable_cores
 from services.operator.bench.options import Cells, RayAddress, Where
 from services.operator.bench.pool import ExecutorName
-from services.operator.bench.source import code_version
 from services.operator.results.page import duration, make_page
 from services.operator.results.plan import PLAN, Entry, arguments, load_plan
 from services.operator.results.printed import Printed, PrintedFolder

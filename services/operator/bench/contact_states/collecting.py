@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from rich.console import Console
 
 from crosspih_common.config import CellFile, Workcell
 from crosspih_common.config.cell import content_alone
+from crosspih_common.provenance import ResultStore, cell_identity, code_version, result_key
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.contact_states.labels import TrueState, label_contacts
 from services.operator.bench.contact_states.plan import (
@@ -28,11 +30,10 @@ from services.operator.bench.contact_states.pushing import NEEDED, PushResult, P
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import code_version
-from services.operator.bench.store import ResultStore, result_key
 
 CHUNK = 20
 ROUNDS = 7
+MADE_BY = ("services.operator.bench.contact_states",)  # beside the cell's own code
 SPARE = 4.0
 
 
@@ -69,8 +70,10 @@ class Collection:
 
     def __init__(self, cell: CellFile, wanted: Wanted, folder: Path, console: Console) -> None:
         self._cell, self._wanted, self._folder, self._console = cell, wanted, folder, console
-        self._store = ResultStore(folder / "contacts.jsonl")
+        self._store = ResultStore(folder / "contacts.jsonl", "--folder")
+        self._code = code_version(*MADE_BY)
         self._content: dict[float, dict[str, Any]] = {}
+        self._identity: dict[float, dict[str, Any]] = {}
         self._plans: dict[float, Plan] = {}
         self._taper_start_m = cell.workcell.peg.shape().taper_start_m
         for stiffness in wanted.stiffness_n_mm:
@@ -82,13 +85,14 @@ class Collection:
         workcell = Workcell.model_validate(content.get("cell") or {})
         friction = float(((content.get("hardware") or {}).get("simulated") or {}).get("friction_coefficient", 0.1))
         each = round(SPARE * self._quota())
-        key = result_key({"cell": content, "seed": self._wanted.seed, "each": each, "random": self._wanted.random})
+        wanted = {"seed": self._wanted.seed, "each": each, "random": self._wanted.random}
+        key = result_key({"cell": cell_identity(content), "code": self._code, **wanted})
 
         def make() -> Plan:
             self._console.print(f"choosing pose errors for {condition.name}", highlight=False)
             return make_plan(workcell, friction, stiffness, each, self._wanted.random, self._wanted.seed)
 
-        self._content[stiffness] = content
+        self._content[stiffness], self._identity[stiffness] = content, cell_identity(content)
         self._plans[stiffness] = load_or_make(self._folder / f"plan-{key}.json", make)
 
     def _quota(self) -> int:
@@ -124,7 +128,8 @@ class Collection:
                     yield stiffness, PushTask(target=target, index=index, seed=seed, push=push)
 
     def _key(self, stiffness: float, task: PushTask) -> str:
-        return result_key({"cell": self._content[stiffness], "task": task.model_dump(mode="json")})
+        cell = self._identity[stiffness]
+        return result_key({"cell": cell, "task": task.model_dump(mode="json"), "code": self._code})
 
     def _next(self, part: float) -> list[tuple[float, PushTask]]:
         """What to push now: for each stiffness as many of each state as are short of this part of its share."""
@@ -163,6 +168,9 @@ class Collection:
     def collect(self, cells: int | None, executor: ExecutorName, ray_address: str | None) -> list[str]:
         """Push until every state has enough, in at most a few rounds. Returns what was lost, in words."""
         lost: list[str] = []
+        self.contacts()
+        if said := self._store.said_of(self._code):
+            self._console.print(said, highlight=False)
         for number in range(ROUNDS):
             # half of all first, so that an early stop leaves something of everything
             part = 0.5 if number == 0 else 1.0
@@ -189,12 +197,15 @@ class Collection:
             )
             for stiffness, tasks in chunks
         ]
-        version = code_version()
+        began_s = time.monotonic()
 
         def done(index: int, results: list[dict[str, Any]]) -> None:
             stiffness, tasks = chunks[index]
+            nonlocal began_s
+            took_s, began_s = (time.monotonic() - began_s) / len(tasks), time.monotonic()
             for task, result in zip(tasks, results, strict=True):
-                self._store.put(self._key(stiffness, task), {**result, "code": version}, stiffness_n_mm=stiffness)
+                about = {"code": self._code, "took_s": round(took_s, 3), "stiffness_n_mm": stiffness}
+                self._store.put(self._key(stiffness, task), {**result, "code": self._code}, **about)
 
         engine = open_executor(executor, cells, len(jobs), ray_address)
         try:

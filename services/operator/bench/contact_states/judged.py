@@ -10,13 +10,12 @@ from rich.console import Console
 
 from crosspih_common.keys import CLASSIFY
 from crosspih_common.messages import ClassifyContacts, ContactClassifier, ContactState
-from services.operator.bench.contact_states.collecting import Collection, Contact
+from crosspih_common.provenance import ResultStore, cell_identity, code_version, result_key
+from services.operator.bench.contact_states.collecting import MADE_BY, Collection, Contact
 from services.operator.bench.contact_states.labels import NONE
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.source import code_version
-from services.operator.bench.store import ResultStore, result_key
 from services.operator.session import Session
 
 CHUNK = 200
@@ -75,14 +74,19 @@ def judge_wrenches(session: Session, wrenches: tuple[tuple[tuple[float, ...], tu
 def judge(collection: Collection, folder: Path, cells: int | None, console: Console) -> list[Judged]:
     """All contacts of a collection, judged by the code that runs here; what was judged by it before is taken over."""
     contacts = collection.contacts()
-    version = code_version()
-    with ResultStore(folder / "judged.jsonl") as store:
+    version = code_version(*MADE_BY)
+    stiffnesses = dict.fromkeys(contact.stiffness_n_mm for contact in contacts)
+    identities = {stiffness: cell_identity(collection.content(stiffness)) for stiffness in stiffnesses}
+    with ResultStore(folder / "judged.jsonl", "--folder") as store:
         keys = [
-            result_key({"code": version, "stiffness": contact.stiffness_n_mm, "wrench": list(contact.result.wrench)})
+            result_key({
+                "code": version, "cell": identities[contact.stiffness_n_mm], "wrench": list(contact.result.wrench),
+                "sd": list(contact.result.wrench_sd),
+            })
             for contact in contacts
-        ]
+        ]  # fmt: skip
         jobs, members = [], []
-        for stiffness in dict.fromkeys(contact.stiffness_n_mm for contact in contacts):
+        for stiffness in stiffnesses:
             open_ones = [
                 index
                 for index, contact in enumerate(contacts)
@@ -99,7 +103,7 @@ def judge(collection: Collection, folder: Path, cells: int | None, console: Cons
 
         def done(job: int, results: list[Any]) -> None:
             for index, verdicts in zip(members[job], results, strict=True):
-                store.put(keys[index], {"verdicts": verdicts})
+                store.put(keys[index], {"verdicts": verdicts}, code=version)
 
         if jobs:
             engine = open_executor(ExecutorName.LOCAL, cells, len(jobs))

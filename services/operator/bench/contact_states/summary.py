@@ -14,7 +14,6 @@ from crosspih_common.messages import ContactClassifier
 from services.operator.bench.contact_states.judged import CLASSIFIERS, Judged
 from services.operator.bench.contact_states.labels import NONE
 from services.operator.bench.contact_states.plan import RANDOM, STATE_NAMES
-from services.operator.bench.source import code_version
 from services.operator.statistics import wilson95
 
 NAMES = (*STATE_NAMES, NONE)
@@ -118,7 +117,6 @@ def summarise(judged: Sequence[Judged]) -> dict[str, Any]:
     wrong = [one for one in judged if not one.right(ContactClassifier.RULE)]
     return {
         "contacts": len(judged),
-        "by_other_code": sum(one.contact.result.code != code_version() for one in judged),
         "least_of_a_state": min(len(of_state(judged, name)) for name in STATE_NAMES),
         "on_purpose": both(purposed),
         "mean_over_states": {classifier.value: mean_over_states(purposed, classifier) for classifier in CLASSIFIERS},

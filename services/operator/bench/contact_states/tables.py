@@ -74,8 +74,5 @@ def print_tables(figures: dict[str, Any], console: Console) -> None:
     errors = figures["calibration_error"]
     said = ", ".join(f"{name} {errors[name]:.3f}" for name in names)
     console.print(f"confidence off by, on average (expected calibration error): {said}", highlight=False)
-    if figures["by_other_code"]:
-        said = f"{figures['by_other_code']} contacts were pushed by other code; remove the folder to push anew"
-        console.print(said, highlight=False)
     none = ", ".join(f"{why} {number}" for why, number in figures["none_of_26"].items())
     console.print(f"none of the 26: {none}", highlight=False)

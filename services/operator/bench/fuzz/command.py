@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import CrosspihError
+from crosspih_common.provenance import ResultStore, code_version
 from services.operator.bench.conditions import Condition, cell_content, merged
 from services.operator.bench.fuzz.attacking import Part, attack, parts
 from services.operator.bench.fuzz.decoding_all import AllDecoded, decode_every_key
@@ -22,7 +23,6 @@ from services.operator.bench.options import AsJson, Store, told
 from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.store import ResultStore
 from services.operator.bench.trials import base_cell_text
 from services.operator.session import NEEDED
 
@@ -113,7 +113,7 @@ def _attack(
         if time.time() > until:
             raise _TimeIsUp("the time is up; what was answered by now is counted")
         if store is not None:
-            store.put(keys[left[index]], result, part=left[index])
+            store.put(keys[left[index]], result, code=code_version(), part=left[index])
 
     pool = open_executor(ExecutorName.LOCAL, 1, 1)
     progress = CellsProgress(console, "commands and topics")

@@ -15,12 +15,11 @@ from dataclasses import dataclass, field
 
 from rich.console import Console
 
+from crosspih_common.provenance import ResultStore, folder_version, result_key
 from services.operator.bench.bar import Bar
 from services.operator.bench.fuzz.decoding import Decoded, Share, ShareDone, decode_share, kinds, shares
 from services.operator.bench.fuzz.rests_on import drawn_by
 from services.operator.bench.local_executor import usable_cores
-from services.operator.bench.source import folder_version
-from services.operator.bench.store import ResultStore, result_key
 
 SHARE = 2000
 
@@ -87,7 +86,7 @@ def decode_every_key(
             if share.first > 0:
                 done.grown_mb = max(done.grown_mb, most_mb - memory.setdefault(process, most_mb))
             if store is not None:
-                store.put(share_key(share), vars(decoded))
+                store.put(share_key(share), vars(decoded), code=folder_version("crosspih_common"))
             progress.advance(bar, share.payloads)
             for what in decoded.escaped:
                 progress.console.print(f"{share.key}: {what}", style="red", markup=False, highlight=False)

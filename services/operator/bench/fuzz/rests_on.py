@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from crosspih_common.keys import WALL_CLOCK, commands, topics
+from crosspih_common.provenance import cell_identity, code_version, folder_version, result_key
 from services.operator.bench.fuzz import attacking, decoding, payloads
-from services.operator.bench.source import code_version, folder_version
-from services.operator.bench.store import result_key
 from services.operator.session import NEEDED
 
 IN_THE_CELL = frozenset([*NEEDED, "recorder"])
@@ -59,5 +58,13 @@ def part_key(part: str, count: int, seed: int, cell: dict[str, Any]) -> str:
     code = [code_version()] if part == attacking.AFTERWARDS else [folder_version(folder) for folder in folders]
     drawn = [drawn_by(), _judged_by()]
     return result_key(
-        {"fuzz": "asked", "code": code, "drawn_by": drawn, "part": part, "count": count, "seed": seed, "cell": cell}
+        {
+            "fuzz": "asked",
+            "code": code,
+            "drawn_by": drawn,
+            "part": part,
+            "count": count,
+            "seed": seed,
+            "cell": cell_identity(cell),
+        }
     )

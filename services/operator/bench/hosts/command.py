@@ -95,6 +95,8 @@ def hosts(
                     folder = Path(made.enter_context(tempfile.TemporaryDirectory(prefix="crosspih-hosts-")))
                 else:
                     folder = keep.absolute() / f"stack{index}"
+                    if folder.exists():
+                        raise ConfigError(f"--keep: {folder} is of an earlier run; name another folder")
                     folder.mkdir(parents=True)
                 run_on_one_stack(trials, folder, seed, "realtime", say, done)
         if as_json:

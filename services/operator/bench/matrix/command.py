@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from crosspih_common.provenance import ResultStore, cell_identity, code_version, result_key
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.kills.options import Phases, Seed, Speed, chosen
 from services.operator.bench.matrix.ending import end_process
@@ -23,11 +24,19 @@ from services.operator.bench.options import AsJson, Cells, told
 from services.operator.bench.own_cell import SPEEDS, CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
-from services.operator.bench.store import ResultStore, result_key
 from services.operator.bench.trials import base_cell_text
 from services.operator.session import NEEDED
 
 WIDTH = 170
+# a death concerns who starts services, records and asks, beside the cell's own code
+MADE_BY = ("services", "deploy")
+
+
+def case_key(case: Case, speed: str) -> str:
+    """Under what a case is kept: itself, the cell and the code."""
+    cell = cell_identity(cell_content(base_cell_text(), Condition()))
+    identity = {"case": case.model_dump(mode="json"), "speed": speed, "cell": cell, "code": code_version(*MADE_BY)}
+    return result_key(identity)
 
 
 def matrix(
@@ -55,7 +64,7 @@ def matrix(
         victims, phases = chosen("--victim", victim, VICTIMS), chosen("--phase", phase, PHASES)
         (speed,) = chosen("--speed", [speed], SPEEDS)
         planned = list(cases(victims, phases, chosen("--signal", ending, Ending), seed))
-        keys = [result_key({"case": case.model_dump(mode="json"), "speed": speed}) for case in planned]
+        keys = [case_key(case, speed) for case in planned]
         missing = [index for index, key in enumerate(keys) if results.get(key) is None]
         tasks = []
         for index in missing:
@@ -67,11 +76,14 @@ def matrix(
             )
         progress = CellsProgress(console, "cases")
         progress.taken_over(len(planned), len(planned) - len(missing))
+        if said := results.said_of(code_version(*MADE_BY)):
+            progress.say(said)
 
         def on_result(number: int, result: Any) -> None:
             index = missing[number]
             case, seen = planned[index], Seen.model_validate(result)
-            results.put(keys[index], seen.model_dump(mode="json"), case=case.name, speed=speed)
+            code = code_version(*MADE_BY)
+            results.put(keys[index], seen.model_dump(mode="json"), code=code, case=case.name, speed=speed)
             wrong = Row(case=case, seen=seen).complaints
             progress.say(f"{case.name}: {'; '.join([outcome(case, seen), *wrong])}", "red" if wrong else "")
 
@@ -117,7 +129,7 @@ def table_of(rows: Sequence[Row]) -> Table:
 def _rows(planned: Sequence[Case], results: ResultStore, speed: str) -> list[Row]:
     rows = []
     for case in planned:
-        seen = results.get(result_key({"case": case.model_dump(mode="json"), "speed": speed}))
+        seen = results.get(case_key(case, speed))
         if seen is not None:
             rows.append(Row(case=case, seen=Seen.model_validate(seen)))
     return rows

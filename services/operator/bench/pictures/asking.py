@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import Workcell
-from services.operator.bench.pictures.judging import Verdict, figures_of, judged, least_off
+from services.operator.bench.pictures.judging import RENDERED_BY, Verdict, figures_of, judged, least_off
 from services.operator.bench.pictures.plain_pnp import plain_pose
 from services.operator.bench.pictures.shots import Shot, Wanted
 from services.operator.locate.worker import OfflineVision
@@ -43,6 +43,7 @@ def verdict_on(shot: Shot, vision: OfflineVision, folder: Path, annotated: Path 
     if annotated is not None:
         job["annotated"] = str(annotated / shot.name)
     verdict = judged(vision.ask(job), shot.name, shot.row, shot.pose_base_hole, order)
+    verdict = verdict.model_copy(update={RENDERED_BY: str(shot.about.get(RENDERED_BY, ""))})
     if not beside:
         return verdict
     more: dict[str, Any] = {}

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,12 +14,19 @@ from rich.console import Console
 
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
+from crosspih_common.provenance import part_version
 from services.operator.bench.bar import Bar
 from services.operator.bench.options import told
 from services.operator.bench.pictures import renderer, shots, store
+from services.operator.bench.pictures.judging import RENDERED_BY
 from services.operator.bench.pictures.rendering import render
 from services.operator.bench.pictures.sets import NAMED_SEEDS, ROWS, SceneName, pairs_of, scene_of
 
+# what a scene's light rests on, of this package
+MAKERS = (
+    "cameras", "finishes", "lights", "materials", "renderer", "rendering", "scenes", "sets", "solids", "surroundings",
+    "targets", "tracer",
+)  # fmt: skip
 RENDERED = Path("results/pictures")
 SMALL = Path("tests/pictures/set")
 
@@ -66,8 +76,24 @@ def make_scene(scene: SceneName, folder: Path, small: bool = False) -> bool:
     if path.is_file():
         return False
     spec, pair, care = scene.drawn()
-    store.save(path, render(spec, Workcell(), pair, scene.seed, care), small)
+    rendered = render(spec, Workcell(), pair, scene.seed, care)
+    store.save(path, replace(rendered, truth={**rendered.truth, RENDERED_BY: renderer_version()}), small)
     return True
+
+
+@cache
+def renderer_version() -> str:
+    """Sixteen hex digits over what makes a scene's light from its name; each scene says by which it was made."""
+    return part_version(
+        *(f"services.operator.bench.pictures.{name}" for name in MAKERS), "crosspih_common.shapes",
+        libraries=("mitsuba", "numpy", "opencv-python-headless"),
+    )  # fmt: skip
+
+
+def by_renderer(folder: Path, scenes: list[SceneName]) -> Counter[str]:
+    """How many of these scenes are there, by the renderer's code that made them; '' where a scene does not say."""
+    paths = [folder / shots.SCENES / scene.file for scene in scenes]
+    return Counter(store.truth_of(path).get(RENDERED_BY, "") for path in paths if path.is_file())
 
 
 def make_pictures(
@@ -87,6 +113,12 @@ def make_pictures(
         about = kept_about(out, number, share, named)
         scenes = scenes_for(named, number, share)
         (out / shots.SCENES).mkdir(parents=True, exist_ok=True)
+        others = by_renderer(out, scenes)
+        others.pop(renderer_version(), None)
+        if others:
+            said = ", ".join(f"{count} by {name or 'one that is not said'}" for name, count in others.items())
+            said = f"{out}: scenes of other renderers' code are kept and are not made anew: {said}; this is"
+            console.print(f"{said} {renderer_version()}", style="yellow", highlight=False, soft_wrap=True)
         (out / shots.SET).write_text(json.dumps(about, indent=1), encoding="utf-8")
         with Bar(console) as progress:
             task = progress.add_task("scenes", total=len(scenes))

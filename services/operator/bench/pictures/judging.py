@@ -17,6 +17,7 @@ from services.operator.statistics import wilson95
 # quantiles of chi2 with six degrees of freedom
 IN_95, IN_9999 = float(chdtri(6, 0.05)), float(chdtri(6, 0.0001))
 Span = tuple[float, float]
+RENDERED_BY = "rendered_by"  # in a scene's truth: the code that made its light
 
 
 class Verdict(BaseModel):
@@ -37,6 +38,7 @@ class Verdict(BaseModel):
     nees: float | None = None
     time_s: float | None = None
     quality: dict[str, float] = {}
+    rendered_by: str = ""
     plain_located: bool = False
     plain_lateral_mm: float | None = None
     paper_located: bool = False

@@ -48,6 +48,13 @@ def save(path: Path, rendered: Rendered, small: bool = False) -> None:
     part.replace(path)
 
 
+def truth_of(path: Path) -> dict[str, Any]:
+    """What is known of a scene, without its pictures."""
+    with np.load(path) as file:
+        truth: dict[str, Any] = json.loads(bytes(file["about"]).decode())["truth"]
+        return truth
+
+
 def load(path: Path) -> Rendered:
     """Read a scene."""
     with np.load(path) as file:

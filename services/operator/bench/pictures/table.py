@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from rich import box
 from rich.table import Table
 
@@ -20,7 +22,8 @@ def table_of(report: PicturesReport) -> Table:
         padding=(0, 1, 0, 0),
         title=f"vision on {report.pictures}, p50 / p95 of the poses given",
         caption="none: pairs with no such hole; wrong: a pose where there is no such hole, or outside the 99.99 % "
-        "region of its own covariance; plain: corners by a threshold, and solvePnP: found, lateral mm",
+        "region of its own covariance; plain: corners by a threshold, and solvePnP: found, lateral mm"
+        + _renderers(report),
     )
     for name in COLUMNS:
         table.add_column(name, justify="left" if name == "row" else "right", no_wrap=True)
@@ -29,6 +32,16 @@ def table_of(report: PicturesReport) -> Table:
             table.add_section()
         table.add_row(*_cells(row))
     return table
+
+
+def _renderers(report: PicturesReport) -> str:
+    """By which renderers' code the pictures are, where they are a mixture."""
+    counts = Counter(verdict.rendered_by for verdict in report.each)
+    if len(counts) < 2:
+        return ""
+    return "; A MIXTURE of pictures: " + ", ".join(
+        f"{count} rendered by {name or 'code that is not said'}" for name, count in counts.items()
+    )
 
 
 def _cells(row: RowFigures) -> list[str]:

@@ -1,0 +1,141 @@
+"""What code made a figure: one hash over the sources on which a trial's outcome rests."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import crosspih_common
+
+# what only starts, shows, keeps or counts has no say in how a trial ends
+_NO_SAY = ("operator", "recorder", "router")
+# of the operator's own: what asks for a trial, in which cell, and what scores it
+_SCORED_BY = ("scoring.py", "challenge_score.py", "session.py", "asked.py", "bench/own_cell.py")
+_LIBRARIES = ("numpy", "scipy", "pybullet", "mujoco", "opencv-python-headless", "torch", "pin", "coal", "shapely")
+
+
+_WANTED = {".py", ".safetensors", ".json", ".yaml", ".npz", ".xml"}
+
+
+def _without_docstrings(text: str) -> str:
+    """A Python source as its syntax tree: comments, layout and docstrings do not count."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                node.body = node.body[1:]
+    return ast.dump(tree)
+
+
+def _sources(root: Path, further: tuple[str, ...] = ()) -> list[Path]:
+    found = list((root / "crosspih_common").rglob("*"))
+    for folder in sorted((root / "services").iterdir()):
+        if folder.is_dir() and folder.name not in _NO_SAY:
+            found += folder.rglob("*")
+    found += [root / "services" / "operator" / name for name in _SCORED_BY]
+    return sorted({*(path for path in found if path.suffix in _WANTED and path.is_file()), *_chosen(root, further)})
+
+
+def _chosen(root: Path, modules: tuple[str, ...]) -> list[Path]:
+    found: list[Path] = []
+    for module in modules:
+        path = root.joinpath(*module.split("."))
+        found += path.rglob("*") if path.is_dir() else [path.with_suffix(".py")]
+    return sorted({path for path in found if path.suffix in _WANTED and path.is_file()})
+
+
+def _digested(root: Path, path: Path) -> bytes:
+    if path.suffix == ".py":
+        content = _without_docstrings(path.read_text(encoding="utf-8")).encode()
+    else:
+        content = path.read_bytes()
+    return f"{path.relative_to(root).as_posix()}\n".encode() + content
+
+
+def _version(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return "none"
+
+
+def _of_libraries() -> hashlib._Hash:
+    digest = hashlib.sha256()
+    for library in _LIBRARIES:
+        digest.update(f"{library} {_version(library)}\n".encode())
+    return digest
+
+
+def hash_sources(root: Path, *further: str) -> str:
+    """Sixteen hex digits over the sources below `root` and the versions of the numerical libraries.
+
+    `further`: modules or packages that have a say beside them, such as services.operator.dataset.contact.
+    """
+    digest = _of_libraries()
+    for path in _sources(root, further):
+        digest.update(_digested(root, path))
+    return digest.hexdigest()[:16]
+
+
+def _root() -> Path:
+    return Path(next(iter(crosspih_common.__path__))).resolve().parent
+
+
+@cache
+def part_version(*modules: str, libraries: tuple[str, ...] = ()) -> str:
+    """Sixteen hex digits over these modules and packages alone and the versions of these libraries: for what rests on
+    a part of the code and takes hours to make.
+    """
+    root = _root()
+    digest = hashlib.sha256(" ".join(f"{library} {_version(library)}" for library in libraries).encode())
+    for path in _chosen(root, modules):
+        digest.update(_digested(root, path))
+    return digest.hexdigest()[:16]
+
+
+@cache
+def folder_version(folder: str, root: Path | None = None) -> str:
+    """As `code_version`, over all of one folder alone, such as `crosspih_common` or `services/vision`: for what rests
+    on less than a trial does. Taken once a process."""
+    root = root or _root()
+    digest = _of_libraries()
+    for path in _chosen(root, (folder.replace("/", "."),)):
+        digest.update(_digested(root, path))
+    return digest.hexdigest()[:16]
+
+
+@cache
+def code_version(*further: str) -> str:
+    """`hash_sources` of the code that runs here; taken once a process."""
+    return hash_sources(_root(), *further)
+
+
+class SourceWatch:
+    """Whether the sources below `root` are still those of a version: a stack that starts late runs what is there then.
+
+    It looks at times and sizes, and reads the sources again only where these have changed.
+    """
+
+    def __init__(self, root: Path | None = None, version: str | None = None, further: tuple[str, ...] = ()) -> None:
+        self._root = root or _root()
+        self._further = further
+        self._version = version or code_version(*further)
+        self._same = True
+        self._stamps: dict[Path, tuple[int, int]] = {}
+
+    def unchanged(self) -> bool:
+        """Ask as often as you like; once changed it stays so."""
+        if self._same:
+            stamps = {
+                path: (about.st_mtime_ns, about.st_size)
+                for path in _sources(self._root, self._further)
+                if (about := path.stat())
+            }
+            if stamps != self._stamps:
+                self._stamps = stamps
+                self._same = hash_sources(self._root, *self._further) == self._version
+        return self._same
