@@ -11,7 +11,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.modules import module_command
 from services.operator.__main__ import app
 from services.operator.results.cli import entries_named
-from services.operator.results.page import duration, make_page
+from services.operator.results.page import Sections, duration, make_page, when
 from services.operator.results.plan import Entry, arguments, load_plan
 from services.operator.results.printed import Printed
 
@@ -75,13 +75,14 @@ def test_the_page_holds_commands_what_they_said_and_pictures(tmp_path: Path) -> 
     printed = Printed(
         name="two",
         command=command,
-        code="c0de",
+        code="c0de" * 4,
         cores=2,
         status=1,
         elapsed_s=7300.0,
         text="argv[0]=\na table\nargv[0]=\n",
     )
-    page = make_page(entries, {"two": printed}, "docs/results", "other")
+    page, counts = make_page(entries, {"two": printed}, "docs/results", "other")
+    assert counts == Sections(this=0, other=1, missing=1)
     assert "Not run yet." in page and "Look." in page
     assert "```text\na table\n```" in page and "![The second](results/two.png)" in page
     assert "ended with status 1" in page and "changed since" in page and duration(7300.0) in page
@@ -99,3 +100,56 @@ def test_a_known_result_is_not_made_again_and_a_failure_is_told(tmp_path: Path) 
     assert (tmp_path / "results.md").read_text(encoding="utf-8") == page
     unknown = CliRunner().invoke(app, ["results", "three", *options])
     assert unknown.exit_code == 1 and "three: no such result" in unknown.output
+
+
+def test_a_fresh_clone_keeps_the_page_that_came_with_it(tmp_path: Path) -> None:
+    """What the page was printed from does not come with the code: it must not become 'Not run yet'."""
+    entries = load_plan()
+    before = Path("docs/results.md").read_text(encoding="utf-8")
+    after, counts = make_page(entries, {}, "docs/results", "0" * 16, before)
+    assert counts.missing == before.count("Not run yet.") and counts.this == 0
+    for section in before.split("\n## ")[1:]:
+        table = section.split("```text\n")[1].split("\n```")[0]
+        assert table in after
+    assert after.count("the code has changed since") == counts.other
+    once_more, _ = make_page(entries, {}, "docs/results", "0" * 16, after)
+    assert once_more == after
+    other_plan = [entry.model_copy(update={"command": "crosspih bench nothing"}) for entry in entries[:1]]
+    assert "the command is another one since" in make_page(other_plan, {}, "docs/results", "0" * 16, before)[0]
+
+
+@pytest.mark.parametrize(
+    ("taken", "made", "said"),
+    [
+        (0, 400, "Measured in 60 s on 2 cores, 2026-12-01"),
+        (
+            400,
+            0,
+            "Printed from the store in 60 s; its 400 results were measured before, 2026-11-29 to 2026-11-30, in ",
+        ),
+        (
+            300,
+            100,
+            "Measured: 100 results in 60 s on 2 cores, 2026-12-01; 300 results were measured ",
+        ),
+    ],
+)
+def test_the_time_of_a_reprint_is_not_given_for_that_of_the_measurement(taken: int, made: int, said: str) -> None:
+    times = ("2026-11-29T10:00:00+00:00", "2026-11-30T10:00:00+00:00")
+    printed = Printed(
+        name="a", command="", code="", cores=2, status=0, elapsed_s=60.0, text="", at="2026-12-01T10:00:00+00:00",
+        taken=taken, made=made, taken_s=1620.0, first=times[0], last=times[1],
+    )  # fmt: skip
+    assert when(printed).startswith(said)
+
+
+def test_what_a_command_took_over_reaches_the_page(tmp_path: Path) -> None:
+    """The estimator's coverage twice, of one trial: measured, then printed from its store."""
+    plan, out = tmp_path / "plan.yaml", tmp_path / "p.jsonl"
+    command = f"python -m services.inference.estimator --trials 1 --touches 1 --out {out}"
+    plan.write_text(f"- {{name: a, title: A, command: {command!r}, in_cells: false, has_json: false}}")
+    options = ["--plan", str(plan), "--page", f"{tmp_path}/results.md", "--kept", f"{tmp_path}/kept", "--again"]
+    for said in ("Measured in", "Printed from the store in"):
+        done = CliRunner().invoke(app, ["results", *options])
+        assert done.exit_code == 0 and "1 of 1 sections are by code" in " ".join(done.output.split()), done.output
+        assert said in (tmp_path / "results.md").read_text(encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from enum import Enum
 from pathlib import Path
@@ -23,6 +24,7 @@ from services.operator.bench.trials import DEFAULT_STORE, TrialJob, TrialsEnded,
 from services.operator.scoring import TrialFigures
 
 POOR = {"lateral_m": 0.0025, "depth_m": 0.002, "rotation_rad": 0.0524}
+POORLY = f"off by {POOR['lateral_m'] * 1e3:g} mm and {math.degrees(POOR['rotation_rad']):.0f}° an axis"
 
 
 class Vision(str, Enum):
@@ -35,7 +37,7 @@ class Vision(str, Enum):
 
 CONDITIONS = {
     Vision.GOOD: Condition(name="good vision"),
-    Vision.POOR: Condition(name="poor vision: off by 2.5 mm, 3° an axis", overrides={"vision": {"extra_noise": POOR}}),
+    Vision.POOR: Condition(name=f"poor vision: {POORLY}", overrides={"vision": {"extra_noise": POOR}}),
     Vision.OFF: Condition(name="no vision", overrides={"vision": {"enabled": False}}),
 }
 # in the order of the table: from blind to informed
@@ -57,7 +59,7 @@ def compare(
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
     vision: Annotated[
         list[Vision] | None,
-        typer.Option(help="good: as it is; poor: 1 mm and 3 deg an axis worse; off. May be repeated; all if left out."),
+        typer.Option(help=f"good: as it is; poor: {POORLY}; off. May be repeated; all if left out."),
     ] = None,
     strategy: Annotated[
         list[Strategy] | None, typer.Option(help="Only this one; may be repeated; all that are compared if left out.")

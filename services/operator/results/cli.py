@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import shlex
 import subprocess
+import tempfile
 import time
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Annotated
 
@@ -13,20 +15,36 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import ConfigError, CrosspihError
-from crosspih_common.provenance import code_version
+from crosspih_common.provenance import (
+    MEASURED_VARIABLE,
+    SourceWatch,
+    cell_identity,
+    code_version,
+    measured_in,
+    result_key,
+)
+from crosspih_common.service.lifecycle import DEFAULT_CELL
+from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.local_executor import usable_cores
 from services.operator.bench.options import Cells, RayAddress, Where
+from services.operator.bench.own_cell import free_port
 from services.operator.bench.pool import ExecutorName
-from services.operator.results.page import duration, make_page
+from services.operator.results.page import Sections, make_page, when
 from services.operator.results.plan import PLAN, Entry, arguments, load_plan
 from services.operator.results.printed import Printed, PrintedFolder
 
 WIDTH = 118
 
 
-def _run(command: str) -> tuple[int, str]:
+def _environment(told: Path) -> dict[str, str]:
+    """Of a command: the default cell, on a port of its own, so that no stack that happens to run answers for it."""
+    mine = {name: value for name, value in os.environ.items() if name not in ("CROSSPIH_CELL", "CROSSPIH_ENDPOINT")}
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    return {**mine, "COLUMNS": str(WIDTH), MEASURED_VARIABLE: str(told), "CROSSPIH_ENDPOINT": endpoint}
+
+
+def _run(command: str, environment: dict[str, str]) -> tuple[int, str]:
     """Run a command, its standard error as it comes; its status and its standard output."""
-    environment = {**os.environ, "COLUMNS": str(WIDTH)}
     with subprocess.Popen(arguments(command), stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         try:
@@ -38,19 +56,29 @@ def _run(command: str) -> tuple[int, str]:
         return process.wait(), text
 
 
-def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path) -> Printed:
-    started = time.monotonic()
-    # where its cells are has no say in what comes out, so it is no part of the command that the page shows
-    status, text = _run(shlex.join([*shlex.split(command), *where]))
-    elapsed_s = time.monotonic() - started
-    if status == 0 and entry.has_json:
-        status, content = _run(shlex.join([*shlex.split(command), *where, "--json"]))
-        json_path.parent.mkdir(parents=True, exist_ok=True)
-        json_path.write_text(content, encoding="utf-8")
+def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path, cell: str) -> Printed:
+    with tempfile.TemporaryDirectory(prefix="crosspih-results-") as folder:
+        told = Path(folder) / "measured"
+        started = time.monotonic()
+        # where its cells are has no say in what comes out, so it is no part of the command that the page shows
+        status, text = _run(shlex.join([*shlex.split(command), *where]), _environment(told))
+        elapsed_s = time.monotonic() - started
+        measured = measured_in(told)
+        if status == 0 and entry.has_json:
+            again = Path(folder) / "printed-again"
+            status, content = _run(shlex.join([*shlex.split(command), *where, "--json"]), _environment(again))
+            json_path.parent.mkdir(parents=True, exist_ok=True)
+            json_path.write_text(content, encoding="utf-8")
     return Printed(
         name=entry.name, command=command, code=code_version(), cores=usable_cores(), status=status,
-        elapsed_s=round(elapsed_s, 1), text=text,
+        elapsed_s=round(elapsed_s, 1), text=text, cell=cell, at=datetime.now(timezone.utc).isoformat("T", "seconds"),
+        **measured.model_dump(),
     )  # fmt: skip
+
+
+def _default_cell() -> str:
+    text = Path(DEFAULT_CELL).read_text(encoding="utf-8")
+    return result_key(cell_identity(cell_content(text, Condition())))
 
 
 def entries_named(entries: list[Entry], names: list[str]) -> list[Entry]:
@@ -107,32 +135,41 @@ def results(
         if ray_address is not None:
             where += ("--ray-address", ray_address)
 
-        def write() -> None:
+        def write() -> Sections:
             printed = {entry.name: found for entry in entries if (found := shelf.get(entry.name)) is not None}
-            page.write_text(make_page(entries, printed, folder.as_posix(), code), encoding="utf-8")
+            before = page.read_text(encoding="utf-8") if page.is_file() else ""
+            text, counts = make_page(entries, printed, folder.as_posix(), code, before)
+            page.write_text(text, encoding="utf-8")
+            return counts
 
-        write()
+        counts, watch, cell = write(), SourceWatch(), _default_cell()
+        if os.environ.get("CROSSPIH_CELL") and not page_only:
+            console.print("CROSSPIH_CELL is passed over: the page is about the default cell", style="yellow")
         for entry in [] if page_only else chosen:
             command = entry.shown(folder.as_posix(), tuple(entry.quick.split()) if quick else ())
             before = shelf.get(entry.name)
-            same = before is not None and (before.command, before.code, before.status) == (command, code, 0)
-            if same and not again:
+            if before is not None and before.stands_for(command, code, cell) and not again:
                 console.print(f"{entry.name}: known", highlight=False)
                 continue
             console.print(f"{entry.name}: {command}", style="bold", markup=False, highlight=False, soft_wrap=True)
-            printed = _make(entry, command, where if entry.in_cells else (), folder / f"{entry.name}.json")
+            printed = _make(entry, command, where if entry.in_cells else (), folder / f"{entry.name}.json", cell)
+            if not watch.unchanged():
+                raise CrosspihError(
+                    f"{entry.name}: the sources changed while it ran, so that it is of no one code and is not kept; "
+                    f"leave them alone, and give the same command again"
+                )
             shelf.put(printed)
-            write()
+            counts = write()
             if printed.status != 0:
                 failed.append(entry.name)
-            console.print(f"{entry.name}: {duration(printed.elapsed_s)}", highlight=False)
+            console.print(f"{entry.name}: {when(printed)}", highlight=False)
     except CrosspihError as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from here", highlight=False)
         raise typer.Exit(130) from None
-    console.print(f"{page} is written", highlight=False)
+    console.print(f"{page} is written: {counts.said(code)}", highlight=False)
     if failed:
         console.print(f"failed: {', '.join(failed)}", style="red", highlight=False)
         raise typer.Exit(1)

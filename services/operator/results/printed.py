@@ -8,7 +8,12 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 
 class Printed(BaseModel):
-    """The outcome of one entry."""
+    """The outcome of one entry.
+
+    code, cell: what it was made with. elapsed_s: of the run that printed it. taken: results that it took over from its
+    stores, taken_s what measuring those took, first and last when that was; made: results that it measured itself. at:
+    UTC, ISO 8601.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -19,6 +24,17 @@ class Printed(BaseModel):
     status: int
     elapsed_s: float
     text: str
+    cell: str = ""
+    at: str = ""
+    taken: int = 0
+    made: int = 0
+    taken_s: float | None = None
+    first: str = ""
+    last: str = ""
+
+    def stands_for(self, command: str, code: str, cell: str) -> bool:
+        """Whether it is what this command prints with this code in this cell."""
+        return (self.command, self.code, self.cell, self.status) == (command, code, cell, 0)
 
 
 class PrintedFolder:
