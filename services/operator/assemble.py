@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -16,11 +17,14 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from crosspih_common.recording import RecordingError
 from deploy.launcher import LauncherError
+from services.operator.as_bench import bench_session
+from services.operator.bench.conditions import DEFAULT_PEG, Condition, condition_of
+from services.operator.bench.trials import TrialJob
 from services.operator.for_cell import CELL_HELP
 from services.operator.pegs import cell_with_peg
 from services.operator.report import make_report
 from services.operator.scoring import TrialFigures
-from services.operator.session import using_cell
+from services.operator.session import Session, using_cell
 from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
 
@@ -34,15 +38,35 @@ class _Done:
     truth: SimulationTruth | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """In which cell: the running one or one like it, or with `bench` one as a bench makes it for the trial of a row."""
+
+    file: Path | None
+    speed: str | None
+    bench: bool
+    condition: Condition
+
+    @contextmanager
+    def session(self, job: TrialJob, peg: str | None, record: bool) -> Iterator[Session]:
+        """Where the assembly is made."""
+        with using_cell(self.file):
+            if self.bench:
+                with bench_session(job, record) as session:
+                    yield session
+            else:
+                with cell_with_peg(peg), cell_session(self.speed) as (session, _):
+                    yield session
+
+
 def _assemble(
-    console: Console, cell: Path | None, seed: int, strategy: Strategy, speed: str | None, record: bool,
-    peg: str | None, known: PosePrior | None = None,
+    console: Console, cell: _Cell, seed: int, strategy: Strategy, record: bool, peg: str | None,
+    known: PosePrior | None = None,
 ) -> _Done:  # fmt: skip
+    job = TrialJob(seed=seed, strategy=strategy, condition=cell.condition, peg=peg or DEFAULT_PEG, known=known)
     with ExitStack() as stack:
-        stack.enter_context(using_cell(cell))
-        stack.enter_context(cell_with_peg(peg))
         with console.status("starting the cell"):
-            session, _ = stack.enter_context(cell_session(speed))
+            session = stack.enter_context(cell.session(job, peg, record))
         outline = session.cell.workcell.peg.shape().outline
         drawn = f"seed {seed}" if session.simulated else "no simulator: nothing is drawn, and nothing tells the truth"
         console.print(f"{drawn}, peg {outline.name}, strategy {strategy.value}, {session.speed()}", highlight=False)
@@ -81,6 +105,15 @@ def assemble(
     seed: Annotated[
         int, typer.Option(min=0, help="Draws the hole, the light and the noise of the simulated cell.")
     ] = 1,
+    as_bench: Annotated[
+        bool,
+        typer.Option(
+            "--as-bench", help="The trial that a bench makes of this seed, to the last bit, in a cell of its own."
+        ),
+    ] = False,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="With --as-bench: a setting of the cell's file, as for the bench.")
+    ] = None,
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
     peg: Annotated[
         str | None, typer.Option(help=f"{', '.join(OUTLINES)}, or an SVG or DXF file; the cell's own when left out.")
@@ -97,7 +130,11 @@ def assemble(
         bool, typer.Option("--json", help="One JSON object on standard output, an array of two with --after-cross.")
     ] = False,
 ) -> None:
-    """Do one assembly: on the running stack, or on one that is started for it and stopped afterwards."""
+    """Do one assembly: on the running stack, or on one that is started for it and stopped afterwards.
+
+    Without --as-bench a seed draws the same hole, light and noise, but the force/torque sensor's calibration is the one
+    that the cell has, and in real time no two runs are the same.
+    """
     console = Console(stderr=as_json)
     if speed not in (None, "realtime", "max"):
         console.print(f"--speed {speed}: want realtime or max", highlight=False)
@@ -105,19 +142,26 @@ def assemble(
     if after_cross and peg in (None, CROSS):
         console.print("--after-cross: name the other peg with --peg, star for instance", highlight=False)
         raise typer.Exit(2)
+    if as_bench and speed == "realtime":
+        console.print("--as-bench: a bench's cells run at max; leave --speed out", highlight=False)
+        raise typer.Exit(2)
+    if settings and not as_bench:
+        console.print("--set: only with --as-bench; else write it into the cell's file", highlight=False)
+        raise typer.Exit(2)
     done: list[_Done] = []
     try:
+        where = _Cell(cell, speed, as_bench, condition_of(settings or ()))
         if after_cross:
-            done.append(_assemble(console, cell, seed, strategy, speed, record, CROSS))
+            done.append(_assemble(console, where, seed, strategy, record, CROSS))
             found = done[0].figures.found
             if found is not None:
                 if not as_json:
                     _print(console, done[0])
                 said = f"the cross is swapped for the peg {peg}, and the insert of the plate for its hole"
                 console.print(said, highlight=False)
-                done.append(_assemble(console, cell, seed, Strategy.KNOWN_POSE, speed, record, peg, found))
+                done.append(_assemble(console, where, seed, Strategy.KNOWN_POSE, record, peg, found))
         else:
-            done.append(_assemble(console, cell, seed, strategy, speed, record, peg))
+            done.append(_assemble(console, where, seed, strategy, record, peg))
     except (CrosspihError, LauncherError) as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None

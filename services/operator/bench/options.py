@@ -13,6 +13,7 @@ from rich.console import Console
 from crosspih_common.errors import CrosspihError
 from crosspih_common.provenance import ResultStore
 from deploy.launcher import LauncherError
+from services.operator.as_bench import watch_command
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.progress import CellsProgress
 from services.operator.bench.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
@@ -71,6 +72,7 @@ def trials_of(
             progress.say(
                 f"{named}{job.strategy.value}, seed {job.seed}: {figures.failure} {figures.failure_detail}", "red"
             )
+            progress.say(f"  watch it: {watch_command(job)}")
         on_done(job, figures)
 
     kept = None if store is None else ResultStore(store)
