@@ -107,7 +107,11 @@ class AssemblyResult(Message):
     warnings: tuple[str, ...] = Field(
         default=(), description="what casts doubt on T2 or on vision though the peg is in, with what to look at"
     )
-    vision_refused: str = Field(default="", description="why vision did not see the hole, which was then felt for")
+    vision_refused: str = Field(default="", description="why vision did not see the hole: a refusal, its code first")
+    felt_for: bool = Field(
+        default=False,
+        description="vision was asked, and the hole was found by force alone: it refused, or what it saw led nowhere",
+    )
     motion_s: float = Field(description="cell clock")
     thinking_s: float = Field(description="wall time of the services between motions")
     touches: int = Field(description="guarded moves that felt something on the way in")

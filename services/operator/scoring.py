@@ -15,6 +15,7 @@ from services.operator.challenge_score import challenge_score
 
 # a peg in its bore is off by its clearance; one that is off by more than this is deep, but not in the hole
 BESIDE_LEAST_M = 0.002
+SWITCHED_OFF = "switched_off"  # how vision refuses in a cell whose file has it disabled: nobody looked
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +94,11 @@ class TrialFigures(BaseModel):
     tip_path_m: float | None = None
     mean_jerk_m_s3: float | None = None
     challenge_score: float | None = None
+    # vision was asked, by a cell that has it; the code of its refusal, empty where it saw the hole or was not asked;
+    # whether the hole was found by force alone though vision was asked
+    looked: bool = False
+    vision_refused: str = ""
+    felt_for: bool = False
     vision_error_mm: float | None
     vision_error_deg: float | None
     vision_tilt_deg: float | None
@@ -132,6 +138,7 @@ def score(
         depth_m = result.insertion_depth_m
     # a driver that tells nothing of its motions says that the tip never moved
     told = result.tip_path_m > 0.0
+    refused = result.vision_refused.partition(":")[0]
     mean_jerk_m_s3 = result.jerk_integral_m_s2 / result.moving_s if result.moving_s > 0.0 else 0.0
     duration_s = round(result.motion_s + result.thinking_s, 4)
     points = None
@@ -167,6 +174,9 @@ def score(
         tip_path_m=result.tip_path_m if told else None,
         mean_jerk_m_s3=mean_jerk_m_s3 if told else None,
         challenge_score=points,
+        looked=result.vision_pose_base_hole is not None or refused not in ("", SWITCHED_OFF),
+        vision_refused=refused,
+        felt_for=result.felt_for,
         vision_error_mm=None if vision is None else vision.lateral_mm,
         vision_error_deg=None if vision is None else vision.rotation_deg,
         vision_tilt_deg=None if vision is None else vision.tilt_deg,
@@ -181,6 +191,15 @@ def score(
         recording=recording,
         report=None,
     )
+
+
+def seen_in_words(figures: TrialFigures) -> str:
+    """What vision had to do with it, in a few words."""
+    if figures.vision_refused:
+        return f"refused ({figures.vision_refused})" + (", found by force" if figures.felt_for else "")
+    if not figures.looked:
+        return "not asked"
+    return "saw it, forgotten for force" if figures.felt_for else "saw it"
 
 
 def _found(result: AssemblyResult) -> PosePrior | None:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from crosspih_common.messages import AssemblyPhase, Event, Phase, Severity, Touch
-from services.operator.scoring import TrialFigures
+from services.operator.scoring import TrialFigures, seen_in_words
 
 COLOURS = {
     Phase.CALIBRATING: "blue",
@@ -104,6 +104,8 @@ def summary(figures: TrialFigures) -> Table:
     )
     row("touches, corrections, pushes", f"{figures.touches}, {figures.corrections}, {figures.pushes}")
     row("peak force and moment", f"{figures.peak_force_n:.1f} N, {figures.peak_moment_nm:.2f} Nm")
+    if figures.vision_refused or figures.felt_for:
+        row("vision", f"[yellow]{escape(seen_in_words(figures))}[/yellow]")
     if figures.vision_error_mm is not None:
         row(
             "vision against the truth",

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from services.operator.scoring import TrialFigures
+from services.operator.scoring import SWITCHED_OFF, TrialFigures
 
 FIGURES = (
     "duration_s",
@@ -48,6 +49,57 @@ class Quantiles(BaseModel):
     max: float
 
 
+class Sight(BaseModel):
+    """What vision had to do with it. refused: by code, as a cell's file that has it disabled does with `switched_off`,
+    which is no look. felt_for: the hole was found by force alone though vision was asked; of these so many inserted.
+    untouched: inserted without a touch.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    looked: int
+    refused: dict[str, int]
+    felt_for: int
+    felt_for_inserted: int
+    untouched: int
+
+    @property
+    def short(self) -> str:
+        """For a narrow column: refused by a vision that looked, and found by force alone though it was asked."""
+        looks = sum(count for code, count in self.refused.items() if code != SWITCHED_OFF)
+        return f"{looks}, {self.felt_for}"
+
+
+class _Looked(Protocol):
+    """What a trial of any bench says of vision."""
+
+    @property
+    def looked(self) -> bool: ...
+    @property
+    def vision_refused(self) -> str: ...
+    @property
+    def felt_for(self) -> bool: ...
+
+
+def sight_row(trials: Sequence[_Looked]) -> tuple[str, str]:
+    """A row of a table: how many looked, were refused, and went on by force."""
+    looked, felt_for = sum(one.looked for one in trials), sum(one.felt_for for one in trials)
+    refused = sum(one.vision_refused not in ("", SWITCHED_OFF) for one in trials)
+    return "vision looked, refused, found by force instead", f"{looked}, {refused}, {felt_for}"
+
+
+def sight_of(trials: Sequence[TrialFigures]) -> Sight:
+    """How many looked, were refused, and went on by force."""
+    felt = [trial for trial in trials if trial.felt_for]
+    return Sight(
+        looked=sum(trial.looked for trial in trials),
+        refused=dict(Counter(trial.vision_refused for trial in trials if trial.vision_refused)),
+        felt_for=len(felt),
+        felt_for_inserted=sum(trial.inserted for trial in felt),
+        untouched=sum(trial.inserted and trial.touches == 0 for trial in trials),
+    )
+
+
 class BenchResult(BaseModel):
     """What `crosspih bench assembly --json` prints."""
 
@@ -62,6 +114,7 @@ class BenchResult(BaseModel):
     wilson95_high: float
     failures: dict[str, int]
     backed_off_of_failed: int
+    sight: Sight
     figures: dict[str, Quantiles]
     each: list[TrialFigures]
 
@@ -100,6 +153,7 @@ def summarise(strategy: str, seed: int, trials: Sequence[TrialFigures]) -> Bench
         wilson95_high=high,
         failures=dict(Counter(trial.failure or "unknown" for trial in failed)),
         backed_off_of_failed=sum(trial.backed_off for trial in failed),
+        sight=sight_of(trials),
         figures=figures,
         each=list(trials),
     )

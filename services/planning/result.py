@@ -27,6 +27,7 @@ def result_of(request: Assemble, done: Finished, thinking_s: float) -> AssemblyR
         pose_base_peg=PoseData.of(run.pose_base_peg),
         warnings=done.warnings,
         vision_refused=run.vision_refused,
+        felt_for=run.felt_for,
         vision_pose_base_hole=None if run.vision_pose is None else PoseData.of(run.vision_pose),
         motion_s=run.motion_s,
         thinking_s=thinking_s,

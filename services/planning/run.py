@@ -78,6 +78,7 @@ class Run:
         self.vision_pose: Pose | None = None
         self.vision_covariance: tuple[float, ...] = ()  # (36,) of it, as in HoleEstimate
         self.vision_refused = ""
+        self.felt_for = False  # by force alone, though vision was asked
         self.vision_warnings: tuple[str, ...] = ()
         self.believed: Pose | None = None
         self.known: PosePrior | None = None  # told with the request

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 
 import pytest
@@ -13,14 +14,23 @@ from rich.console import Console
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Strategy
 from services.operator.bench.assembly import figures_table
+from services.operator.bench.busy import BusyResult, ended
+from services.operator.bench.busy import table_of as busy_table
 from services.operator.bench.compare import CONDITIONS, STRATEGIES, Vision
 from services.operator.bench.compare_figure import save_figure
 from services.operator.bench.compare_table import compare_table
 from services.operator.bench.comparison import Comparison, compare_strategies
+from services.operator.bench.domain import DomainResult, boxes_of
+from services.operator.bench.domain import table_of as domain_table
+from services.operator.bench.factors import Factor, Level
+from services.operator.bench.protocols.assembling import ProtocolResult, ProtocolTrial
+from services.operator.bench.protocols.assembling import table_of as protocols_table
+from services.operator.bench.refine import compared_table
 from services.operator.bench.trials import TrialJob
 from services.operator.challenge_score import MOST, challenge_score
 from services.operator.scoring import TrialFigures
-from services.operator.statistics import summarise
+from services.operator.show import summary
+from services.operator.statistics import Sight, sight_row, summarise
 
 
 def scored(**changed: object) -> float:
@@ -157,3 +167,45 @@ def test_what_the_walls_do_not_hold_is_said(rank: int, said: bool) -> None:
     Console(file=written, width=120).print(figures_table(summarise("round", 0, each)))
     shown = " ".join(written.getvalue().split())
     assert ("4 of 5; how a round is turned about its axis nothing tells" in shown) is said
+
+
+def unseen(seed: int, code: str, felt_for: bool, inserted: bool = True) -> TrialFigures:
+    about = {"looked": code != "switched_off", "vision_refused": code, "felt_for": felt_for, "touches": 2}
+    return figures(seed, Strategy.FUSED, inserted).model_copy(update=about)
+
+
+def test_what_vision_refused_and_force_found_is_told_by_every_bench() -> None:
+    """An insertion by force alone is none by vision, and must not pass for one."""
+    seen = figures(0, Strategy.FUSED, True).model_copy(update={"looked": True})
+    trials = [
+        seen,
+        unseen(1, "no_cross", True),
+        unseen(2, "too_dark", True, False),
+        unseen(3, "no_cross", False, False),
+    ]
+    result = summarise("fused", 0, trials)
+    assert result.sight == Sight(
+        looked=4, refused={"no_cross": 2, "too_dark": 1}, felt_for=2, felt_for_inserted=1, untouched=1
+    )
+    assert result.sight.short == "3, 2" and json.loads(result.model_dump_json())["sight"]["felt_for"] == 2
+    assert sight_row(trials)[1] == "4, 3, 2"
+    without_cameras = summarise("fused", 0, [unseen(4, "switched_off", True)])
+    assert (without_cameras.sight.looked, without_cameras.sight.short) == (0, "0, 1")
+    busy = BusyResult(
+        speed="max", busy_processes=0, cores=2, inserted=2, stopped=0, assemblies=[ended(0, one) for one in trials]
+    )
+    comparison = compare_strategies(0, [(TrialJob(seed=one.seed or 0), one) for one in trials])
+    factor = Factor("light", True, (Level("usual", {}),))
+    boxes = boxes_of([factor], [(TrialJob(seed=one.seed or 0), one) for one in trials], 0)
+    domain = DomainResult(strategy="fused", seed=0, trials=4, boxes=boxes)
+    each = [ProtocolTrial(seed=0, inserted=True, failure=None, detail="", looked=True, felt_for=True)]
+    tables = {
+        "refused: no_cross": figures_table(result), "4, 3, 2": busy_table(busy), "3, 2": domain_table(domain),
+        " 3, 2 ": compare_table(comparison, "default"), "3, 2  ": compared_table(result, result),
+        "1, 0, 1": protocols_table(ProtocolResult(way="ur", inserted=1, trials=each)),
+        "refused (no_cross), found by force": summary(trials[1]),
+    }  # fmt: skip
+    for said, table in tables.items():
+        console = Console(width=200, record=True, file=io.StringIO())
+        console.print(table)
+        assert said.strip() in console.export_text(), said

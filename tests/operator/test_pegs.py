@@ -149,9 +149,10 @@ def test_the_swap_hands_over_what_the_cross_found_and_counts_its_failures() -> N
         handed.update({job.seed: job.known for job in jobs})
         return [(job, _figures(job.seed, True, Strategy.KNOWN_POSE)) for job in jobs], None
 
-    done, ended = swapped([TrialJob(seed=seed, peg="star") for seed in (1, 2, 3)], run)
+    done, crosses, ended = swapped([TrialJob(seed=seed, peg="star") for seed in (1, 2, 3)], run)
     assert ended is None
     assert [figures.inserted for _, figures in done] == [True, False, True]
+    assert [figures.inserted for _, figures in crosses] == [True, False, True] and crosses[1] == done[1]
     assert sorted(handed) == [1, 3]
     known = handed[3]
     assert known is not None

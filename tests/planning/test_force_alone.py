@@ -39,7 +39,7 @@ def test_the_tip_meets_the_face_and_then_finds_the_hole(cell: CellInMemory) -> N
     cell.reset(2)
     result = cell.assemble(Strategy.FORCE_ALONE)
     assert result.inserted and result.pose_base_hole is not None
-    assert result.vision_pose_base_hole is None and result.vision_refused == ""
+    assert result.vision_pose_base_hole is None and result.vision_refused == "" and not result.felt_for
     assert "the face" in {phase.text for phase in cell.phases}
     truth = cell.truth()
     error = pose_error(result.pose_base_hole.pose(), truth.pose_base_hole.pose())
@@ -53,7 +53,7 @@ def test_what_vision_refuses_to_see_is_felt_for(cell: CellInMemory) -> None:
     cell.reset(12)
     result = cell.assemble(Strategy.FUSED)
     assert result.inserted and result.touches > 0
-    assert "no_cross" in result.vision_refused
+    assert result.vision_refused.startswith("no_cross: ") and result.felt_for
 
 
 def test_or_ends_with_a_name_where_feeling_is_forbidden(folder: Path) -> None:
@@ -64,6 +64,7 @@ def test_or_ends_with_a_name_where_feeling_is_forbidden(folder: Path) -> None:
         result = cell.assemble()
         assert result.failure is Failure.NOT_SEEN and result.backed_off
         assert "no_cross" in result.failure_detail
+        assert result.vision_refused.startswith("no_cross: ") and not result.felt_for
     finally:
         cell.close()
 

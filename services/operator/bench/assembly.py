@@ -20,11 +20,11 @@ from services.operator.bench.pictures.running import folder_of
 from services.operator.bench.pictures.trials import with_pictures
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.running import on_the_running_stack, repeatability_table, repeated
-from services.operator.bench.swap import Trials, Way, swapped
+from services.operator.bench.swap import Done, Trials, Way, swapped
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob
 from services.operator.session import cell_path
 from services.operator.show import directions_held
-from services.operator.statistics import BenchResult, summarise
+from services.operator.statistics import BenchResult, sight_of, sight_row, summarise
 
 
 def figures_table(result: BenchResult, condition: str = "", seeds: str = "") -> Table:
@@ -43,6 +43,14 @@ def figures_table(result: BenchResult, condition: str = "", seeds: str = "") -> 
         table.add_column(name, justify="right")
     for name, value in result.figures.items():
         table.add_row(name, f"{value.p50:.3f}", f"{value.p95:.3f}", f"{value.max:.3f}", str(value.count))
+    sight = result.sight
+    table.add_section()
+    table.add_row("vision looked", "", "", "", str(sight.looked))
+    for code, count in sight.refused.items() or [("", 0)]:
+        table.add_row(f"vision refused{code and ': '}{code}", "", "", "", str(count))
+    table.add_row("found by force instead", "", "", "", str(sight.felt_for))
+    table.add_row("of these inserted", "", "", "", str(sight.felt_for_inserted))
+    table.add_row("inserted without a touch", "", "", "", str(sight.untouched))
     for name, count in result.failures.items():
         table.add_row(f"[red]failed: {name}[/red]", "", "", "", str(count))
     ranks = sorted({one.rank for one in result.each if one.rank is not None})
@@ -85,6 +93,7 @@ def assembly(
     with told(console):
         condition = condition_of(settings or ())
         withdrawals: list[WithdrawResult] | None = None
+        crosses: Done = []
         jobs = [TrialJob(seed=seed + index, strategy=strategy, condition=condition, peg=peg) for index in range(trials)]
         if pictures is not None:
             if running or peg != DEFAULT_PEG:
@@ -105,7 +114,10 @@ def assembly(
                     record=record,
                 )  # fmt: skip
 
-            done, ended = swapped(jobs, run) if way is Way.SWAP else run(strategy.value, jobs)
+            if way is Way.SWAP:
+                done, crosses, ended = swapped(jobs, run)
+            else:
+                done, ended = run(strategy.value, jobs)
         if done:
             name = strategy.value if peg == DEFAULT_PEG else f"{peg}, {strategy.value}, {way.value}"
             result = summarise(name, jobs[0].seed, [figures for _, figures in done])
@@ -115,6 +127,8 @@ def assembly(
                 spread = repeated(done, drawing.shape().outline.symmetry_order)
             if as_json:
                 told_too = {} if spread is None else {"repeatability": spread.model_dump()}
+                if crosses:
+                    told_too["sight_of_crosses"] = sight_of([figures for _, figures in crosses]).model_dump()
                 json.dump({**result.model_dump(), **told_too}, sys.stdout, indent=1)
                 print()
             else:
@@ -122,6 +136,9 @@ def assembly(
                 Console().print(
                     figures_table(result, " ".join(told_beside), "" if pictures is None else "the scenes' seeds")
                 )
+                if crosses:
+                    said, counts = sight_row([figures for _, figures in crosses])
+                    Console().print(f"the crosses before them: {said}: {counts}", highlight=False)
                 if spread is not None:
                     Console().print(repeatability_table(spread, withdrawals or []))
         if ended is not None:

@@ -26,7 +26,7 @@ from services.operator.bench.progress import CellsProgress
 from services.operator.bench.trials import base_cell_text
 from services.operator.scoring import TrialFigures
 from services.operator.session import NEEDED, Session
-from services.operator.statistics import wilson95
+from services.operator.statistics import sight_row, wilson95
 
 # how an assembly ends that the lease or a service's link has stopped, though all of them were alive
 STOPPED = (Failure.ARM_STOPPED.value, Failure.SERVICE_LOST.value)
@@ -44,6 +44,9 @@ class Ended(BaseModel):
     failure: str | None
     detail: str
     wall_s: float | None
+    looked: bool = False
+    vision_refused: str = ""
+    felt_for: bool = False
 
 
 class BusyResult(BaseModel):
@@ -105,6 +108,9 @@ def ended(seed: int, figures: TrialFigures) -> Ended:
         failure=figures.failure,
         detail=figures.failure_detail,
         wall_s=figures.wall_s,
+        looked=figures.looked,
+        vision_refused=figures.vision_refused,
+        felt_for=figures.felt_for,
     )
 
 
@@ -118,6 +124,7 @@ def table_of(result: BusyResult) -> Table:
     table.add_column("", justify="right")
     table.add_row("cores", str(result.cores))
     table.add_row("inserted", f"{result.inserted} of {count}")
+    table.add_row(*sight_row(result.assemblies))
     table.add_row("stopped by the lease, or by a service taken for lost", f"{result.stopped} of {count}")
     table.add_row("95 % Wilson interval of that", f"{low:.1%} to {high:.1%}")
     if walls:

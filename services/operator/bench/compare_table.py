@@ -9,11 +9,18 @@ from services.operator.bench.comparison import Comparison, Row
 from services.operator.statistics import BenchResult
 
 SCORE_CAPTION = (
+    "refused, felt for: vision refused; the hole was found by force alone though it was asked. "
     "p50, or p50/p95. time (motion and thinking) and final error: of the inserted; all else: of all trials. "
     "mean and peak: |F| in contact. score: mean points of 100 as in the AI for Industry Challenge, adapted: "
     "inserted 75, time 12 (5 s) to 0 (60 s), smoothness 6 (mean jerk 0) to 0 (50 m/s³), way of the tip 6 "
     "(straight) to 0 (1 m more), valid 1, -12 for more than 1 s above 20 N; nothing for being near"
 )
+
+
+COLUMNS = (
+    "inserted", "95 %\nWilson", "time s", "refused,\nfelt for", "touches", "mean N", "peak N", "final\nmm", "final\n°",
+    "score",
+)  # fmt: skip
 
 
 def compare_table(comparison: Comparison, condition: str) -> Table:
@@ -27,7 +34,7 @@ def compare_table(comparison: Comparison, condition: str) -> Table:
         padding=(0, 1),
     )
     table.add_column("strategy", no_wrap=True)
-    for name in ("inserted", "95 %\nWilson", "time s", "touches", "mean N", "peak N", "final\nmm", "final\n°", "score"):
+    for name in COLUMNS:
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("failures")
     for row in rows:
@@ -44,6 +51,7 @@ def _cells(row: Row) -> list[str]:
         f"{whole.inserted}/{whole.trials}",
         f"{whole.wilson95_low:.0%}-{whole.wilson95_high:.0%}",
         _spread(inserted, "duration_s", 1),
+        whole.sight.short,
         _spread(whole, "touches", 0),
         _median(whole, "mean_force_n", 1),
         _spread(whole, "peak_force_n", 0),

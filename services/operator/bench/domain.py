@@ -79,14 +79,16 @@ def boxes_of(chosen: Sequence[Factor], done: Sequence[tuple[TrialJob, TrialFigur
     return boxes
 
 
-def _table(result: DomainResult) -> Table:
+def table_of(result: DomainResult) -> Table:
+    """A row a box."""
     table = Table(
         title=f"{result.strategy}: {result.trials} seeds a box, from {result.seed}, one factor at a time",
-        caption="*: the services are not told",
+        caption="*: the services are not told; refused, felt for: by vision; found by force alone though it was asked",
     )
     table.add_column("factor", no_wrap=True)
     table.add_column("level", no_wrap=True)
-    for name in ("in", "95 % Wilson", "touches p95", "F p95, N", "motion p50, s", "vision p50, mm"):
+    shown = ("in", "95 % Wilson", "refused, felt for", "touches p95", "F p95, N", "motion p50, s", "vision p50, mm")
+    for name in shown:
         table.add_column(name, justify="right")
     table.add_column("failures")
     before = ""
@@ -104,6 +106,7 @@ def _table(result: DomainResult) -> Table:
         vision = figures.get("vision_error_mm")
         table.add_row(
             name, level, f"{found.inserted}/{found.trials}", f"{found.wilson95_low:.0%}-{found.wilson95_high:.0%}",
+            found.sight.short,
             f"{figures['touches'].p95:.1f}", f"{figures['peak_force_n'].p95:.1f}", f"{figures['motion_s'].p50:.1f}",
             "" if vision is None else f"{vision.p50:.2f}",
             ", ".join(f"{count} {failure}" for failure, count in found.failures.items()),
@@ -150,7 +153,7 @@ def domain(
             if as_json:
                 sys.stdout.write(result.model_dump_json(indent=1) + "\n")
             else:
-                Console().print(_table(result))
+                Console().print(table_of(result))
                 Console().print(f"heat map: {picture}", highlight=False)
         if ended is not None:
             raise ended

@@ -98,6 +98,7 @@ def compared_table(before: BenchResult, after: BenchResult) -> Table:
     for name in ("as drawn", "refined"):
         table.add_column(name, justify="right")
     table.add_row("inserted", *(f"{one.inserted} of {one.trials}" for one in (before, after)))
+    table.add_row("vision refused, felt for", before.sight.short, after.sight.short)
     for name, title in ROWS:
         table.add_row(title, *(_figure(one, name) for one in (before, after)))
     return table

@@ -11,7 +11,9 @@ from services.operator.bench.conditions import DEFAULT_PEG
 from services.operator.bench.trials import TrialJob, TrialsEnded
 from services.operator.scoring import TrialFigures
 
-Trials = tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]
+Done = list[tuple[TrialJob, TrialFigures]]
+Trials = tuple[Done, TrialsEnded | None]
+Halves = tuple[Done, Done, TrialsEnded | None]
 
 
 class Way(str, Enum):
@@ -21,8 +23,8 @@ class Way(str, Enum):
     SWAP = "swap"  # the cross first; then this peg at the pose known from it, without vision or touch
 
 
-def swapped(jobs: list[TrialJob], run: Callable[[str, list[TrialJob]], Trials]) -> Trials:
-    """The second halves of all jobs; `run(title, jobs)` does trials.
+def swapped(jobs: list[TrialJob], run: Callable[[str, list[TrialJob]], Trials]) -> Halves:
+    """The second halves of all jobs, and the first ones; `run(title, jobs)` does trials.
 
     A seed whose cross is not in counts as it ended: without T2 there is no second half. Raises ConfigError when the
     jobs are the cross's own.
@@ -33,11 +35,11 @@ def swapped(jobs: list[TrialJob], run: Callable[[str, list[TrialJob]], Trials]) 
     pegs = {job.seed: job.peg for job in jobs}
     failed = [(job, figures) for job, figures in crosses if figures.found is None]
     if ended is not None:
-        return failed, ended
+        return failed, crosses, ended
     second = [
         job.model_copy(update={"peg": pegs[job.seed], "strategy": Strategy.KNOWN_POSE, "known": figures.found})
         for job, figures in crosses
         if figures.found is not None
     ]
     done, ended = run(Strategy.KNOWN_POSE.value, second) if second else ([], None)
-    return sorted([*failed, *done], key=lambda pair: pair[0].seed), ended
+    return sorted([*failed, *done], key=lambda pair: pair[0].seed), crosses, ended

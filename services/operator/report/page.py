@@ -17,7 +17,7 @@ from crosspih_common.messages import Image, PoseData
 from crosspih_common.recording import read_recording
 from services.operator.report.content import Content, TouchEntry, collect
 from services.operator.report.figure import PHASE_COLOURS, figure_svg
-from services.operator.scoring import PoseError, pose_error
+from services.operator.scoring import PoseError, pose_error, seen_in_words
 
 PICTURE_QUALITY = 88
 PAPER_DURATION_S = 27  # the paper's one experiment, for comparison
@@ -82,7 +82,8 @@ def cards(content: Content) -> list[Card]:
             "vision error",
             number(figures.vision_error_mm),
             "mm",
-            f"sideways; {number(figures.vision_error_deg)}° turned, {number(figures.vision_depth_mm)} mm in depth",
+            f"sideways; {number(figures.vision_error_deg)}° turned, {number(figures.vision_depth_mm)} mm in depth; "
+            f"vision {seen_in_words(figures)}",
         ),
         Card(
             "final error",

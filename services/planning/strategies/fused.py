@@ -29,7 +29,7 @@ def fused(run: Run) -> PosePrior:
     except AssemblyFailed as unseen:
         if unseen.failure is not Failure.NOT_SEEN or not run.config.feel_when_unseen:
             raise
-        run.vision_refused = unseen.detail
+        run.felt_for = True
         return force_alone(run)
     prior = PosePrior(pose_base_hole=seen.pose_base_hole, covariance=seen.covariance)
     belief = prior
@@ -71,6 +71,7 @@ def fused(run: Run) -> PosePrior:
         correct(run, estimate.pose_base_hole.pose())
     if not run.config.feel_when_unseen:
         raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")
+    run.felt_for = True
     run.tell(Phase.TOUCHING, "what vision saw does not lead in: it is forgotten")
     withdraw(run, run.workcell.hole_prior.pose_base_hole(), run.config.approach_m)
     return force_alone(run)

@@ -34,6 +34,7 @@ def begin(run: Run, method: LocateMethod = LocateMethod.RIM) -> PosePrior:
     except AssemblyFailed as failed:
         if failed.failure is not Failure.NOT_SEEN:
             raise
+        run.felt_for = True
         return _by_the_face(run)
     run.approach(seen.pose_base_hole.pose())
     return PosePrior(pose_base_hole=seen.pose_base_hole, covariance=seen.covariance)

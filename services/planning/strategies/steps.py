@@ -25,6 +25,7 @@ def locate(run: Run, method: LocateMethod) -> HoleEstimate:
     try:
         seen = run.ports.ask(LOCATE, LocateHole(method=method))
     except CommandRefused as refusal:
+        run.vision_refused = str(refusal)
         run.tell(Phase.LOCATING, f"vision refused: {refusal}")
         raise AssemblyFailed(Failure.NOT_SEEN, str(refusal)) from refusal
     sd = np.sqrt(np.diag(np.asarray(seen.covariance).reshape(6, 6)))

@@ -39,7 +39,7 @@ def _ahead(row: Row) -> str:
 def table_of(rows: list[Row]) -> Table:
     """A line a trial."""
     table = Table(title="the stack on hosts of its own, the cell in real time")
-    for name in ("", "ends as"):
+    for name in ("", "ends as", "vision"):
         table.add_column(name)
     for name in (
         "s", "wall, s", "command, ms p50 / p95", "unanswered", "recorded", "missing", "packets lost, cut",
@@ -50,7 +50,7 @@ def table_of(rows: list[Row]) -> Table:
     for row in rows:
         seen, rest_s = row.seen, row.kept.rest_s
         table.add_row(
-            row.trial, "inserted" if seen.inserted else seen.failure,
+            row.trial, "inserted" if seen.inserted else seen.failure, seen.vision,
             "" if seen.duration_s is None else f"{seen.duration_s:.1f}", f"{seen.wall_s:.1f}", _ms(seen.latencies_s),
             str(seen.unanswered), str(row.kept.samples), str(row.kept.missing),
             f"{row.packets['lost']}, {row.packets['cut']}", "" if rest_s is None else f"{rest_s:.2f}", _ahead(row),

@@ -19,6 +19,7 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import FT_CALIBRATION, WALL_CLOCK
 from crosspih_common.messages import AskWallClock, AssemblyPhase, Event, ResetCell, Strategy
 from crosspih_common.service.wall_clock import measured
+from services.operator.scoring import seen_in_words
 from services.operator.session import NEEDED, Session
 
 CONNECT_S = 20.0
@@ -34,6 +35,7 @@ class Seen(BaseModel):
 
     inserted: bool = False
     failure: str = ""
+    vision: str = ""  # what it had to do with it
     detail: str = ""
     duration_s: float | None = None
     wall_s: float = 0.0
@@ -100,6 +102,7 @@ def observe(seed: int) -> Seen:
             figures, _ = session.trial(seed, Strategy.FUSED, True)
             seen = Seen(
                 inserted=figures.inserted, failure=figures.failure or "", detail=figures.failure_detail,
+                vision=seen_in_words(figures),
                 duration_s=figures.duration_s, recording=figures.recording, warnings=list(figures.recording_warnings),
             )  # fmt: skip
         except CrosspihError as error:

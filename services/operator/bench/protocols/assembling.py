@@ -32,7 +32,7 @@ from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.plants import ADDRESSES, Plant, Way, needs_private_network, open_plant
 from services.operator.scoring import score
 from services.operator.session import NEEDED, Session
-from services.operator.statistics import wilson95
+from services.operator.statistics import sight_row, wilson95
 
 CALIBRATION_DWELL_S = 0.25
 
@@ -49,6 +49,9 @@ class ProtocolTrial(BaseModel):
     motion_s: float | None = None
     duration_s: float | None = None
     peak_force_n: float | None = None
+    looked: bool = False
+    vision_refused: str = ""
+    felt_for: bool = False
     vision_error_mm: float | None = None
     final_error_mm: float | None = None
     final_error_deg: float | None = None
@@ -160,6 +163,7 @@ def _trial(session: Session, asked: _Asked) -> ProtocolTrial:
     return ProtocolTrial(
         seed=asked.seed, inserted=figures.inserted, failure=figures.failure, detail=figures.failure_detail,
         motion_s=figures.motion_s, duration_s=figures.duration_s, peak_force_n=figures.peak_force_n,
+        looked=figures.looked, vision_refused=figures.vision_refused, felt_for=figures.felt_for,
         vision_error_mm=figures.vision_error_mm, final_error_mm=figures.final_error_mm,
         final_error_deg=figures.final_error_deg, wall_s=figures.wall_s, cycles=cycles, late_cycles=late_cycles,
         states=states, late_states=late_states, cycle_ms=cycle_ms,
@@ -189,6 +193,7 @@ def table_of(result: ProtocolResult) -> Table:
     table.add_column("")
     table.add_column("p50 / p95", justify="right")
     table.add_row("inserted", f"{result.inserted} of {count} ({low:.1%} to {high:.1%})")
+    table.add_row(*sight_row(result.trials))
     for label, name, digits in (
         ("motion, s", "motion_s", 1), ("motion and thinking, s", "duration_s", 1), ("peak force, N", "peak_force_n", 1),
         ("vision, across the axis, mm", "vision_error_mm", 3), ("T2, across the axis, mm", "final_error_mm", 3),

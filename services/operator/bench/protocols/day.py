@@ -38,7 +38,7 @@ from services.operator.bench.protocols.plants import ADDRESSES, HERE, Plant, Way
 from services.operator.bench.protocols.practise import HOLE_SEED
 from services.operator.bench.protocols.scoring_day import Found, camera_rows, tool_rows
 from services.operator.locate.calibration_file import Reading, read_calibration
-from services.operator.scoring import TrialFigures, score
+from services.operator.scoring import TrialFigures, score, seen_in_words
 
 ROOT = Path(deploy.__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "hardware" / "in-a-day.md"
@@ -193,7 +193,7 @@ def table_of(walk: Walk, found: list[Found]) -> list[Table]:
     for row in found:
         table.add_row(row.what, f"{row.before:.3f}", f"{row.after:.3f}", row.unit)
     ended = Table(title="assemblies")
-    for heading in ("strategy", "ended", "motion, s", "peak, N", "vision, mm", "T2, mm", "T2, °"):
+    for heading in ("strategy", "ended", "vision", "motion, s", "peak, N", "vision, mm", "T2, mm", "T2, °"):
         ended.add_column(heading, justify="right")
     for one in walk.assemblies:
         numbers = [
@@ -203,7 +203,7 @@ def table_of(walk: Walk, found: list[Found]) -> list[Table]:
                 (one.final_error_deg, 3),
             )
         ]  # fmt: skip
-        ended.add_row(one.strategy, "inserted" if one.inserted else str(one.failure), *numbers)
+        ended.add_row(one.strategy, "inserted" if one.inserted else str(one.failure), seen_in_words(one), *numbers)
     return [table, ended]
 
 

@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
@@ -46,6 +47,8 @@ def table_of(result: SoakResult) -> Table:
         title=f"{result.assemblies} assemblies in {result.minutes:.0f} minutes at {result.speed}, {result.inserted} "
         f"inserted, {result.recorded_mb:.0f} MB recorded"
     )
+    seen = Counter(one.vision for one in result.each)
+    table.caption = "vision: " + ", ".join(f"{count} {words}" for words, count in seen.most_common())
     for name in ("", "first", "last", "grown by", "95 %", ""):
         table.add_column(name, justify="left" if name == "" else "right")
     for row in result.grown:

@@ -16,6 +16,7 @@ from crosspih_common.keys import STATUS, WALL_CLOCK
 from crosspih_common.messages import AskWallClock, ServiceStatus, Strategy
 from services.operator.bench.processes import Held, held_by_services, restarts_of
 from services.operator.bench.soak.trend import Growth, growth
+from services.operator.scoring import seen_in_words
 from services.operator.session import Session
 
 ASKED, ASK_DEADLINE_S = 40, 10.0
@@ -33,6 +34,7 @@ class Figures(BaseModel):
     seed: int
     inserted: bool
     ended_as: str
+    vision: str = ""  # what it had to do with it
     wall_s: float
     latency_ms: tuple[float, float]  # of a command that does nothing: median, 95 %
     services: dict[str, Held]
@@ -72,10 +74,11 @@ def assembled(
     started = time.monotonic()
     try:
         trial, _ = session.trial(seed, Strategy.FUSED, record=True)
-        inserted, ended_as = trial.inserted, trial.failure or "inserted"
+        inserted, ended_as, vision = trial.inserted, trial.failure or "inserted", seen_in_words(trial)
         parts, missing = trial.recording_parts, trial.recording_warnings
     except CrosspihError as error:
         inserted, ended_as, parts, missing = False, f"{type(error).__name__}: {error}", (), ()
+        vision = "no result"
     wall_s = time.monotonic() - started
     project = session.cell.workcell.name
     counts = {status.service: status for status in statuses.values()}
@@ -84,7 +87,8 @@ def assembled(
         for part in parts:
             Path(part).unlink(missing_ok=True)
     return Figures(
-        at_s=time.monotonic() - began_s, seed=seed, inserted=inserted, ended_as=ended_as, wall_s=wall_s,
+        at_s=time.monotonic() - began_s, seed=seed, inserted=inserted, ended_as=ended_as, vision=vision,
+        wall_s=wall_s,
         latency_ms=latency_ms(session), services=held_by_services(project), restarts=restarts_of(project),
         dropped={name: status.dropped for name, status in counts.items()},
         rejected={name: status.rejected for name, status in counts.items()},
