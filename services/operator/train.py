@@ -61,6 +61,7 @@ def train(
         if paper_rows:
             result = run_tool(["train", "--paper-rows", *options], console)
             Console().print(_rows_table(result))
+            _say_doubts(result)
         else:
             command = " ".join(["crosspih train", "--data", str(data), *options])
             result = run_tool(
@@ -71,11 +72,18 @@ def train(
                 console,
             )  # fmt: skip
             Console().print(_table(result))
+            _say_doubts(result)
         # matplotlib takes its time to load: other commands should not wait for it
         from services.operator.training_report import write_training_report
 
         write_training_report(result, report)
     console.print(f"page: {report}" + ("" if paper_rows else f"   weights: {weights}"), highlight=False)
+
+
+def _say_doubts(result: dict[str, Any]) -> None:
+    """Below the table, where whoever prints it sees it too."""
+    for doubt in result["doubts"]:
+        Console().print(doubt, style="red", markup=False, highlight=False)
 
 
 def _cells(values: list[float]) -> list[str]:

@@ -120,6 +120,14 @@ def test_contacts_are_made_gone_on_with_and_trained_on(tmp_path: Path) -> None:
     assert whole.sha256() in page.read_text(encoding="utf-8") and b"crosspih train --data" in weights.read_bytes()
     assert whole.sha256().encode() in weights.read_bytes()
     assert "validation" in trained.output
+    # five epochs of a gradient that takes a thousand: no better than the mean, which is said
+    poor = CliRunner().invoke(
+        app,
+        ["train", "--data", str(folder), "--weights", str(weights), "--report", str(page), "--optimiser", "traingdx",
+         "--epochs", "1", "--goal", "0", "--floor-contacts", "0"],
+    )  # fmt: skip
+    said = "no better than guessing the mean in"
+    assert poor.exit_code == 0 and said in " ".join(poor.output.split()) and said in page.read_text(encoding="utf-8")
 
 
 def result_of_a_training(rows: bool) -> dict[str, object]:
@@ -129,7 +137,7 @@ def result_of_a_training(rows: bool) -> dict[str, object]:
                "within_1_deg": [0.5, 0.2, 0.1]}  # fmt: skip
     values = rng.normal(size=(10, 3)).tolist()
     common = {
-        "hidden": 150, "optimiser": "traingdx",
+        "hidden": 150, "optimiser": "traingdx", "doubts": ["no epoch helped"],
         "record": {"seed": 1, "command": "crosspih <train>", "epochs": 3, "goal": 1e-3, "dataset_sha256": "ab"},
         "curves": {"epoch": [0, 1, 2, 3], "training": [1.0, 0.5, 0.2, 0.1],
                    "validation": [] if rows else [1.0, 0.6, 0.3, 0.4], "best": 2, "stopped": "validation"},
@@ -147,7 +155,6 @@ def result_of_a_training(rows: bool) -> dict[str, object]:
         },
         "states": {"1-2-2": {"samples": 10, **figures}},
         "floor": {"contacts": 100, "rms_deg": [0.5, 0.6, 0.7]},
-        "known_floors_deg": {"all": [0.1, 0.2, 0.3]},
         "data": {"folder": "run", "contacts": 10, "samples": 10, "made_by": "cell", "command": "c",
                  "cell_sha256": "cd"},
         "weights": "w",
@@ -158,6 +165,7 @@ def result_of_a_training(rows: bool) -> dict[str, object]:
 def test_the_page_of_a_training_stands_alone(rows: bool) -> None:
     page = render_training(json.loads(json.dumps(result_of_a_training(rows))))
     assert page.count("<svg") == 4 and not re.search(r"https?://|src=|@import", page)
+    assert '<p class="bad">No epoch helped.</p>' in page
     assert "crosspih &lt;train&gt;" in page and "Figure 18" in page
     assert ("nine others" in page) == rows
     assert page == render_training(result_of_a_training(rows))

@@ -83,6 +83,9 @@ def _arguments() -> argparse.Namespace:
     sub.add_argument("--trials", type=int, default=100)
     sub.add_argument("--touches", type=int, default=4)
     sub.add_argument("--seed", type=int, default=1000)
+
+    sub = command("record", _record, "how weights came to be: command, data set, code, as their file says")
+    sub.add_argument("weights", type=Path, nargs="?", help="the shipped ones of the paper's network when left out")
     return parser.parse_args()
 
 
@@ -118,6 +121,14 @@ def _compare(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
     from services.inference.network.sequence_comparison import compare
 
     return compare(workcell(), arguments.weights, arguments.trials, arguments.touches, arguments.seed, tell)
+
+
+def _record(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    from services.inference.network.estimator import SHIPPED_WEIGHTS
+    from services.inference.network.model import AngleNetwork
+
+    path = arguments.weights or SHIPPED_WEIGHTS
+    return {"weights": str(path), **dataclasses.asdict(AngleNetwork.load(path).record)}
 
 
 def main() -> None:

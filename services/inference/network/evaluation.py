@@ -14,13 +14,7 @@ from services.inference.network.model import AngleNetwork
 from services.inference.network.settings import TrainingSettings
 from services.inference.network.training import Curves, train
 
-# what MECHANICS found, RMS in degrees of alpha, beta, gamma: the best that any regressor can do from one wrench
-KNOWN_FLOORS_DEG = {
-    "one contact, state 1-2-2, rotation only": (0.31, 0.40, 1.10),
-    "one contact, state 1-2-2, x and y within 5 mm": (0.39, 1.47, 1.40),
-    "all states, rotation only, wrist compliant": (0.03, 0.34, 0.32),
-    "all states, x and y within 5 mm": (0.74, 2.64, 2.59),
-}
+ANGLES = ("alpha", "beta", "gamma")
 SHOWN = 400
 
 
@@ -55,6 +49,25 @@ def judge(network: AngleNetwork, split: Split) -> dict[str, Any]:
     near, _ = nearest_neighbours(split.training.wrench, split.training.angles_rad, split.test.wrench, 8)
     parts["test"]["nearest_training_contacts"] = figures(near - split.test.angles_rad)
     return parts
+
+
+def doubts_of(
+    best_epoch: int, trained: bool, network: dict[str, list[float]], mean: dict[str, list[float]]
+) -> list[str]:
+    """What speaks against a network, in words: that no epoch has made it better, and what it knows no better than a
+    guess of the mean. `network`, `mean`: figures on contacts that it has not met; `trained`: whether epochs were judged
+    by a validation error.
+    """
+    said = []
+    if trained and best_epoch == 0:
+        said.append(
+            "the weights that are kept are those of epoch 0, which are drawn and not trained: no epoch made the "
+            "validation error smaller"
+        )
+    pairs = zip(ANGLES, network["rms_deg"], mean["rms_deg"], strict=True)
+    if worse := [f"{name} ({own:.2f}° against {guessed:.2f}°)" for name, own, guessed in pairs if own >= guessed]:
+        said.append(f"on contacts that it has not met it is no better than guessing the mean in {', '.join(worse)}")
+    return said
 
 
 def by_state(network: AngleNetwork, dataset: ContactDataset) -> dict[str, dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Callable
 from importlib import metadata
@@ -14,7 +15,7 @@ import numpy as np
 from crosspih_common.config import Workcell, load_cell
 from crosspih_common.datasets import ContactRow, ContactWriter, DatasetOrigin
 from crosspih_common.messages import floats
-from crosspih_common.provenance import code_version
+from crosspih_common.provenance import code_version, with_file_contents
 from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.inference.network.dataset import ContactDataset
 from services.inference.network.synthesis import single_contact_dataset
@@ -89,9 +90,10 @@ def _row(drawn: ContactDataset, row: int, seed: int, noise_sd: tuple[float, ...]
 
 
 def _shapes_sha256(cell: Workcell) -> str:
-    # how exactly the hole was made is no part of its shape
-    hole = cell.hole.model_dump_json(exclude={"tolerance"})
-    return hashlib.sha256((cell.peg.model_dump_json() + hole).encode()).hexdigest()
+    # how exactly the hole was made is no part of its shape; a drawing counts by what is in it
+    peg, hole = cell.peg.model_dump(mode="json"), cell.hole.model_dump(mode="json", exclude={"tolerance"})
+    text = json.dumps(with_file_contents({"peg": peg, "hole": hole}), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _version() -> str:

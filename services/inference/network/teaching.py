@@ -42,6 +42,7 @@ def train_on_table(
         out.parent.mkdir(parents=True, exist_ok=True)
         network.save(out)
     origin = table.origin
+    parts = evaluation.judge(network, split)
     return {
         "record": dataclasses.asdict(network.record),
         "hidden": settings.hidden,
@@ -49,10 +50,10 @@ def train_on_table(
         "weights": "" if out is None else str(out),
         "data": {"folder": str(data), "samples": len(table), "contacts": len(table.touched()), **origin.model_dump()},
         "curves": evaluation.curves_of(curves),
-        "parts": evaluation.judge(network, split),
+        "parts": parts,
         "states": evaluation.by_state(network, split.test),
         "floor": _floor(origin.settings, floor_contacts, tell),
-        "known_floors_deg": evaluation.KNOWN_FLOORS_DEG,
+        "doubts": evaluation.doubts_of(curves.best, True, parts["test"]["network"], parts["test"]["mean"]),
     }
 
 
@@ -96,17 +97,20 @@ def train_on_paper_rows(settings: TrainingSettings, seed: int, tell: Tell) -> di
     )
     off = np.degrees(predicted - dataset.angles_rad)
     of_each = np.sqrt(np.mean(off**2, axis=1))
+    left_out = evaluation.figures((predicted - dataset.angles_rad).reshape(-1, 3))
+    of_the_mean = evaluation.figures(means - dataset.angles_rad)
     return {
         "record": dataclasses.asdict(network.record),
         "hidden": settings.hidden,
         "optimiser": settings.optimiser.value,
         "curves": evaluation.curves_of(curves),
         "in_sample": evaluation.figures(inside - dataset.angles_rad),
-        "leave_one_out": evaluation.figures((predicted - dataset.angles_rad).reshape(-1, 3)),
+        "doubts": evaluation.doubts_of(curves.best, False, left_out, of_the_mean),
+        "leave_one_out": left_out,
         "leave_one_out_networks": len(seeds),
         "leave_one_out_rms_least_deg": np.round(of_each.min(axis=0), 4).tolist(),
         "leave_one_out_rms_most_deg": np.round(of_each.max(axis=0), 4).tolist(),
-        "mean_of_the_others": evaluation.figures(means - dataset.angles_rad),
+        "mean_of_the_others": of_the_mean,
         "true_deg": np.round(np.degrees(dataset.angles_rad), 4).tolist(),
         "in_sample_deg": np.round(np.degrees(inside), 4).tolist(),
         "leave_one_out_deg": np.round(np.degrees(predicted[0]), 4).tolist(),
