@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from crosspih_common.bus import Bus
 from crosspih_common.config import Workcell
@@ -24,6 +26,7 @@ from services.operator.bench.contact_states.plan import (
     AHEAD_M,
     STATE_NAMES,
     Plan,
+    arms_aimed_at,
     arms_of,
     joints_at_hole,
     lateral_stiffness_n_m,
@@ -31,6 +34,7 @@ from services.operator.bench.contact_states.plan import (
 )
 from services.operator.bench.contact_states.pushing import PushResult, PushTask, make_push
 from services.operator.bench.contact_states.summary import NAMES, confusion, reliability, summarise
+from services.operator.bench.contact_states.tables import print_tables
 from services.operator.payload import ready_arm
 from services.operator.session import Session
 from tests.planning.cell_in_memory import CellInMemory
@@ -93,6 +97,8 @@ def test_every_state_is_aimed_at_and_by_the_seed_alone(plan: Plan) -> None:
     single = sum(share for name, share in plan.share.items() if name.startswith("1-"))
     assert 0.8 < single < 1.0
     assert sum(plan.share.values()) == pytest.approx(1.0)
+    by_arms = arms_aimed_at(plan)
+    assert by_arms[0] == pytest.approx(single) and sum(by_arms) == pytest.approx(1.0)
 
 
 def test_a_centred_turned_peg_presses_with_all_four_arms() -> None:
@@ -184,6 +190,11 @@ def test_the_summary_counts_what_was_judged() -> None:
         "none: n_z0 outside its band, forces about equal": 1,
         "the count wrong, forces about equal": 1,
     }
+    assert figures["threes"] == {"wrong": 1, "another_three_or_four_of_the_same_sense": 1}
+    assert list(figures["n_z0_median"]["0"]) == ["1", "2", "3", "4"]
+    console = Console(width=120, record=True, file=io.StringIO())
+    print_tables({**figures, "by_geometry": {"0": [0.96, 0.04, 0.0, 0.0, 0.0]}}, console)
+    assert "names wrong: 1, of them as another three" in console.export_text()
     counts = confusion(each, ContactClassifier.LIKELIHOOD)
     assert counts[NAMES.index("3-1-1"), NAMES.index("3-1-2")] == 1
     assert np.trace(counts) == 27

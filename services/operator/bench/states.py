@@ -15,7 +15,7 @@ from crosspih_common.errors import ConfigError, CrosspihError
 from deploy.launcher import LauncherError
 from services.operator.bench.contact_states.collecting import Collection, Wanted
 from services.operator.bench.contact_states.judged import judge
-from services.operator.bench.contact_states.plan import RANDOM
+from services.operator.bench.contact_states.plan import RANDOM, arms_aimed_at
 from services.operator.bench.contact_states.summary import summarise
 from services.operator.bench.contact_states.tables import print_tables
 from services.operator.bench.pool import ExecutorName
@@ -65,6 +65,7 @@ def states(
     for line in lost:
         console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
     figures = summarise(judged)
+    figures["by_geometry"] = {f"{one:g}": arms_aimed_at(collection.plan(one)) for one in sorted(wanted.stiffness_n_mm)}
     purposed = [one for one in judged if one.contact.result.target != RANDOM]
     # matplotlib takes its time to load: other commands should not wait for it
     from services.operator.bench.contact_states.figures import draw_bands, draw_confusion, draw_reliability

@@ -178,6 +178,12 @@ def _push(aimed: AimedPushes, index: int) -> Push:
     )
 
 
+def arms_aimed_at(plan: Plan) -> list[float]:
+    """How often a push from anywhere touches with 1, 2, 3 and 4 arms by the geometry, and in none of the 26 states."""
+    counts = [sum(share for name, share in plan.share.items() if name[0] == count) for count in "1234"]
+    return [*counts, plan.share.get("none", 0.0)]
+
+
 def load_or_make(path: Path, make: Callable[[], Plan]) -> Plan:
     """The plan kept in a file, or a new one that is then kept there."""
     if path.exists():

@@ -95,6 +95,18 @@ def why_wrong(one: Judged) -> str:
     return f"none: other{because}"
 
 
+def named_of_the_same_sense(judged: Sequence[Judged]) -> dict[str, int]:
+    """Contacts of three arms that the likelihood names wrong: how many, and how many of them as another three or as the
+    four of the same sense."""
+    verdicts = [
+        (one.contact.truth.name, one.verdicts[ContactClassifier.LIKELIHOOD].name)
+        for one in judged
+        if one.contact.truth.name[0] == "3" and not one.right(ContactClassifier.LIKELIHOOD)
+    ]
+    same = sum(said != NONE and said[0] in "34" and said[2] == true[2] for true, said in verdicts)
+    return {"wrong": len(verdicts), "another_three_or_four_of_the_same_sense": same}
+
+
 def summarise(judged: Sequence[Judged]) -> dict[str, Any]:
     """All figures of `crosspih bench states`: on purpose, at random, by state, by count and stiffness."""
     purposed = [one for one in judged if one.contact.result.target != RANDOM]
@@ -135,6 +147,15 @@ def summarise(judged: Sequence[Judged]) -> dict[str, Any]:
         "n_z0": {
             count: quantiles(np.array([axial_share(one) for one in judged if kind(one) == count])) for count in counts
         },
+        "n_z0_median": {
+            f"{stiffness:g}": {
+                count: float(np.median(shares))
+                for count in counts
+                if (shares := [axial_share(one) for one in at(stiffness, judged) if kind(one) == count])
+            }
+            for stiffness in stiffnesses
+        },
+        "threes": named_of_the_same_sense(judged),
         "calibration_error": {classifier.value: calibration_error(purposed, classifier) for classifier in CLASSIFIERS},
         "reliability": {classifier.value: reliability(purposed, classifier) for classifier in CLASSIFIERS},
         "rule_wrong": dict(Counter(why_wrong(one) for one in wrong).most_common()),

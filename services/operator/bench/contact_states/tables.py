@@ -65,6 +65,23 @@ def print_tables(figures: dict[str, Any], console: Console) -> None:
         table.add_row(count, *(f"{value:.3f}" for value in row.values()))
     console.print(table)
 
+    table = Table(title="median of n_z0 by stiffness and arms that truly touch")
+    table.add_column("stiffness")
+    for count in figures["n_z0"]:
+        table.add_column(count, justify="right")
+    for stiffness, medians in figures["n_z0_median"].items():
+        cells = (f"{medians[count]:.3f}" if count in medians else "" for count in figures["n_z0"])
+        table.add_row(_stiffness(stiffness), *cells)
+    console.print(table)
+
+    table = Table(title="by the geometry, of 100 pushes anywhere within ±0.1 rad, ±5 mm, so many touch with")
+    table.add_column("stiffness")
+    for count in ("1 arm", "2", "3", "4", "none of the 26"):
+        table.add_column(count, justify="right")
+    for stiffness, shares in figures["by_geometry"].items():
+        table.add_row(_stiffness(stiffness), *(f"{share * 100.0:.2f}" for share in shares))
+    console.print(table)
+
     table = Table(title="why the rule does not name the true state")
     table.add_column("contacts", justify="right")
     table.add_column("why")
@@ -74,5 +91,11 @@ def print_tables(figures: dict[str, Any], console: Console) -> None:
     errors = figures["calibration_error"]
     said = ", ".join(f"{name} {errors[name]:.3f}" for name in names)
     console.print(f"confidence off by, on average (expected calibration error): {said}", highlight=False)
+    threes = figures["threes"]
+    console.print(
+        f"threes that the likelihood names wrong: {threes['wrong']}, of them as another three or the four of the same "
+        f"sense {threes['another_three_or_four_of_the_same_sense']}",
+        highlight=False,
+    )
     none = ", ".join(f"{why} {number}" for why, number in figures["none_of_26"].items())
     console.print(f"none of the 26: {none}", highlight=False)
