@@ -26,6 +26,7 @@ from services.operator.bench.calibrations import ABOUT, MADE_BY, PUSHES, check_f
 from services.operator.bench.fuzz.rests_on import part_key
 from services.operator.bench.matrix import command as matrix
 from services.operator.bench.matrix.plan import Case, Ending, Phase
+from services.operator.bench.protocols.walked import check_walk, note_walk
 from services.operator.bench.trials import TrialJob, trial_key
 from services.operator.dataset.collect import cell_sha256
 
@@ -128,6 +129,17 @@ def test_kept_calibrations_are_worked_on_with_their_own_settings(tmp_path: Path)
         check_kept(tmp_path, payload | {"content": {"cell": {"x": 1}}}, console)
     with pytest.raises(ConfigError, match="--keep"):
         check_free(tmp_path)
+
+
+def test_a_day_is_gone_on_with_in_the_cell_that_it_was_begun_in(tmp_path: Path) -> None:
+    console = Console(record=True, width=300)
+    check_walk(tmp_path, console, hidden=1)
+    assert "does not say" in console.export_text()
+    note_walk(tmp_path, 1, 7)
+    check_walk(tmp_path, console, hidden=1, seed=7)
+    assert console.export_text() == ""
+    with pytest.raises(ConfigError, match="--hidden 1, not 2"):
+        check_walk(tmp_path, console, hidden=2)
 
 
 def test_a_part_of_the_code_has_a_version_of_its_own() -> None:

@@ -30,6 +30,7 @@ from services.operator.bench.options import AsJson, told
 from services.operator.bench.own_cell import CellTask, OwnCell
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.plants import ADDRESSES, Plant, Way, needs_private_network, open_plant
+from services.operator.bench.protocols.walked import check_walk
 from services.operator.scoring import score
 from services.operator.session import NEEDED, Session
 from services.operator.statistics import sight_row, wilson95
@@ -237,6 +238,8 @@ def protocols(
     with told(console):
         if needs_private_network(way):
             private_network(ADDRESSES)
+        if calibrated is not None:
+            check_walk(calibrated.resolve().parent, console, hidden=hidden)
         cell = None if calibrated is None else calibrated_cell(calibrated, hidden)
         rows = []
         for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):

@@ -37,6 +37,7 @@ from services.operator.bench.protocols.page import Step, steps_of
 from services.operator.bench.protocols.plants import ADDRESSES, HERE, Plant, Way, open_plant
 from services.operator.bench.protocols.practise import HOLE_SEED
 from services.operator.bench.protocols.scoring_day import Found, camera_rows, tool_rows
+from services.operator.bench.protocols.walked import check_walk, note_walk
 from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.scoring import TrialFigures, score, seen_in_words
 
@@ -228,6 +229,10 @@ def day(
         if first == 1 and folder.exists() and any(folder.iterdir()):
             raise ConfigError(f"{folder} is not empty; name another, or --first with a section above 1")
         folder.mkdir(parents=True, exist_ok=True)
+        if first == 1:
+            note_walk(folder, hidden, seed)
+        else:
+            check_walk(folder, console, hidden=hidden, seed=seed)
         private_network(ADDRESSES)
         with (
             tempfile.TemporaryDirectory(prefix="crosspih-day-") as logs,
