@@ -98,6 +98,11 @@ def test_a_stopped_collection_goes_on(session: Session, tmp_path: Path, monkeypa
     assert "3 at 3 poses" in done.output
     other = CliRunner().invoke(app, [*command, "--angle-rad", "0.05"])
     assert other.exit_code == 1 and "name another folder" in " ".join(other.output.split())
+    most[0] = 3
+    moved = CliRunner().invoke(app, [*command, "--angle-rad", "0.05", "--move-aside"])
+    assert moved.exit_code == 0 and "moved to" in moved.output, moved.output
+    assert read_contacts(tmp_path / "set-before-1").integers("seed").tolist() == [20, 21, 22]
+    assert read_contacts(tmp_path / "set").origin.settings["angle_rad"] == 0.05
     shown = CliRunner().invoke(app, ["dataset", "show", str(tmp_path / "set"), "--columns"])
     assert shown.exit_code == 0 and "alpha, beta, gamma" in " ".join(shown.output.split())
 

@@ -12,7 +12,7 @@ import typer
 import yaml
 from rich.console import Console
 
-from crosspih_common.datasets import CONTACT, ContactRow, ContactWriter, DatasetOrigin, read_contacts
+from crosspih_common.datasets import CONTACT, ContactRow, ContactWriter, DatasetError, DatasetOrigin, read_contacts
 from crosspih_common.provenance import cell_identity, code_version
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.options import Cells, RayAddress, Where, told
@@ -57,6 +57,10 @@ def collect(
     ),
     angle_rad: AngleRad = 0.1,
     lateral_m: LateralM = 0.001,
+    move_aside: Annotated[
+        bool,
+        typer.Option("--move-aside", help="What is there and was made otherwise or by other code is renamed."),
+    ] = False,
     threshold_n: Annotated[float, typer.Option(min=1.0, help="Force at which a contact is read.")] = 15.0,
     cells: Cells = None,
     executor: Where = ExecutorName.LOCAL,
@@ -82,9 +86,24 @@ def collect(
             code=code_version(*MADE_BY),
             version=version(),
         )
-        with ContactWriter(out, origin) as writer:
+        with _opened(out, origin, move_aside, console) as writer:
             _collect(console, writer, content, cells, executor, ray_address)
     Console().print(summary(out, read_contacts(out)))
+
+
+def _opened(out: Path, origin: DatasetOrigin, move_aside: bool, console: Console) -> ContactWriter:
+    """The folder to go on in; with `move_aside` one made otherwise gets a free name beside it."""
+    try:
+        return ContactWriter(out, origin)
+    except DatasetError as error:
+        if not move_aside:
+            raise
+        number = 1
+        while (aside := out.with_name(f"{out.name}-before-{number}")).exists():
+            number += 1
+        out.rename(aside)
+        console.print(f"moved to {aside}: {error}", style="yellow", highlight=False, soft_wrap=True)
+        return ContactWriter(out, origin)
 
 
 def _collect(

@@ -21,6 +21,7 @@ from crosspih_common.provenance import (
     cell_identity,
     code_version,
     measured_in,
+    part_version,
     result_key,
 )
 from crosspih_common.service.lifecycle import DEFAULT_CELL
@@ -71,7 +72,8 @@ def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path, c
             json_path.write_text(content, encoding="utf-8")
     return Printed(
         name=entry.name, command=command, code=code_version(), cores=usable_cores(), status=status,
-        elapsed_s=round(elapsed_s, 1), text=text, cell=cell, at=datetime.now(timezone.utc).isoformat("T", "seconds"),
+        elapsed_s=round(elapsed_s, 1), text=text, cell=cell,
+        shown_by=part_version("services.operator"), at=datetime.now(timezone.utc).isoformat("T", "seconds"),
         **measured.model_dump(),
     )  # fmt: skip
 
@@ -148,7 +150,9 @@ def results(
         for entry in [] if page_only else chosen:
             command = entry.shown(folder.as_posix(), tuple(entry.quick.split()) if quick else ())
             before = shelf.get(entry.name)
-            if before is not None and before.stands_for(command, code, cell) and not again:
+            # what keeps its results is printed anew in seconds when the operator's own code makes other tables of them
+            shown = before is not None and (before.shown_by == part_version("services.operator") or not entry.in_cells)
+            if before is not None and shown and before.stands_for(command, code, cell) and not again:
                 console.print(f"{entry.name}: known", highlight=False)
                 continue
             console.print(f"{entry.name}: {command}", style="bold", markup=False, highlight=False, soft_wrap=True)

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 class Printed(BaseModel):
     """The outcome of one entry.
 
-    code, cell: what it was made with. elapsed_s: of the run that printed it. taken: results that it took over from its
-    stores, taken_s what measuring those took, first and last when that was; made: results that it measured itself. at:
-    UTC, ISO 8601.
+    code, cell: what it was made with; shown_by: the operator's own code, which makes the tables. elapsed_s: of the run
+    that printed it. taken: results that it took over from its stores, taken_s what measuring those took, first and last
+    when that was; made: results that it measured itself. at: UTC, ISO 8601.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -25,6 +25,7 @@ class Printed(BaseModel):
     elapsed_s: float
     text: str
     cell: str = ""
+    shown_by: str = ""
     at: str = ""
     taken: int = 0
     made: int = 0
