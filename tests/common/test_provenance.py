@@ -11,6 +11,7 @@ from rich.console import Console
 
 from crosspih_common.datasets import ContactRow, ContactWriter, DatasetError, DatasetOrigin
 from crosspih_common.errors import ConfigError
+from crosspih_common.messages import Phase
 from crosspih_common.provenance import (
     MEASURED_VARIABLE,
     ResultStore,
@@ -25,7 +26,7 @@ from services.inference.estimator.coverage import TouchRecord
 from services.operator.bench.calibrations import ABOUT, MADE_BY, PUSHES, check_free, check_kept, taken_with
 from services.operator.bench.fuzz.rests_on import part_key
 from services.operator.bench.matrix import command as matrix
-from services.operator.bench.matrix.plan import Case, Ending, Phase
+from services.operator.bench.matrix.plan import Case, Ending
 from services.operator.bench.protocols.walked import check_walk, note_walk
 from services.operator.bench.trials import TrialJob, trial_key
 from services.operator.dataset.collect import cell_sha256

@@ -204,8 +204,10 @@ class Collection:
             nonlocal began_s
             took_s, began_s = (time.monotonic() - began_s) / len(tasks), time.monotonic()
             for task, result in zip(tasks, results, strict=True):
-                about = {"code": self._code, "took_s": round(took_s, 3), "stiffness_n_mm": stiffness}
-                self._store.put(self._key(stiffness, task), {**result, "code": self._code}, **about)
+                self._store.put(
+                    self._key(stiffness, task), {**result, "code": self._code}, code=self._code,
+                    took_s=round(took_s, 3), stiffness_n_mm=stiffness,
+                )  # fmt: skip
 
         engine = open_executor(executor, cells, len(jobs), ray_address)
         try:
