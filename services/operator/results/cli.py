@@ -140,7 +140,7 @@ def results(
         def write() -> Sections:
             printed = {entry.name: found for entry in entries if (found := shelf.get(entry.name)) is not None}
             before = page.read_text(encoding="utf-8") if page.is_file() else ""
-            text, counts = make_page(entries, printed, folder.as_posix(), code, before)
+            text, counts = make_page(entries, printed, folder.as_posix(), code, before, quick)
             page.write_text(text, encoding="utf-8")
             return counts
 

@@ -58,7 +58,7 @@ def when(printed: Printed) -> str:
     return f"Printed from the store in {duration(printed.elapsed_s)}; its {before}"
 
 
-def _section(entry: Entry, printed: Printed, folder: str, code: str) -> list[str]:
+def _section(entry: Entry, printed: Printed, planned: str, code: str) -> list[str]:
     lines = [f"## {entry.title}", ""]
     if entry.says:
         lines += [entry.says, ""]
@@ -71,7 +71,7 @@ def _section(entry: Entry, printed: Printed, folder: str, code: str) -> list[str
     said = f"{when(printed)}, code {printed.code}"
     if printed.status != 0:
         said += f"; **it ended with status {printed.status}**"
-    return [*lines, _marked(f"{said}.", printed.command, entry.shown(folder), code), ""]
+    return [*lines, _marked(f"{said}.", printed.command, planned, code), ""]
 
 
 def _marked(last: str, command: str, planned: str, code: str) -> str:
@@ -105,19 +105,26 @@ def _kept(entry: Entry, lines: list[str] | None, folder: str, code: str) -> list
 
 
 def make_page(
-    entries: Sequence[Entry], printed: Mapping[str, Printed], folder: str, code: str, before: str = ""
+    entries: Sequence[Entry],
+    printed: Mapping[str, Printed],
+    folder: str,
+    code: str,
+    before: str = "",
+    quick: bool = False,
 ) -> tuple[str, Sections]:
     """The whole page, and how much of it is by which code.
 
     folder: of the pictures, as it stands in the commands. code: the version that runs now. before: the page as it is;
-    what was not run here stays as it stands there: a fresh clone has the page, and not what it was printed from.
+    what was not run here stays as it stands there: a fresh clone has the page, and not what it was printed from. quick:
+    the commands are those of small runs.
     """
     known = sections_of(before)
     body: list[str] = []
     this = missing = 0
     for entry in entries:
         if (found := printed.get(entry.name)) is not None:
-            lines: list[str] | None = _section(entry, found, folder, code)
+            planned = entry.shown(folder, tuple(entry.quick.split()) if quick else ())
+            lines: list[str] | None = _section(entry, found, planned, code)
         else:
             lines = _kept(entry, known.get(entry.title), folder, code)
         if lines is None:
