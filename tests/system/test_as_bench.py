@@ -24,12 +24,13 @@ def _said(tmp_path: Path, *words: str) -> dict[str, object]:
     environment = {**os.environ, "CROSSPIH_DATA": str(tmp_path)}
     environment.pop("CROSSPIH_CELL", None)
     command = module_command("services.operator", *words, "--json")
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=280, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=400, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     found: dict[str, object] = json.loads(done.stdout)
     return found
 
 
+@pytest.mark.timeout(900)  # two stacks, one after the other; seconds where nothing else runs
 def test_a_row_of_a_bench_is_made_once_more_to_the_last_bit(tmp_path: Path) -> None:
     options = ("--seed", "1003", "--set", SETTING)
     store = str(tmp_path / "trials.jsonl")
