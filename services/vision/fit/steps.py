@@ -18,6 +18,7 @@ from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import SeenRim
 
 STEP_PX = 0.5
+FR, FB, BR, BB = 2.0, 2.0, 0.8, 1.3
 SPREAD_LEAST_PX = 0.3
 # slope of face and bore beside the rim, sd, share of the step a pixel
 FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
@@ -50,17 +51,29 @@ class Profiles:
     grey: Array
     inside: Array
     beyond: Array
+    full: Array
 
 
 def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenRim, blur_px: float) -> Profiles:
     """Sampled across the rim: the wider the blur, the farther to both sides."""
-    face, bore = 2.0 + 2.0 * blur_px, 0.8 + 1.3 * blur_px
+    face, bore = FR + FB * blur_px, BR + BB * blur_px
     chamfer = np.maximum(rim.chamfer_px, 0.0)
     offsets = np.arange(-np.ceil(2 * face) / 2, float(chamfer.max()) + bore + STEP_PX, STEP_PX)
     along = np.broadcast_to(offsets, (*chamfer.shape, len(offsets)))
     along = np.concatenate([along, (2.0 * chamfer + bore)[..., None]], axis=-1)
     points = rim.outer_px[..., None, :] + along[..., None] * rim.normal[..., None, :]
-    grey = np.stack([sample(images[side], points[side]) for side in range(2)])
+    at = np.rint(points).astype(np.intp)
+    grey = np.stack(
+        [
+            images[side][
+                np.clip(at[side, ..., 1], 0, images[side].shape[0] - 1),
+                np.clip(at[side, ..., 0], 0, images[side].shape[1] - 1),
+            ]
+            for side in range(2)
+        ]
+    ).astype(float)
+    # where the pixels lie, and not where they were asked for
+    offsets = np.sum((at[..., :-1, :] - rim.outer_px[..., None, :]) * rim.normal[..., None, :], axis=-1)
     grey, beyond, points = grey[..., :-1], grey[..., -1], points[..., :-1, :]
     inside = np.ones_like(grey)
     reach = float(np.abs(offsets).max())
@@ -73,18 +86,13 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
         u, v = points[side, ..., 0], points[side, ..., 1]
         inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
     inside *= offsets < chamfer[..., None] + bore
-    # a saturated pixel says how bright it is at least, not how bright; what is sampled within a pixel of it holds it
+    # a saturated pixel says how bright it is at least, not how bright
     full = grey > SATURATED_GREY
     if full.any():
         # but white where the face should be, and it is not white farther out: the rim does not lie here
-        odd = full & (offsets < -WHITE_FACE_BLURS * blur_px) & ~full[..., :1]
-        full &= ~odd
-        wide = full.copy()
-        for step in range(1, SATURATED_REACH + 1):
-            wide[..., step:] |= full[..., :-step]
-            wide[..., :-step] |= full[..., step:]
-        inside *= odd | ~wide
-    return Profiles(offsets, grey, inside, beyond)
+        full &= ~((offsets < -WHITE_FACE_BLURS * blur_px) & ~full[..., :1])
+        inside *= ~full
+    return Profiles(offsets, grey, inside, beyond, full)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
