@@ -19,7 +19,7 @@ from services.vision.fit.climb import rims
 from services.vision.fit.medians import median, median_of_last
 from services.vision.fit.quality import Quality
 from services.vision.fit.rim import seen
-from services.vision.fit.steps import profiles, with_lower_bounds
+from services.vision.fit.steps import profiles
 from services.vision.refusals import NotSeenInside, PoorFit, ShallowPocket, TooBright
 from tests.vision.drawn_pairs import Look, drawn_pair
 from tests.vision.test_detect import STEREO, truth_of
@@ -91,17 +91,6 @@ def test_greys_are_the_pixels_own_and_stand_where_the_pixels_are() -> None:
     np.testing.assert_array_equal(at, np.rint(at))
     across = np.sum((at - rim.outer_px[..., None, :]) * rim.normal[..., None, :], axis=-1)
     np.testing.assert_allclose(by_column.offsets_px, across, atol=1e-6)
-
-
-def test_a_saturated_pixel_counts_against_a_model_that_is_darker_and_no_other() -> None:
-    hole, truth = CELL.hole.shape(CELL.peg.shape()), truth_of(STEREO, 3)
-    left, right = drawn_pair(STEREO, hole, truth, Look(face=150.0, chamfer=450.0))
-    taken = profiles((np.minimum(left, 255.0), np.minimum(right, 255.0)), seen(RIM, STEREO, truth), 0.7)
-    assert taken.saturated.any() and not np.any(taken.inside[taken.saturated])
-    for model, counts in ((np.full_like(taken.grey, 400.0), 0.0), (np.full_like(taken.grey, 150.0), 1.0)):
-        bounded = with_lower_bounds(taken, model).inside
-        assert np.all(bounded[taken.saturated] == counts)
-        np.testing.assert_array_equal(bounded[~taken.saturated], taken.inside[~taken.saturated])
 
 
 @pytest.mark.parametrize(("share", "pocket"), [((0.32, 0.13, 0.18), False), ((0.18, 0.13, 0.32), True)])

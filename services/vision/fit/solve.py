@@ -19,7 +19,7 @@ from services.vision.fit.blur import BLUR_ALIKE, BLUR_ALIKE_SD_PX2, BLUR_ROUND, 
 from services.vision.fit.medians import median
 from services.vision.fit.noise import robust_weight, variance_by_grey
 from services.vision.fit.rim import Rim, SeenRim, perturbed, seen
-from services.vision.fit.steps import STEP_PX, Profiles, Steps, columns_of, profiles, steps, with_lower_bounds
+from services.vision.fit.steps import STEP_PX, Profiles, Steps, columns_of, profiles, steps
 from services.vision.stereo import StereoModel
 
 Images = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -195,7 +195,6 @@ def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2:
     known = state.profile_weight if state.profile_weight is not None else np.ones(taken.grey.shape[:3])
     first = steps(columns, taken.inside * known[..., None] / ROUGH_GREY**2, state.chamfer_grey, greys_only=True)
     variance = variance_by_grey(first.model, first.residual, taken.inside, state.profile_weight)
-    taken = with_lower_bounds(taken, first.model)
     height = np.maximum(np.abs(first.chamfer - first.face), np.abs(first.bore - first.face))
     face = np.maximum(first.face.mean(axis=2), 1.0)
     glint = np.clip(first.chamfer.mean(axis=2) / face - SHINE_FREE, 0.0, 1.0)

@@ -7,7 +7,7 @@ step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -51,8 +51,7 @@ def nearest_pixels(image: NDArray[np.float32], points_px: Array) -> tuple[NDArra
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
     """Pixels next to the normals: their grey (2, G, S, L), where they lie along the normals, `offsets_px`, and whether
-    they count, `inside`, 0 or 1 (2, G, S, L each); `saturated` (2, G, S, L) bool: those that would, but say only how
-    bright they are at least; `beyond` (2, G, S): grey one more chamfer's width into the hole.
+    they count, `inside`, 0 or 1 (2, G, S, L each); `beyond` (2, G, S): grey one more chamfer's width into the hole.
 
     Pixels as they are, not greys between them: an interpolated edge is neither where nor as sharp as the model has it,
     and next to a saturated pixel it is wrong by tens of grey.
@@ -61,7 +60,6 @@ class Profiles:
     offsets_px: Array
     grey: Array
     inside: Array
-    saturated: NDArray[np.bool_]
     beyond: Array
 
 
@@ -81,17 +79,11 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
     for side in range(2):
         height, width = images[side].shape
         inside[side] &= np.all((at[side] > 1) & (at[side] < (width - 2, height - 2)), axis=-1)
+    # a saturated pixel says how bright it is at least, not how bright
     white = grey > SATURATED_GREY
     # but white where the face should be, and it is not white farther out: the rim does not lie here
     odd = white & (offsets < -WHITE_FACE_BLURS * blur_px) & ~white[..., :1]
-    saturated = inside & white & ~odd
-    return Profiles(offsets, grey, (inside & ~saturated).astype(float), saturated, beyond)
-
-
-def with_lower_bounds(taken: Profiles, model: Array) -> Profiles:
-    """A saturated pixel is no error of a model (2, G, S, L) that is brighter, but it is one of a model that is not: the
-    profiles with those that count then."""
-    return replace(taken, inside=taken.inside + (taken.saturated & (model < SATURATED_GREY)))
+    return Profiles(offsets, grey, (inside & (~white | odd)).astype(float), beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
