@@ -34,7 +34,7 @@ def refusal_of(look: Look) -> VisionRefusal | None:
 def test_even_ink_in_an_outline_of_one_step_is_a_print_most_likely(look: Look) -> None:
     refusal = refusal_of(look)
     assert isinstance(refusal, FlatPrint), refusal
-    assert "one step" in str(refusal) and not refusal.certain
+    assert "most likely a print" in str(refusal) and not refusal.certain
     # another light may still show a hole
     assert next_look(Light(), refusal.code, refusal.certain) == Light(lamp=1)
     assert next_look(Light(), refusal.code) is None

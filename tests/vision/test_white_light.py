@@ -83,6 +83,16 @@ def test_white_where_the_face_should_be_counts() -> None:
     assert shares[0] == 0.0 and shares[1] > 0.5
 
 
+def test_greys_are_the_pixels_own_and_stand_where_the_pixels_are() -> None:
+    rim = seen(RIM, STEREO, truth_of(STEREO, 3))
+    row, column = np.mgrid[0 : STEREO.left.height_px, 0 : STEREO.left.width_px].astype(np.float32) / 4.0
+    by_column, by_row = (profiles((number, number), rim, 0.7) for number in (column, row))
+    at = 4.0 * np.stack([by_column.grey, by_row.grey], axis=-1)
+    np.testing.assert_array_equal(at, np.rint(at))
+    across = np.sum((at - rim.outer_px[..., None, :]) * rim.normal[..., None, :], axis=-1)
+    np.testing.assert_allclose(by_column.offsets_px, across, atol=1e-6)
+
+
 @pytest.mark.parametrize(("share", "pocket"), [((0.32, 0.13, 0.18), False), ((0.18, 0.13, 0.32), True)])
 def test_a_bottom_between_two_planes_is_deep_where_the_deeper_one_explains_more(
     share: tuple[float, float, float], pocket: bool

@@ -23,7 +23,7 @@ SPREAD_LEAST_PX = 0.3
 FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
-SATURATED_GREY, SATURATED_REACH = 250.0, 2
+SATURATED_GREY = 250.0
 # so far outside the rim, sd of the blur, a dark face is not white, whatever light is inside
 WHITE_FACE_BLURS = 1.2
 # of a face or a bore that is saturated, one sd of its grey
@@ -41,10 +41,21 @@ def sample(image: NDArray[np.float32], points_px: Array) -> Array:
     return np.asarray(grey, dtype=float).reshape(points_px.shape[:-1])
 
 
+def nearest_pixels(image: NDArray[np.float32], points_px: Array) -> tuple[NDArray[np.int64], Array]:
+    """The pixels next to points (..., 2): where they are (..., 2), px, and their grey; beyond the border on it."""
+    height, width = image.shape
+    at = np.clip(np.rint(np.nan_to_num(points_px)), 0, (width - 1, height - 1)).astype(np.int64)
+    return at, image[at[..., 1], at[..., 0]].astype(float)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
-    """Greys (2, G, S, L) at `offsets_px` (L,) along the normals, and where a profile counts (2, G, S, L), 0 or 1;
-    `beyond` (2, G, S): grey one more chamfer's width into the hole."""
+    """Pixels next to the normals: their grey (2, G, S, L), where they lie along the normals, `offsets_px`, and whether
+    they count, `inside`, 0 or 1 (2, G, S, L each); `beyond` (2, G, S): grey one more chamfer's width into the hole.
+
+    Pixels as they are, not greys between them: an interpolated edge is neither where nor as sharp as the model has it,
+    and next to a saturated pixel it is wrong by tens of grey.
+    """
 
     offsets_px: Array
     grey: Array
@@ -53,38 +64,26 @@ class Profiles:
 
 
 def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenRim, blur_px: float) -> Profiles:
-    """Sampled across the rim: the wider the blur, the farther to both sides."""
+    """Across the rim: the wider the blur, the farther to both sides."""
     face, bore = 2.0 + 2.0 * blur_px, 0.8 + 1.3 * blur_px
     chamfer = np.maximum(rim.chamfer_px, 0.0)
-    offsets = np.arange(-np.ceil(2 * face) / 2, float(chamfer.max()) + bore + STEP_PX, STEP_PX)
-    along = np.broadcast_to(offsets, (*chamfer.shape, len(offsets)))
+    wanted = np.arange(-np.ceil(2 * face) / 2, float(chamfer.max()) + bore + STEP_PX, STEP_PX)
+    along = np.broadcast_to(wanted, (*chamfer.shape, len(wanted)))
     along = np.concatenate([along, (2.0 * chamfer + bore)[..., None]], axis=-1)
     points = rim.outer_px[..., None, :] + along[..., None] * rim.normal[..., None, :]
-    grey = np.stack([sample(images[side], points[side]) for side in range(2)])
-    grey, beyond, points = grey[..., :-1], grey[..., -1], points[..., :-1, :]
-    inside = np.ones_like(grey)
-    reach = float(np.abs(offsets).max())
+    at, grey = (np.stack(both) for both in zip(*map(nearest_pixels, images, points), strict=True))
+    at, grey, beyond = at[..., :-1, :], grey[..., :-1], grey[..., -1]
+    # an edge is straight over half a pixel: of where a pixel lies only what is across counts
+    offsets = np.einsum("kgsli,kgsi->kgsl", at - rim.outer_px[..., None, :], rim.normal)
+    inside = offsets < chamfer[..., None] + bore
     for side in range(2):
         height, width = images[side].shape
-        ends = rim.outer_px[side].reshape(-1, 2)
-        low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
-        if low.min() > 1.0 and high[0] < width - 2.0 and high[1] < height - 2.0:
-            continue
-        u, v = points[side, ..., 0], points[side, ..., 1]
-        inside[side] = (u > 1.0) & (v > 1.0) & (u < width - 2.0) & (v < height - 2.0)
-    inside *= offsets < chamfer[..., None] + bore
-    # a saturated pixel says how bright it is at least, not how bright; what is sampled within a pixel of it holds it
-    full = grey > SATURATED_GREY
-    if full.any():
-        # but white where the face should be, and it is not white farther out: the rim does not lie here
-        odd = full & (offsets < -WHITE_FACE_BLURS * blur_px) & ~full[..., :1]
-        full &= ~odd
-        wide = full.copy()
-        for step in range(1, SATURATED_REACH + 1):
-            wide[..., step:] |= full[..., :-step]
-            wide[..., :-step] |= full[..., step:]
-        inside *= odd | ~wide
-    return Profiles(offsets, grey, inside, beyond)
+        inside[side] &= np.all((at[side] > 1) & (at[side] < (width - 2, height - 2)), axis=-1)
+    # a saturated pixel says how bright it is at least, not how bright
+    white = grey > SATURATED_GREY
+    # but white where the face should be, and it is not white farther out: the rim does not lie here
+    odd = white & (offsets < -WHITE_FACE_BLURS * blur_px) & ~white[..., :1]
+    return Profiles(offsets, grey, (inside & (~white | odd)).astype(float), beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
