@@ -9,7 +9,7 @@ import pytest
 
 SLOW = ("scipy.stats", "scipy.signal", "matplotlib", "torch", "pinocchio")
 STARTED = (
-    "services.force_torque.__main__", "services.inference.__main__", "services.operator.__main__",
+    "services.force_torque.__main__", "services.inference.__main__", "services.operator.assemble",
     "services.planning.__main__", "services.recorder.__main__", "services.vision.__main__",
 )  # fmt: skip
 
