@@ -25,6 +25,7 @@ from crosspih_common.messages.base import (
 LEAST_SPEED_M_S = 1e-6
 LEAST_SPEED_RAD_S = 1e-6
 LEAST_TRAVEL_M = 1e-6
+MOST_TRAVEL_M = 0.3  # of one guarded move
 LEAST_TIME_S = 1e-3
 LEAST_FORCE_N = 1e-3
 LEAST_MOMENT_NM = 1e-5
@@ -104,7 +105,7 @@ class GuardedMove(Held, Message):
     creep_speed_m_s: float = Field(default=0.001, ge=LEAST_SPEED_M_S, le=0.05)
     force_threshold_n: float = Field(default=5.0, ge=LEAST_FORCE_N, le=MOST)
     moment_threshold_nm: float = Field(default=1.0, ge=LEAST_MOMENT_NM, le=MOST)
-    travel_limit_m: float = Field(ge=LEAST_TRAVEL_M, le=0.3)
+    travel_limit_m: float = Field(ge=LEAST_TRAVEL_M, le=MOST_TRAVEL_M)
     observe_s: float = Field(default=0.1, ge=LEAST_TIME_S, le=2.0)
     average_s: float = Field(default=0.025, ge=LEAST_TIME_S, le=2.0, description="at the end of the creep")
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)

@@ -174,6 +174,16 @@ def test_a_peg_that_presses_against_its_bore_is_withdrawn(cell: CellInMemory) ->
     assert out.withdrawn and -0.033 < tip_depth_m(cell) < -0.027
 
 
+def test_a_hole_that_the_peg_cannot_be_in_is_refused_by_the_fields_name(cell: CellInMemory) -> None:
+    """Found by `crosspih bench fuzz`: eleven metres of a guarded move were a defect of ours."""
+    cell.reset(29)
+    far = cell.truth().pose_base_hole.pose() @ Pose.from_translation([0.0, 0.0, -11.0])
+    out = cell.bus.call(WITHDRAW, Withdraw(pose_base_hole=PoseData.of(far)), 60.0)
+    assert not out.withdrawn and out.failure is Failure.REFUSED
+    assert out.failure_detail.startswith("pose_base_hole: by it the tip is 1")
+    assert out.distance_m == 0.0
+
+
 def test_a_peg_that_resists_is_left_where_it_is(cell: CellInMemory) -> None:
     cell.reset(27)
     assert cell.assemble().inserted
