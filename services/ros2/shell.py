@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from crosspih_common.bus import Bus
-from crosspih_common.errors import BusError
+from crosspih_common.errors import BusClosed, BusError
 from crosspih_common.keys import (
     ASSEMBLE,
     CAMERA_CALIBRATION,
@@ -31,6 +31,7 @@ from services.ros2.commands import Commands
 from services.ros2.config import BridgeConfig, devices_of_ros
 
 DIAGNOSE_S = 1.0
+HeardT = TypeVar("HeardT")
 
 
 class BridgeShell:
@@ -44,9 +45,9 @@ class BridgeShell:
         self._topics = Topics(
             self._node, arm, workcell, time.time_ns, stamps=config.stamps, tf_hz=config.tf_hz, has=has
         )
+        self._closing = threading.Event()
         self._listen(bus, has)
         self._commands = Commands(self._node, bus, config.strategy, arm.frames.base) if config.commands else None
-        self._closing = threading.Event()
         self._diagnosing = threading.Thread(target=self._diagnose, name="diagnostics", daemon=True)
         self._diagnosing.start()
         context.event(
@@ -58,24 +59,36 @@ class BridgeShell:
         )  # fmt: skip
 
     def _listen(self, bus: Bus, has: frozenset[str]) -> None:
-        topics = self._topics
-        bus.hear(CLOCK, topics.clock)
+        topics, take = self._topics, self._until_closed
+        bus.hear(CLOCK, take(topics.clock))
         if "arm" not in has:
-            bus.subscribe(JOINT_STATE, topics.joint_state)
-        bus.subscribe(WRENCH_RAW, topics.raw_batch)
-        bus.subscribe(CONTACT_WRENCH, topics.contact_wrench)
+            bus.subscribe(JOINT_STATE, take(topics.joint_state))
+        bus.subscribe(WRENCH_RAW, take(topics.raw_batch))
+        bus.subscribe(CONTACT_WRENCH, take(topics.contact_wrench))
         if "camera" not in has:
-            bus.subscribe(CAMERA_CALIBRATION, topics.calibration)
-            bus.subscribe(IMAGE_LEFT, topics.left_image)
-            bus.subscribe(IMAGE_RIGHT, topics.right_image)
-        bus.subscribe(STATUS, topics.status)
-        bus.subscribe(EVENTS, topics.event)
+            bus.subscribe(CAMERA_CALIBRATION, take(topics.calibration))
+            bus.subscribe(IMAGE_LEFT, take(topics.left_image))
+            bus.subscribe(IMAGE_RIGHT, take(topics.right_image))
+        bus.subscribe(STATUS, take(topics.status))
+        bus.subscribe(EVENTS, take(topics.event))
         answered: tuple[tuple[Command[Any, Any], Callable[[Any], None]], ...] = (
             (LOCATE, topics.hole),
             (ASSEMBLE, topics.assembled),
         )
-        for command, take in answered:
-            bus.subscribe(command.reply_echo, take)
+        for command, hear in answered:
+            bus.subscribe(command.reply_echo, take(hear))
+
+    def _until_closed(self, take: Callable[[HeardT], None]) -> Callable[[HeardT], None]:
+        """What the bus still says while the node is being closed is no fault: nobody can be told of it in ROS."""
+
+        def told(heard: HeardT) -> None:
+            try:
+                take(heard)
+            except BusClosed:
+                if not self._closing.is_set():
+                    raise
+
+        return told
 
     def _diagnose(self) -> None:
         while not self._closing.wait(DIAGNOSE_S):

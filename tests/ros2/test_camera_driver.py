@@ -99,7 +99,7 @@ def test_a_capture_is_a_pair_that_was_exposed_after_it_was_asked_for(endpoint: s
         assert abs(stamps[-1] - time.monotonic_ns()) < 2_000_000_000
         # away and back
         cameras.away = True
-        with pytest.raises(DeviceLost, match=f"no picture came on {LEFT} and {RIGHT} within 2 s"):
+        with pytest.raises(DeviceLost, match=f"no picture came on ({LEFT}|{RIGHT}).* within 2 s"):
             camera.capture(1.0, 0)
         cameras.away = False
         assert camera.capture(1.0, 0).stamp_ns > stamps[-1]
