@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry.pose import Array
+from services.vision.calibration.registration import register_corners
 
 FINE_SIDE_PX = 1200  # a picture with a shorter side is looked at larger for its markers
 LEAST_CORNERS = 6
 REFINE_SHARE, LEAST_WINDOW_PX, MOST_WINDOW_PX = 0.9, 2, 8
 REFINE_STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
+LEAST_REGISTERED_SHARE = 0.5  # of the corners; where fewer are, all are refined by their gradients
 MOST_MOVED_SHARE = 0.25  # of a square: a corner that was refined farther is another one
 
 
@@ -74,7 +76,15 @@ class Board:
         where = self.pattern.corners_m()[corners.ids][:, :2]
         if np.linalg.matrix_rank(where - where.mean(axis=0), tol=1e-6) < 2:
             return NONE
-        return self._refined(picture, corners)
+        return self._registered(picture, corners) or self._refined(picture, corners)
+
+    def _registered(self, picture: NDArray[np.uint8], corners: Corners) -> Corners | None:
+        """By the drawing laid over the picture; None where the squares are too small in it for that."""
+        where = self.pattern.corners_m()[corners.ids][:, :2]
+        found = register_corners(picture, corners.pixels, where / self.pattern.square_m, self.pattern)
+        if int(found.sound.sum()) < max(LEAST_CORNERS, LEAST_REGISTERED_SHARE * len(corners)):
+            return None
+        return Corners(corners.ids[found.sound], found.pixels[found.sound])
 
     def _refined(self, picture: NDArray[np.uint8], corners: Corners) -> Corners:
         """By gradients in a window that no marker reaches into, of a size of its own for each corner."""
