@@ -30,3 +30,6 @@ def data_folder() -> Path:
 def packaged(path: str) -> str:
     """A file that comes with this installation, by its path below the root; absolute."""
     return str(ROOT / path)
+
+
+DEFAULT_CELL = packaged("deploy/cells/default.yaml")

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from crosspih_common.arm.kinematics import ArmModel
 from crosspih_common.geometry.pose import Array, Pose
+from crosspih_common.geometry.rotation import rotations
 
 SHORTEST_LINE_M = 1e-3
 # the makers' names of the joints, base first
@@ -68,7 +68,7 @@ def urdf_of(model: ArmModel, joint_names: Sequence[str], base_link: str, tip_lin
 
 def _origin(element: ET.Element, pose: Pose) -> None:
     # URDF's rpy: about the fixed x, then y, then z
-    angles = Rotation.from_matrix(pose.rotation).as_euler("xyz", suppress_warnings=True)
+    angles = rotations().from_matrix(pose.rotation).as_euler("xyz", suppress_warnings=True)
     ET.SubElement(element, "origin", xyz=_numbers(pose.translation_m), rpy=_numbers(angles))
 
 
@@ -85,7 +85,7 @@ def _cylinder(link: ET.Element, ends: Array, radius_m: float) -> None:
             _origin(element, Pose.from_translation(ends.mean(axis=0)))
             ET.SubElement(ET.SubElement(element, "geometry"), "sphere", radius=repr(radius_m))
             continue
-        turn, _ = Rotation.align_vectors(along[None] / length, [[0.0, 0.0, 1.0]])
+        turn, _ = rotations().align_vectors(along[None] / length, [[0.0, 0.0, 1.0]])
         _origin(element, Pose(turn.as_matrix(), ends.mean(axis=0)))
         ET.SubElement(ET.SubElement(element, "geometry"), "cylinder", radius=repr(radius_m), length=repr(length))
 
@@ -157,7 +157,7 @@ def _joint(element: ET.Element) -> UrdfJoint:
     if parent is None or child is None:
         raise ValueError(f"joint {name!r} has no parent or no child")
     xyz, rpy = ((origin.get(key) if origin is not None else None) or "0 0 0" for key in ("xyz", "rpy"))
-    rotation = Rotation.from_euler("xyz", [float(value) for value in rpy.split()]).as_matrix()
+    rotation = rotations().from_euler("xyz", [float(value) for value in rpy.split()]).as_matrix()
     about = None
     if kind in ("revolute", "continuous"):
         said = (axis.get("xyz") if axis is not None else None) or "1 0 0"

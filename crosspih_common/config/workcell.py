@@ -13,6 +13,7 @@ from crosspih_common.config.arm import ArmSection, default_joints
 from crosspih_common.config.camera import CameraSection
 from crosspih_common.config.drawing import HoleDrawing, PegDrawing
 from crosspih_common.config.force_torque import SensorSection
+from crosspih_common.config.name import DEFAULT_NAME, NAME
 from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
 from crosspih_common.config.surroundings import Surroundings
@@ -48,7 +49,7 @@ class HolePrior(Section):
 class Workcell(Section):
     """The facts of one cell."""
 
-    name: str = Field(default="cell1", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$", description="the key prefix")
+    name: str = Field(default=DEFAULT_NAME, pattern=NAME, description="the key prefix")
     peg: PegDrawing = PegDrawing()
     hole: HoleDrawing = HoleDrawing()
     hole_prior: HolePrior = HolePrior()

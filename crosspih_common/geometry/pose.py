@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
+
+from crosspih_common.geometry.rotation import rotations
 
 Array = NDArray[np.float64]
 
@@ -47,17 +48,19 @@ class Pose:
     def from_matrix(cls, matrix: ArrayLike) -> Pose:
         """From a (4, 4) homogeneous matrix; its rotation is made orthonormal (printed matrices are rounded)."""
         full = np.asarray(matrix, dtype=float)
-        return cls(Rotation.from_matrix(full[:3, :3]).as_matrix(), full[:3, 3].copy())
+        return cls(rotations().from_matrix(full[:3, :3]).as_matrix(), full[:3, 3].copy())
 
     @classmethod
     def from_rotvec(cls, rotvec_rad: ArrayLike, translation_m: ArrayLike) -> Pose:
         """From a rotation vector (3,), rad, and a translation (3,), m."""
-        return cls(Rotation.from_rotvec(np.asarray(rotvec_rad, float)).as_matrix(), np.asarray(translation_m, float))
+        return cls(rotations().from_rotvec(np.asarray(rotvec_rad, float)).as_matrix(), np.asarray(translation_m, float))
 
     @classmethod
     def from_quaternion(cls, quaternion_xyzw: ArrayLike, translation_m: ArrayLike) -> Pose:
         """From a quaternion (x, y, z, w) and a translation (3,), m."""
-        return cls(Rotation.from_quat(np.asarray(quaternion_xyzw, float)).as_matrix(), np.asarray(translation_m, float))
+        return cls(
+            rotations().from_quat(np.asarray(quaternion_xyzw, float)).as_matrix(), np.asarray(translation_m, float)
+        )
 
     @classmethod
     def from_translation(cls, translation_m: Sequence[float] | Array) -> Pose:
@@ -73,11 +76,11 @@ class Pose:
 
     def rotvec_rad(self) -> Array:
         """The rotation vector (3,), rad."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec(), dtype=float)
+        return np.asarray(rotations().from_matrix(self.rotation).as_rotvec(), dtype=float)
 
     def quaternion_xyzw(self) -> Array:
         """The quaternion (x, y, z, w), w >= 0."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True), dtype=float)
+        return np.asarray(rotations().from_matrix(self.rotation).as_quat(canonical=True), dtype=float)
 
     def inverse(self) -> Pose:
         """`pose_b_a` of a `pose_a_b`."""
@@ -96,7 +99,7 @@ class Pose:
 
     def angle_to_rad(self, other: Pose) -> float:
         """The angle between the two rotations, rad."""
-        return float(Rotation.from_matrix(self.rotation.T @ other.rotation).magnitude())
+        return float(rotations().from_matrix(self.rotation.T @ other.rotation).magnitude())
 
     def distance_to_m(self, other: Pose) -> float:
         """The distance between the two origins, m."""
@@ -111,12 +114,12 @@ def rotation_from_error_angles(angles_rad: ArrayLike) -> Array:
     """
     angles = np.asarray(angles_rad, float)
     flat = angles.reshape(-1, 3)
-    matrix = Rotation.from_euler("ZXY", flat[:, [0, 2, 1]]).as_matrix()
+    matrix = rotations().from_euler("ZXY", flat[:, [0, 2, 1]]).as_matrix()
     return np.asarray(matrix.reshape(*angles.shape[:-1], 3, 3), dtype=float)
 
 
 def rotation_to_error_angles(rotation: ArrayLike) -> Array:
     """(alpha, beta, gamma) (..., 3), rad, of a `rotation_peg_hole` (..., 3, 3): the inverse of the above."""
     matrix = np.asarray(rotation, float)
-    euler = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_euler("ZXY")
+    euler = rotations().from_matrix(matrix.reshape(-1, 3, 3)).as_euler("ZXY")
     return np.asarray(euler[:, [0, 2, 1]].reshape(*matrix.shape[:-2], 3), dtype=float)

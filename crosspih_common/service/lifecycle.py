@@ -28,14 +28,13 @@ from crosspih_common.errors import BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS, WALL_CLOCK
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
 from crosspih_common.messages.status import LAST_ERROR_S
-from crosspih_common.modules import packaged
+from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.service import notify
 from crosspih_common.service.wall_clock import ClockWatch, Difference, this_host
 from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
 SECOND_WAITS_S = 7.0  # the name of one whose machine went silent is free again after the link's lease
-DEFAULT_CELL = packaged("deploy/cells/default.yaml")
 SectionT = TypeVar("SectionT", bound=Section)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.spatial import HalfspaceIntersection
 
 from crosspih_common.geometry.pose import Array
 
@@ -31,6 +29,8 @@ class ConvexPiece:
 
     def interior_point_m(self) -> Array:
         """The centre (3,) of the largest ball inside (Chebyshev centre), m; ValueError when the piece is empty."""
+        from scipy.optimize import linprog  # a quarter of a second to load, and only a mesh wants it
+
         result = linprog(
             [0.0, 0.0, 0.0, -1.0],
             A_ub=np.column_stack([self.normals, np.ones(len(self.normals))]),
@@ -44,6 +44,8 @@ class ConvexPiece:
 
     def vertices_m(self) -> Array:
         """The corners (k, 3), m, sorted so that the same piece always lists them in the same order."""
+        from scipy.spatial import HalfspaceIntersection
+
         halfspaces = np.column_stack([self.normals, -self.offsets_m])
         corners = HalfspaceIntersection(halfspaces, self.interior_point_m()).intersections
         unique = np.unique(np.round(corners, 12), axis=0)

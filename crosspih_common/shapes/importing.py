@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linprog
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.drawn.contour import Contour, contour_of
 from crosspih_common.shapes.drawn.curves import DrawingRefused
-from crosspih_common.shapes.drawn.joining import only_closed_curve
 from crosspih_common.shapes.outline import Outline
 
 FILE_SUFFIXES = (".svg", ".dxf")
@@ -56,6 +54,8 @@ def read_drawing(path: Path) -> DrawingRead:
     """The one closed contour of a file. DrawingRefused, a ValueError, names the file, the entity and the mend."""
     if not path.is_file():
         raise DrawingRefused(f"{path}: there is no such drawing; name an SVG or DXF file")
+    from crosspih_common.shapes.drawn.joining import only_closed_curve
+
     try:
         if path.suffix.lower() == ".svg":
             from crosspih_common.shapes.drawn.svg import svg_sheet
@@ -90,6 +90,8 @@ def _axis(corners: Array) -> Array:
     offsets = np.sum(normals * corners, axis=1)
     if np.all(offsets >= 0.0):
         return np.zeros(2)
+    from scipy.optimize import linprog  # a quarter of a second to load, and few drawings want it
+
     farthest = linprog(
         [0.0, 0.0, -1.0],
         A_ub=np.column_stack([normals, np.ones(len(normals))]),

@@ -7,7 +7,6 @@ from math import exp, pi
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg.lapack import dtbtrs
 
 from crosspih_common.geometry.pose import Array
 
@@ -44,6 +43,8 @@ class LowPass:
         given = np.atleast_2d(np.asarray(samples, dtype=float))
         if given.shape[0] == 0:
             return self, given
+        from scipy.linalg.lapack import dtbtrs  # not for whoever only reads what the filter is set to
+
         start = given[0] if self.last is None else np.asarray(self.last)
         rest = 1.0 - self.gain
         # y_i - rest y_(i-1) = gain x_i, all rows at once by substitution. scipy.signal.lfilter gives the same numbers,

@@ -4,10 +4,41 @@ Pure core: compose (the model), interpolation, loading, order, conditions, resta
 tethered_exec (children that cannot outlive us), notify_socket, monitoring, supervisor, state, stack, cli.
 """
 
-from deploy.launcher.errors import AlreadyUpError, ComposeError, LauncherError, NotUpError, StartError
-from deploy.launcher.process import tethered
-from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, is_up, start_stack, stop_stack
-from deploy.launcher.state import DEFAULT_PROJECT, ServiceState, StackState, StateDirectory
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from deploy.launcher.errors import AlreadyUpError, ComposeError, LauncherError, NotUpError, StartError
+    from deploy.launcher.process import tethered
+    from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, is_up, start_stack, stop_stack
+    from deploy.launcher.state import DEFAULT_PROJECT, ServiceState, StackState, StateDirectory
+else:
+    _MODULES = {
+        "AlreadyUpError": "errors",
+        "ComposeError": "errors",
+        "DEFAULT_COMPOSE_FILE": "stack",
+        "DEFAULT_PROJECT": "state",
+        "LauncherError": "errors",
+        "NotUpError": "errors",
+        "ServiceState": "state",
+        "StackRequest": "stack",
+        "StackState": "state",
+        "StartError": "errors",
+        "StateDirectory": "state",
+        "is_up": "stack",
+        "start_stack": "stack",
+        "stop_stack": "stack",
+        "tethered": "process",
+    }
+
+    def __getattr__(name: str) -> object:
+        """Each when it is first asked for (PEP 562): whoever looks at a stack need not load what starts one."""
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+        globals()[name] = found
+        return found
+
 
 __all__ = [
     "DEFAULT_COMPOSE_FILE",

@@ -4,45 +4,18 @@ register(app)            adds the four commands to a typer app
 python -m deploy.launcher.cli up    is the same without the rest of the system
 """
 
-import json
-import os
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from deploy.launcher.display import LogView, TerminalConsole, services_table
-from deploy.launcher.errors import LauncherError, NotUpError
+from deploy.launcher.display import LogView, TerminalConsole
 from deploy.launcher.foreground import supervise
-from deploy.launcher.logfile import LogTail, merged
+from deploy.launcher.looking import Project, RunDir, Services, logs, one_line_errors, ps
 from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, start_stack, stop_stack
-from deploy.launcher.state import DEFAULT_PROJECT, RUN_DIR_VARIABLE, StackState, StateDirectory
+from deploy.launcher.state import DEFAULT_PROJECT
 from deploy.launcher.supervisor import STOP_TIMEOUT_S
-
-_FOLLOW_S = 0.1
-
-Project = Annotated[str, typer.Option("--project", "-p", envvar="CROSSPIH_PROJECT", help="Name of the stack.")]
-RunDir = Annotated[
-    Path | None, typer.Option("--run-dir", envvar=RUN_DIR_VARIABLE, help="Where stacks keep state and logs.")
-]
-Services = Annotated[list[str] | None, typer.Argument(metavar="[SERVICE]...", help="Only these (and what they need).")]
-
-
-@contextmanager
-def _one_line_errors() -> Iterator[None]:
-    try:
-        yield
-    except LauncherError as error:
-        print(error, file=sys.stderr, flush=True)
-        raise typer.Exit(1) from None
-    except BrokenPipeError:
-        # The reader has gone (crosspih logs | head); the interpreter's last flush must not say so again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(0) from None
 
 
 def up(
@@ -59,7 +32,7 @@ def up(
     run_dir: RunDir = None,
 ) -> None:
     """Start the services and show what they write; Ctrl-C stops them all."""
-    with _one_line_errors():
+    with one_line_errors():
         request = StackRequest(project, compose_file, tuple(services or ()), tuple(profile or ()), run_dir, timeout_s)
         if detach:
             console = TerminalConsole(highlight=False)
@@ -69,86 +42,9 @@ def up(
         raise typer.Exit(supervise(request, view.show))
 
 
-def ps(
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
-    project: Project = DEFAULT_PROJECT,
-    run_dir: RunDir = None,
-) -> None:
-    """Show the services, their health and their restarts; exit status 1 if the stack is not up."""
-    show_stack(as_json, project, run_dir)
-
-
-def show_stack(
-    as_json: bool,
-    project: str,
-    run_dir: Path | None,
-    add_notes: Callable[[StackState], StackState] = lambda state: state,
-) -> None:
-    """What `ps` does; `add_notes` puts what the launcher does not know into the notes. Raises typer.Exit."""
-    with _one_line_errors():
-        directory = StateDirectory(project, run_dir)
-        stale_pid = directory.clean_if_stale()
-        state = directory.read()
-        if state is not None and not state.finished:
-            state = add_notes(state)
-        if as_json:
-            nothing = {"project": project, "up": False, "services": []}
-            print(json.dumps({**state.model_dump(mode="json"), "up": not state.finished} if state else nothing))
-        if state is None:
-            why = f"; its supervisor (pid {stale_pid}) died, and its state was removed" if stale_pid else ""
-            raise NotUpError(f"project {project!r} is not up{why}")
-        if not as_json:
-            TerminalConsole(highlight=False).print(services_table(state), soft_wrap=True)
-        if state.finished:
-            raise typer.Exit(1)
-
-
-def logs(
-    services: Services = None,
-    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on until the stack ends or Ctrl-C.")] = False,
-    tail: Annotated[
-        int | None, typer.Option("--tail", "-n", min=0, help="Only the last lines of what is there.")
-    ] = None,
-    project: Project = DEFAULT_PROJECT,
-    run_dir: RunDir = None,
-) -> None:
-    """Show what the services of the running, or of the last, stack wrote, in the order of time."""
-    with _one_line_errors():
-        directory = StateDirectory(project, run_dir)
-        known = directory.tails()
-        for name in services or ():
-            if name not in known:
-                raise LauncherError(f"no logs of {name!r}; there are logs of {', '.join(known) or 'no service'}")
-        tails = {name: reader for name, reader in known.items() if not services or name in services}
-        if not tails and not directory.is_supervised():
-            raise NotUpError(f"project {project!r} has no logs")
-        view = LogView(TerminalConsole(highlight=False), tails)
-        past = list(merged(list(tails.values())))
-        for line in past[len(past) - min(tail, len(past)) :] if tail is not None else past:
-            view.show(line)
-        if follow:
-            try:
-                _follow(directory, tails, tuple(services or ()), view)
-            except KeyboardInterrupt:
-                raise typer.Exit(0) from None
-
-
-def _follow(directory: StateDirectory, tails: dict[str, LogTail], services: tuple[str, ...], view: LogView) -> None:
-    while True:
-        alive = directory.is_supervised()  # Asked before reading, so that the last lines are not missed.
-        if not services:
-            for name, reader in directory.tails().items():
-                tails.setdefault(name, reader)
-        for line in merged(list(tails.values())):
-            view.show(line)
-        if not alive:
-            return
-        time.sleep(_FOLLOW_S)
-
-
 def down(project: Project = DEFAULT_PROJECT, run_dir: RunDir = None) -> None:
     """Stop all services, in order, and the supervisor."""
-    with _one_line_errors():
+    with one_line_errors():
         stop_stack(project, run_dir)
 
 

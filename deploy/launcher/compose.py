@@ -14,12 +14,12 @@ alone here. So is the ``healthcheck`` of a service with ``x-notify``, whose noti
 
 import re
 import shlex
-from enum import Enum
 from typing import Annotated, Any
 
 from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from deploy.launcher.conditions import Condition
 from deploy.launcher.restart import RestartPolicy, RestartWhen
 
 _DURATION_PART = re.compile(r"(\d+(?:\.\d+)?)(us|ms|s|m|h|d)")
@@ -99,14 +99,6 @@ Environment = Annotated[dict[str, str | None], BeforeValidator(_parse_environmen
 
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
-
-
-class Condition(str, Enum):
-    """What a service waits for in another before it starts."""
-
-    STARTED = "service_started"
-    HEALTHY = "service_healthy"
-    COMPLETED = "service_completed_successfully"
 
 
 class Dependency(_Part):

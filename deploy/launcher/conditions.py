@@ -3,8 +3,15 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
-from deploy.launcher.compose import Condition
 from deploy.launcher.health import Health, HealthState
+
+
+class Condition(str, Enum):
+    """What a service waits for in another before it starts."""
+
+    STARTED = "service_started"
+    HEALTHY = "service_healthy"
+    COMPLETED = "service_completed_successfully"
 
 
 class Phase(str, Enum):

@@ -8,7 +8,8 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from deploy.launcher.compose import ComposeFile, Condition, Dependency, Healthcheck, Service
+from deploy.launcher.compose import ComposeFile, Dependency, Healthcheck, Service
+from deploy.launcher.conditions import Condition
 from deploy.launcher.errors import ComposeError, Fault
 from deploy.launcher.interpolation import interpolate
 from deploy.launcher.order import cycle_among

@@ -14,8 +14,8 @@ import sys
 
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
+from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.service import ServiceContext, run_service
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.hardware.checking import print_check
 from services.hardware.config import DEVICES, HardwareConfig, with_calibration_beside
 from services.hardware.hosting import open_cell

@@ -64,7 +64,7 @@ COMMANDS = {
         "here is the cell's; exit status 1 if the stack is not up.",
     ),
     "logs": OnDemand(
-        "deploy.launcher.cli:logs",
+        "deploy.launcher.looking:logs",
         "Show what the services of the running, or of the last, stack wrote, in the order of time.",
     ),
     "down": OnDemand("deploy.launcher.cli:down", "Stop all services, in order, and the supervisor."),

@@ -9,11 +9,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from crosspih_common.service.lifecycle import DEFAULT_CELL
+from crosspih_common.modules import DEFAULT_CELL
 from services.operator.bench.conditions import DEFAULT_PEG, cell_content
 from services.operator.bench.own_cell import OwnCell
 from services.operator.bench.trials import TrialJob, base_cell_text, trial_task
-from services.operator.session import Session, cell_path
+from services.operator.session import Session
+from services.operator.which_cell import cell_path
 
 
 @contextmanager

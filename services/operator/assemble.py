@@ -24,9 +24,10 @@ from services.operator.for_cell import CELL_HELP
 from services.operator.pegs import cell_with_peg
 from services.operator.report import make_report
 from services.operator.scoring import TrialFigures
-from services.operator.session import Session, using_cell
+from services.operator.session import Session
 from services.operator.show import Story, pose_lines, summary
 from services.operator.stack import cell_session
+from services.operator.which_cell import using_cell
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from services.operator.session import using_cell
+from services.operator.which_cell import using_cell
 
 CELL_HELP = "The cell's file; that of CROSSPIH_CELL when left out."
 CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]

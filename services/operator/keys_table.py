@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.keys import ROOT, commands, topics
-from services.operator.contract.schema import write_schemas
 
 HEADINGS = ("key", "message", "kind", "sent by", "read by", "Hz", "what")
 
@@ -85,6 +84,8 @@ def keys(
 
 
 def _write(folder: Path) -> None:
+    from services.operator.contract.schema import write_schemas
+
     try:
         written = write_schemas(folder)
     except OSError as error:

@@ -17,7 +17,8 @@ from crosspih_common.config import CellFile, load_cell
 from crosspih_common.config.cell import content_alone
 from crosspih_common.config.drawing import PegDrawing, peg_section
 from crosspih_common.errors import BusUnreachable, ConfigError
-from services.operator.session import Session, cell_path, endpoint
+from services.operator.session import Session
+from services.operator.which_cell import cell_path, endpoint
 
 CALIBRATION_FILE = "run/{cell}/ft-calibration.yaml"
 

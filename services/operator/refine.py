@@ -16,7 +16,7 @@ from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.refined_cell import refined_table, residual_lines, run_refine, write_cell
-from services.operator.session import cell_path
+from services.operator.which_cell import cell_path
 
 
 def refine(

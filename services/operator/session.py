@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable
 
-from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
+from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.bus.workers import Pump
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import NoService
@@ -43,13 +40,13 @@ from crosspih_common.messages import (
     Withdraw,
     WithdrawResult,
 )
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from deploy.launcher.state import default_run_root
 from services.operator.asked import ask_assembly
 from services.operator.cell_check.first import check_before_first
 from services.operator.new_events import only_new
 from services.operator.recorded import Kept, Recorded
 from services.operator.scoring import TrialFigures, score
+from services.operator.which_cell import cell_path, endpoint
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
 ASSEMBLY_DEADLINE_S = 900.0
@@ -71,31 +68,6 @@ LOST = {
         text="the recorder is gone: nothing is recorded until it is back",
     ),
 }
-
-
-def cell_path() -> str:
-    """The cell's file that this command uses."""
-    return os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL
-
-
-@contextmanager
-def using_cell(path: Path | None) -> Iterator[None]:
-    """CROSSPIH_CELL names that file as long as this lasts, also for what is started; with None nothing is changed."""
-    before = os.environ.get("CROSSPIH_CELL")
-    if path is not None:
-        os.environ["CROSSPIH_CELL"] = str(path.absolute())  # services are started in another folder
-    try:
-        yield
-    finally:
-        if before is not None:
-            os.environ["CROSSPIH_CELL"] = before
-        elif path is not None:
-            del os.environ["CROSSPIH_CELL"]
-
-
-def endpoint() -> str:
-    """The router that this command uses."""
-    return os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT
 
 
 class Session:

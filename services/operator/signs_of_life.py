@@ -4,19 +4,19 @@ whether this machine's wall clock is that of the cell's."""
 from __future__ import annotations
 
 import threading
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crosspih_common.bus import Bus, open_zenoh
-from crosspih_common.config import load_cell
 from crosspih_common.errors import CrosspihError
-from crosspih_common.service.wall_clock import APART_S, measured
-from deploy.launcher.cli import Project, RunDir, show_stack
 from deploy.launcher.conditions import Phase
 from deploy.launcher.health import Health
+from deploy.launcher.looking import Project, RunDir, show_stack
 from deploy.launcher.state import DEFAULT_PROJECT, StackState
-from services.operator.session import cell_path, endpoint
+from services.operator.which_cell import cell_path, endpoint
+
+if TYPE_CHECKING:
+    from crosspih_common.bus import Bus
 
 CONNECT_S = 1.0
 HEAR_S = 1.0
@@ -51,11 +51,16 @@ def with_clock(state: StackState, apart: str) -> StackState:
 
 
 def _clocks_apart(bus: Bus) -> str:
+    from crosspih_common.service.wall_clock import APART_S, measured
+
     wall = measured(bus, CLOCK_ASKED, CLOCK_ASK_S)
     return str(wall) if wall is not None and wall.least_s > APART_S else ""
 
 
 def _with_signs_of_life(state: StackState) -> StackState:
+    from crosspih_common.bus import Bus, open_zenoh  # the messages: not for a stack that is down
+    from crosspih_common.config import cell_name
+
     wanted = {row.service for row in state.services if row.phase is Phase.RUNNING} - {ROUTER}
     alive: set[str] = set()
     changed = threading.Condition()
@@ -66,7 +71,7 @@ def _with_signs_of_life(state: StackState) -> StackState:
             changed.notify_all()
 
     try:
-        with Bus(open_zenoh(endpoint(), CONNECT_S), load_cell(cell_path()).workcell.name, "operator") as bus:
+        with Bus(open_zenoh(endpoint(), CONNECT_S), cell_name(cell_path()), "operator") as bus:
             bus.watch_alive(on_alive)
             with changed:
                 changed.wait_for(lambda: wanted <= alive, HEAR_S)

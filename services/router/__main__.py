@@ -32,7 +32,7 @@ def _telling(cell: str | None) -> tuple[type[Telling], str]:
     Raises ConfigError for a cell's file that cannot be read.
     """
     from crosspih_common.config import load_cell
-    from crosspih_common.service.lifecycle import DEFAULT_CELL
+    from crosspih_common.modules import DEFAULT_CELL
     from services.router.telling import Telling
 
     return Telling, load_cell(cell or DEFAULT_CELL).workcell.name

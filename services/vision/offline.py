@@ -30,7 +30,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, LocateMethod
 from crosspih_common.messages.images import Pixels
-from crosspih_common.service.lifecycle import DEFAULT_CELL
+from crosspih_common.modules import DEFAULT_CELL
 from services.vision.config import VisionConfig
 from services.vision.doubts import doubts_of
 from services.vision.expected import expected_picture

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deploy.launcher import DEFAULT_COMPOSE_FILE, ComposeError
-from deploy.launcher.compose import ComposeFile, Condition, parse_duration_s
+from deploy.launcher.compose import ComposeFile, parse_duration_s
+from deploy.launcher.conditions import Condition
 from deploy.launcher.interpolation import interpolate
 from deploy.launcher.loading import load_compose, parse_compose
 from deploy.launcher.order import select, start_levels

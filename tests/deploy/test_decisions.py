@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deploy.launcher import logfile
-from deploy.launcher.compose import Condition
-from deploy.launcher.conditions import Phase, Standing, Verdict, judge
+from deploy.launcher.conditions import Condition, Phase, Standing, Verdict, judge
 from deploy.launcher.health import Health, HealthState, after_check, after_notification, after_silence
 from deploy.launcher.logfile import LineSplitter, LogLine, LogTail, LogWriter, merged
 from deploy.launcher.restart import LONGEST_DELAY_S, STEADY_AFTER_S, RestartDecision, RestartPolicy, decide

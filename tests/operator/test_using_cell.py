@@ -9,11 +9,11 @@ import yaml
 from typer.testing import CliRunner
 
 from crosspih_common.config import load_cell
-from crosspih_common.service.lifecycle import DEFAULT_CELL
+from crosspih_common.modules import DEFAULT_CELL
 from services.operator.__main__ import app
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.trials import base_cell_text
-from services.operator.session import cell_path, using_cell
+from services.operator.which_cell import cell_path, using_cell
 
 
 def test_a_named_file_counts_while_it_is_used(monkeypatch: pytest.MonkeyPatch) -> None:

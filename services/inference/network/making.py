@@ -15,8 +15,8 @@ import numpy as np
 from crosspih_common.config import Workcell, load_cell
 from crosspih_common.datasets import ContactRow, ContactWriter, DatasetOrigin
 from crosspih_common.messages import floats
+from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.provenance import code_version, with_file_contents
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.inference.network.dataset import ContactDataset
 from services.inference.network.synthesis import single_contact_dataset
 

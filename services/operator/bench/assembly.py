@@ -22,9 +22,9 @@ from services.operator.bench.pool import ExecutorName
 from services.operator.bench.running import on_the_running_stack, repeatability_table, repeated
 from services.operator.bench.swap import Done, Trials, Way, swapped
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob
-from services.operator.session import cell_path
 from services.operator.show import directions_held
 from services.operator.statistics import BenchResult, sight_of, sight_row, summarise
+from services.operator.which_cell import cell_path
 
 
 def figures_table(result: BenchResult, condition: str = "", seeds: str = "") -> Table:

@@ -21,8 +21,8 @@ from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Wh
 from services.operator.bench.pool import ExecutorName
 from services.operator.bench.trials import DEFAULT_STORE, TrialJob
 from services.operator.scoring import TrialFigures
-from services.operator.session import cell_path
 from services.operator.statistics import BenchResult, summarise
+from services.operator.which_cell import cell_path
 
 WANTED = 0.95
 

@@ -20,7 +20,8 @@ from crosspih_common.messages import LocateHole, ResetCell
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.own_cell import CellTask, OwnCell
 from services.operator.scoring import pose_error
-from services.operator.session import Session, cell_path
+from services.operator.session import Session
+from services.operator.which_cell import cell_path
 
 SIZES = ((320, 240), (640, 480), (1280, 960), (1920, 1440), (2448, 2048))
 LOCATE_DEADLINE_S = 300.0

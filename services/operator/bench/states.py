@@ -19,7 +19,7 @@ from services.operator.bench.contact_states.plan import RANDOM, arms_aimed_at
 from services.operator.bench.contact_states.summary import summarise
 from services.operator.bench.contact_states.tables import print_tables
 from services.operator.bench.pool import ExecutorName
-from services.operator.session import cell_path
+from services.operator.which_cell import cell_path
 
 FOLDER = Path("results/contact-states")
 

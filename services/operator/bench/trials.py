@@ -18,7 +18,8 @@ from services.operator.bench.own_cell import CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
 from services.operator.scoring import TrialFigures
-from services.operator.session import NEEDED, Session, cell_path
+from services.operator.session import NEEDED, Session
+from services.operator.which_cell import cell_path
 
 # on these a trial's figures differ from run to run: all else is the same to the last bit
 WALL_FIGURES = ("thinking_s", "duration_s", "wall_s", "challenge_score")

@@ -18,9 +18,9 @@ from services.operator.beside import module_says
 from services.operator.calibrate.folder import new_folder
 from services.operator.calibrate.options import CellOption, RecordOption, SpeedOption, needed, recorded, say_notes
 from services.operator.calibrate.recorded import readings_of
-from services.operator.session import cell_path, using_cell
 from services.operator.show import Story
 from services.operator.stack import cell_session
+from services.operator.which_cell import cell_path, using_cell
 
 NEEDED = ("hardware", "force_torque", "planning")
 OFFLINE = "services.force_torque.offline"

@@ -35,8 +35,8 @@ from services.operator.calibrate.writing import Found
 from services.operator.config import BoardSection, OperatorConfig
 from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.locate.worker import OfflineVision
-from services.operator.session import cell_path, using_cell
 from services.operator.stack import cell_session
+from services.operator.which_cell import cell_path, using_cell
 
 NEEDED = ("hardware",)
 STEREO, HAND_EYE, CAMERAS = "stereo", "hand-eye", "cameras.yaml"

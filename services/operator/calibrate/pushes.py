@@ -34,8 +34,8 @@ from services.operator.calibrate.settings import mount_settings, stiffness_setti
 from services.operator.calibrate.so_far import SoFar
 from services.operator.calibrate.tables import values_table
 from services.operator.calibrate.writing import Found
-from services.operator.session import cell_path, using_cell
 from services.operator.stack import cell_session
+from services.operator.which_cell import cell_path, using_cell
 
 NEEDED = ("hardware", "force_torque", "planning")
 FROM_HELP = (

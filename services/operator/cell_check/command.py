@@ -14,8 +14,9 @@ from crosspih_common.errors import BusUnreachable
 from services.operator.bench.options import AsJson, told
 from services.operator.cell_check.measuring import Manner, check_cell
 from services.operator.rows import tell, wrong_ones
-from services.operator.session import Session, using_cell
+from services.operator.session import Session
 from services.operator.stack import cell_session
+from services.operator.which_cell import using_cell
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from services.operator.bench.options import AsJson, told
 from services.operator.doctor.examination import Wish, examine
 from services.operator.for_cell import CELL_HELP
 from services.operator.rows import Verdict, tell, wrong_ones
-from services.operator.session import cell_path, endpoint
+from services.operator.which_cell import cell_path, endpoint
 
 
 def doctor(

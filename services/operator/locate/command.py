@@ -18,7 +18,7 @@ from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.locate.reading import CalibrationFileError
 from services.operator.locate.showing import show
 from services.operator.locate.worker import BadInput, OfflineVision, VisionLost
-from services.operator.session import cell_path, using_cell
+from services.operator.which_cell import cell_path, using_cell
 
 BAD_INPUT, REFUSED = 2, 3
 FIELDS = ("located", "pose_base_hole", "covariance", "refusal", "time_s", "quality", "warnings")

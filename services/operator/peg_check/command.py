@@ -17,7 +17,7 @@ from crosspih_common.geometry.pose import Array
 from services.operator.bench.options import AsJson, told
 from services.operator.for_cell import for_cell
 from services.operator.peg_check.checking import Checked, check
-from services.operator.session import cell_path
+from services.operator.which_cell import cell_path
 
 peg_app = typer.Typer(no_args_is_help=True, help="Pegs from drawings.")
 

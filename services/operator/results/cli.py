@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import ConfigError, CrosspihError
+from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.provenance import (
     MEASURED_VARIABLE,
     SourceWatch,
@@ -24,7 +25,6 @@ from crosspih_common.provenance import (
     part_version,
     result_key,
 )
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.local_executor import usable_cores
 from services.operator.bench.options import Cells, RayAddress, Where

@@ -27,9 +27,9 @@ from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Image
+from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.ros2 import RosNode, RosQos, RosSample
 from crosspih_common.ros2.converting import Converter
-from crosspih_common.service.lifecycle import DEFAULT_CELL
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.ros2.config import Ros2Config

@@ -35,7 +35,8 @@ from crosspih_common.messages.motion import Held
 from deploy.launcher import StateDirectory
 from services.operator.bench.fuzz.payloads import PayloadMaker, Sort
 from services.operator.bench.processes import held_by_services, restarts_of
-from services.operator.session import NEEDED, Session, endpoint
+from services.operator.session import NEEDED, Session
+from services.operator.which_cell import endpoint
 
 DEADLINE_S = 120.0
 # What each accepted request of takes long: no more are sent that fit once so many were accepted, and once twice as many

@@ -1,0 +1,26 @@
+"""The name of a cell, for whoever only asks on its bus who is there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import yaml
+
+from crosspih_common.errors import ConfigError
+
+DEFAULT_NAME = "cell1"
+NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$"
+
+
+def cell_name(path: str | Path) -> str:
+    """`cell.name` of a cell's file, of which nothing else is checked. Raises ConfigError."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8")) or {}
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    section = content.get("cell") if isinstance(content, dict) else None
+    name = section.get("name", DEFAULT_NAME) if isinstance(section, dict) else DEFAULT_NAME
+    if not isinstance(name, str) or not re.match(NAME, name):
+        raise ConfigError(f"{path}: cell.name: {name!r} is no cell's name; want one that matches {NAME}")
+    return name
