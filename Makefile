@@ -15,19 +15,24 @@ ARGS ?=
 
 BIN := $(VENV)/bin
 
-.PHONY: help env assemble up results test lint format typecheck clean distclean
+.PHONY: help env env-run assemble up results test lint format typecheck clean distclean
 .DEFAULT_GOAL := help
 
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-18s %s\n' "$$target" "$$text"; done
 
-env: ## make or renew the environment
-	@PYTHON='$(PYTHON)' VENV='$(VENV)' TORCH_INDEX_URL='$(TORCH_INDEX_URL)' TORCH='$(TORCH)' sh deploy/bootstrap.sh
+SET_UP = PYTHON='$(PYTHON)' VENV='$(VENV)' TORCH_INDEX_URL='$(TORCH_INDEX_URL)' TORCH='$(TORCH)' sh deploy/bootstrap.sh
 
-assemble: env ## start the system, do one assembly, stop everything
+env: ## make or renew the environment, with torch and what the tests need
+	@PARTS=all $(SET_UP)
+
+env-run:
+	@PARTS=run $(SET_UP)
+
+assemble: env-run ## start the system, do one assembly, stop everything
 	@$(BIN)/crosspih assemble $(if $(SEED),--seed $(SEED)) $(ARGS)
 
-up: env ## start the system and show what it writes; Ctrl-C stops it
+up: env-run ## start the system and show what it writes; Ctrl-C stops it
 	@$(BIN)/crosspih up $(ARGS)
 
 results: env ## every table and figure of docs/results.md; hours, and a stopped run goes on where it was

@@ -8,6 +8,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA_VARIABLE = "CROSSPIH_DATA"
+ALL_PACKAGES = (
+    "make env installs all that crosspih uses (with TORCH=any the larger torch, where no index has its CPU build)"
+)
 _RUNNER = str(Path(__file__).resolve().with_name("run_module.py"))
 
 
@@ -25,6 +28,14 @@ def data_folder() -> Path:
     """Where recordings and calibrations land that are named by a relative path: $CROSSPIH_DATA, or the folder that the
     stack is started from. Absolute."""
     return Path(os.path.abspath(os.environ.get(DATA_VARIABLE) or "."))
+
+
+def not_installed(error: ModuleNotFoundError) -> str:
+    """One line for a package that is not there, with the mend. Raises the error where the module is one of ours."""
+    package = (error.name or "").split(".")[0]
+    if not package or is_ours(package):
+        raise error
+    return f"{package} is not installed: {ALL_PACKAGES}"
 
 
 def packaged(path: str) -> str:

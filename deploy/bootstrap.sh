@@ -1,6 +1,8 @@
 #!/bin/sh
 # Makes the virtual environment and installs this project with pinned versions, or returns at once if that was done.
 #
+# PARTS            run: what one assembly in the simulated cell needs; all, the default: everything, with what the tests
+#                  need, and torch for the trained networks. An environment that has all keeps it
 # PYTHON           the interpreter to use; default: the first of python3, python3.11, python3.10 for which PyBullet has
 #                  ready-made wheels (3.10 and 3.11 on Linux, x86_64); else the first of python3, python3.13, python3.12,
 #                  python3.14 ... that is new enough, and MuJoCo simulates the cell
@@ -16,9 +18,11 @@ VENV=${VENV:-.venv}
 PYTHON=${PYTHON:-}
 TORCH_INDEX_URL=${TORCH_INDEX_URL:-}
 TORCH=${TORCH:-}
+PARTS=${PARTS:-all}
 stamp="$VENV/.crosspih-stamp"
 log="$VENV/install.log"
 left_out="$VENV/.crosspih-without-torch"
+has="$VENV/.crosspih-parts"
 
 fail() {
     printf 'crosspih: %s\n' "$*" >&2
@@ -56,7 +60,15 @@ usable() {
         { [ -z "$PYTHON" ] || [ "$(version_of "$PYTHON")" = "$(version_of "$VENV/bin/python")" ]; }
 }
 
-if usable && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ] &&
+case $PARTS in
+    run | all) ;;
+    *) fail "PARTS=$PARTS: want run or all" ;;
+esac
+if usable && [ -f "$has" ] && [ "$(cat "$has")" = all ]; then
+    PARTS=all
+fi
+
+if usable && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ] && [ "$(cat "$has")" = "$PARTS" ] &&
     { [ ! -f "$left_out" ] || [ -z "$TORCH$TORCH_INDEX_URL" ]; }; then
     exit 0
 fi
@@ -129,23 +141,33 @@ install_or_fail setuptools
 # On Linux the index's plain torch carries several gigabytes of CUDA libraries, which nothing here uses. The CPU build
 # of the same release is taken wherever the configured indexes have it. Elsewhere torch is left out: an assembly does not
 # need it, only the trained networks do, and nobody who types `make assemble` expects gigabytes.
-extra=all
 rm -f "$left_out"
-if [ "$(uname -s)" = Linux ] && [ "$TORCH" != any ]; then
+if [ "$PARTS" = run ]; then
+    extra=run
+else
+    extra=all,dev
+fi
+if [ "$PARTS" = all ] && [ "$(uname -s)" = Linux ] && [ "$TORCH" != any ]; then
     torch=$(sed -n 's/^torch==\([0-9.]*\).*/\1/p' deploy/constraints.txt)
     if ! install --no-deps "torch==$torch+cpu"; then
         [ -z "$TORCH_INDEX_URL" ] || fail "no CPU build of torch $torch at TORCH_INDEX_URL=$TORCH_INDEX_URL (see $log)"
-        extra=torchless
+        extra=torchless,dev
     fi
 fi
 
-install_or_fail --no-build-isolation --editable ".[$extra,dev]"
-if [ "$extra" = torchless ]; then
+install_or_fail --no-build-isolation --editable ".[$extra]"
+# the headers of the C++ libraries that came with it, 190 MB: for compilers, which nothing here uses
+rm -rf "$VENV"/lib/python3.*/site-packages/cmeel.prefix/include
+if [ "$extra" = run ]; then
+    say "this is what an assembly needs; make env adds torch for the trained networks (strategies paper," \
+        "network_spiral and sequence, crosspih train), tables, DXF, certificates and what the tests need"
+elif [ "$extra" = torchless,dev ]; then
     : >"$left_out"
     say "torch is left out: no CPU build at the configured package indexes; what uses trained networks wants" \
         "make env TORCH_INDEX_URL=(PyTorch's CPU index), or TORCH=any for the default build with gigabytes of CUDA"
 fi
 "$VENV/bin/python" -c 'import pybullet' >/dev/null 2>&1 ||
     say "MuJoCo simulates the cell: there is no ready-made PyBullet for Python $(version_of "$VENV/bin/python") here"
+printf '%s\n' "$PARTS" >"$has"
 fingerprint >"$stamp"
 say "$VENV is ready ($(($(date +%s) - started)) s)"

@@ -7,6 +7,7 @@ import sys
 
 import typer
 
+from crosspih_common.modules import not_installed
 from crosspih_common.security import CERTIFICATES
 from services.operator.on_demand import OnDemand, group_of
 
@@ -93,7 +94,11 @@ def main() -> None:
     for variable in ("CROSSPIH_CELL", CERTIFICATES):  # services are started in another folder
         if named := os.environ.get(variable):
             os.environ[variable] = os.path.abspath(named)
-    app()
+    try:
+        app()
+    except ModuleNotFoundError as error:
+        print(f"crosspih: {not_installed(error)}", file=sys.stderr)
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from crosspih_common.errors import CrosspihError
-from services.inference.network.making import make_contacts, workcell
+from crosspih_common.modules import not_installed
 from services.inference.network.settings import Optimiser, TrainingSettings
 
 SAY_EVERY_S = 0.2
@@ -90,6 +90,8 @@ def _arguments() -> argparse.Namespace:
 
 
 def _synthesise(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    from services.inference.network.making import make_contacts
+
     names = ("angle_rad", "lateral_m", "force_n", "friction", "force_sd_n", "moment_sd_nm")
     settings = {name: float(getattr(arguments, name)) for name in names}
     return make_contacts(arguments.out, arguments.poses, arguments.seed, settings, tell)
@@ -118,6 +120,7 @@ def _sequence(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
 
 
 def _compare(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
+    from services.inference.network.making import workcell
     from services.inference.network.sequence_comparison import compare
 
     return compare(workcell(), arguments.weights, arguments.trials, arguments.touches, arguments.seed, tell)
@@ -139,6 +142,9 @@ def main() -> None:
         result = arguments.run(arguments, Teller(for_people))
     except (CrosspihError, ValueError, OSError) as error:
         print(error, file=sys.stderr)
+        sys.exit(1)
+    except ModuleNotFoundError as error:
+        print(json.dumps({"error": not_installed(error)}) if not for_people else not_installed(error))
         sys.exit(1)
     if for_people:
         from services.inference.network.sequence_comparison import as_text

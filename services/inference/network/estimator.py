@@ -10,6 +10,7 @@ import numpy as np
 
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
+from crosspih_common.modules import ALL_PACKAGES
 from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables
 from services.inference.mechanics.translation import solve_translation
@@ -17,7 +18,6 @@ from services.inference.mechanics.translation import solve_translation
 if TYPE_CHECKING:
     from services.inference.network.model import AngleNetwork
 
-TORCH_MEND = "make env TORCH=any, or pip install 'crosspih[networks]'"
 SHIPPED_WEIGHTS = Path(__file__).with_name("weights.safetensors")
 
 
@@ -38,7 +38,7 @@ class NetworkEstimator:
         if not self._path.is_file():
             raise NetworkUnavailable(f"no network weights at {self._path}: train some, or name their file in `weights`")
         if importlib.util.find_spec("torch") is None:
-            raise NetworkUnavailable(f"torch is not installed: {TORCH_MEND}")
+            raise NetworkUnavailable(f"torch is not installed: {ALL_PACKAGES}")
         self._network: AngleNetwork | None = None
         self._tables = PairTables.of(peg, hole)
 
@@ -47,7 +47,7 @@ class NetworkEstimator:
             try:
                 from services.inference.network.model import AngleNetwork
             except ImportError as error:
-                raise NetworkUnavailable(f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
+                raise NetworkUnavailable(f"torch cannot be loaded ({error}): {ALL_PACKAGES}") from error
             try:
                 self._network = AngleNetwork.load(self._path)
             except Exception as error:

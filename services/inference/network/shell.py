@@ -21,9 +21,9 @@ from crosspih_common.messages import (
     TouchUse,
     floats,
 )
+from crosspih_common.modules import ALL_PACKAGES
 from crosspih_common.service import ServiceContext
 from services.inference.estimator import TouchObservation
-from services.inference.network.estimator import TORCH_MEND
 from services.inference.plausible import refuse_implausible_answers, refuse_implausible_touches
 
 SHIPPED_WEIGHTS = Path(__file__).with_name("sequence.safetensors")
@@ -54,7 +54,7 @@ class SequenceShell:
         try:
             from services.inference.network.sequence_model import SequenceNetwork, history_of
         except ImportError as error:
-            raise CommandRefused("no_torch", f"torch cannot be loaded ({error}): {TORCH_MEND}") from error
+            raise CommandRefused("no_torch", f"torch cannot be loaded ({error}): {ALL_PACKAGES}") from error
         started = time.perf_counter()
         refuse_implausible_touches(request.prior, request.touches, self._workcell.peg.shape().tip_m)
         if self._network is None:

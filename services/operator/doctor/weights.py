@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from crosspih_common.messages import Strategy
+from crosspih_common.modules import ALL_PACKAGES
 from services.operator.beside import ROOT
 from services.operator.rows import Row, ok, wrong
 
@@ -27,8 +28,9 @@ def weight_rows(strategy: Strategy, inference: dict[str, Any], torch: str = "tor
         return
     for module in (torch, "safetensors"):
         if find_spec(module) is None:
-            mend = "pip install 'crosspih[networks]' (make env TORCH_INDEX_URL=... for torch's CPU build)"
-            yield wrong("networks", f"the strategy {strategy.value} needs {module}, which is not installed", mend)
+            yield wrong(
+                "networks", f"the strategy {strategy.value} needs {module}, which is not installed", ALL_PACKAGES
+            )
             return
     setting, shipped = NETWORKS[strategy]
     named = str(inference.get(setting) or "")
