@@ -1,4 +1,4 @@
-"""How the tests are shared out to two workers; fixtures for tests over real processes: a router on a free port, and
+"""How the tests are shared out to the workers; fixtures for tests over real processes: a router on a free port, and
 services beside it."""
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ END_S = 10.0
 
 
 # Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while
-# the other one computes, so that no two cells run beside each other.
+# the others compute, so that no two cells run beside each other. That worker waits much of its time, so that there are
+# three of them for two cores.
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_any_folder.py",
@@ -75,7 +76,11 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
 ])  # fmt: skip
+BEHIND = 5  # nice
 STARTERS = frozenset(["bare", "router", "sdk", "secured", "spawn", "stacks", "sdk_arm"])
+
+
+_begun = False
 
 
 class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
@@ -102,6 +107,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item, file in files.items():
         if STARTERS & set(getattr(item, "fixturenames", ())) and file not in WITH_PROCESSES:
             raise pytest.UsageError(f"{file} starts processes: add it to WITH_PROCESSES in tests/conftest.py")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A worker that begins with what only computes goes behind what the other one starts and waits for."""
+    global _begun
+    computes = item.nodeid.split("::")[0] not in WITH_PROCESSES
+    if not _begun and computes and hasattr(item.config, "workerinput") and hasattr(os, "nice"):
+        os.nice(BEHIND)
+    _begun = True
 
 
 def pytest_collection_finish() -> None:
