@@ -96,6 +96,38 @@ def test_torch_is_any_or_nothing(tree: Path) -> None:
     assert _refusal(tree, TORCH="all") == "crosspih: TORCH=all: want any, or nothing\n"
 
 
+def test_parts_are_run_or_all(tree: Path) -> None:
+    assert _refusal(tree, PARTS="some") == "crosspih: PARTS=some: want run or all\n"
+
+
+def test_an_assembly_is_set_up_without_what_it_does_not_need(tree: Path) -> None:
+    """What is asked of pip, by an interpreter that only writes it down; an environment that has all keeps it."""
+    asked = tree / "asked"
+    body = f"""case "$*" in
+  *"-m venv"*) mkdir -p .venv/bin; echo >.venv/pyvenv.cfg; ln -sf {tree}/bin/python3 .venv/bin/python;;
+  *"-m pip"*) echo "$*" >>{asked};;
+  *) exec {sys.executable} "$@";;
+esac"""
+    _interpreter(tree, "python3", body)
+    for tool in ("mkdir", "ln"):
+        (tree / "bin" / tool).symlink_to(shutil.which(tool) or "")
+
+    def set_up(parts: str) -> str:
+        asked.write_text("")
+        environment = {"PATH": str(tree / "bin"), "HOME": str(tree), "PARTS": parts}
+        subprocess.run(
+            ["sh", "deploy/bootstrap.sh"], cwd=tree, env=environment, capture_output=True, check=True, timeout=120.0
+        )
+        return asked.read_text()
+
+    first = set_up("run")
+    assert "--editable .[run]" in first and "torch" not in first
+    assert set_up("run") == ""
+    everything = set_up("all")
+    assert "--editable .[all,dev]" in everything
+    assert set_up("run") == set_up("all") == ""
+
+
 def test_python_without_venv(tree: Path) -> None:
     _interpreter(tree, "python3", f'case "$2" in *venv*) exit 1;; *) exec {sys.executable} "$@";; esac')
     said = "crosspih: python3 has no venv module; install it (Debian and Ubuntu: apt install python3-venv)\n"

@@ -66,6 +66,13 @@ def test_a_command_loads_what_its_answer_needs(command: str) -> None:
     assert _loaded(code, COMMANDS[command]) == "loaded []"
 
 
+def test_an_assembly_and_its_page_need_no_package_that_set_up_leaves_out() -> None:
+    """`make assemble` installs the extra `run` alone."""
+    code = "import services.operator.assemble, services.operator.report.page, services.operator.report.figure"
+    left_out = ("torch", "safetensors", "pyarrow", "ezdxf", "cryptography", "rosbags", "pymodbus", "serial", "ray")
+    assert _loaded(code, left_out) == "loaded []"
+
+
 def test_who_lives_is_asked_without_mathematics() -> None:
     """What `crosspih ps` loads for a stack that is up."""
     code = (
