@@ -4,15 +4,35 @@ from __future__ import annotations
 
 import contextlib
 import os
+import socket
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from crosspih_common.config import load_cell
 from crosspih_common.errors import BusUnreachable, ConfigError, CrosspihError
+from crosspih_common.security import CERTIFICATES
 from deploy.launcher import DEFAULT_PROJECT, StackRequest, is_up, start_stack, stop_stack
 from services.operator.session import NEEDED, Session
+from services.operator.which_cell import cell_path, endpoint
 
 START_DEADLINE_S = 90.0
+
+
+def refused_at_once(where: str) -> bool:
+    """Whether this machine says that nobody listens there: a router's start would be waited for, and so a second lost
+    before a stack is started that is not there yet."""
+    protocol, _, address = where.partition("/")
+    host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
+    if protocol != "tcp" or not port.isdigit() or os.environ.get(CERTIFICATES):
+        return False
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
+            return False
+    except ConnectionRefusedError:
+        return True
+    except OSError:
+        return False
 
 
 @contextmanager
@@ -21,10 +41,11 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
 
     `speed` is "realtime" or "max". A running stack keeps its own speed: asking for the other one is an error.
     """
-    try:
-        session = Session(connect_timeout_s=1.0)
-    except BusUnreachable:
-        session = None
+    session = None
+    load_cell(cell_path())  # what is wrong in it is said before anything is started
+    if not refused_at_once(endpoint()):
+        with contextlib.suppress(BusUnreachable):
+            session = Session(connect_timeout_s=1.0)
     if session is not None:
         with session:
             session.wait_for_services(START_DEADLINE_S, needed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,11 @@ from typer.testing import CliRunner
 
 from crosspih_common.config import load_cell
 from crosspih_common.modules import DEFAULT_CELL
+from crosspih_common.security import CERTIFICATES
 from services.operator.__main__ import app
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.trials import base_cell_text
+from services.operator.stack import refused_at_once
 from services.operator.which_cell import cell_path, using_cell
 
 
@@ -27,6 +30,21 @@ def test_a_named_file_counts_while_it_is_used(monkeypatch: pytest.MonkeyPatch) -
     assert cell_path() == "mine.yaml"
     with using_cell(None):
         assert cell_path() == "mine.yaml"
+
+
+def test_where_nobody_listens_no_router_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(CERTIFICATES, raising=False)
+    with socket.socket() as somebody:
+        somebody.bind(("127.0.0.1", 0))
+        here = f"tcp/127.0.0.1:{somebody.getsockname()[1]}"
+        assert refused_at_once(here)  # bound, but not listening yet
+        somebody.listen()
+        assert not refused_at_once(here)
+    assert refused_at_once(here)
+    # where that is not for a plain connection to tell, Zenoh is asked
+    assert not refused_at_once(here.replace("tcp", "tls")) and not refused_at_once("serial//dev/ttyS0")
+    monkeypatch.setenv(CERTIFICATES, "here")
+    assert not refused_at_once(here)
 
 
 @pytest.mark.parametrize("command", ["bench assembly", "bench caps", "bench kills", "withdraw", "dataset collect"])
