@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from enum import Enum
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
+if TYPE_CHECKING:
+    from crosspih_common.geometry import Pose
+    from crosspih_common.geometry.pose import Array
 
 # No length, angle, force or count that a cell can have is larger; what is, would overflow in the first square of it.
 MOST = 1e12
@@ -48,6 +48,8 @@ def _deviations(values: tuple[float, ...]) -> tuple[float, ...]:
 
 def _least_eigenvalue(values: tuple[float, ...]) -> float:
     """Of the correlation (6, 6). Raises ValueError where the variances or the symmetry are not a covariance's."""
+    import numpy as np  # here and below: who only names a message, as `crosspih keys`, need not wait for NumPy
+
     covariance = np.asarray(values).reshape(6, 6)
     variances = np.diag(covariance)
     if (variances < 0.0).any():
@@ -151,6 +153,8 @@ class PoseData(Part):
 
     def pose(self) -> Pose:
         """To the geometry's Pose; the quaternion is normalised."""
+        from crosspih_common.geometry import Pose
+
         return Pose.from_quaternion(self.quaternion_xyzw, self.position_m)
 
 
@@ -164,4 +168,6 @@ def same_length(part: Part, first: str, *others: str) -> None:
 
 def floats(values: Iterable[float] | Array) -> tuple[float, ...]:
     """A flat tuple of plain floats from any array."""
+    import numpy as np
+
     return tuple(float(value) for value in np.asarray(values, dtype=float).ravel())

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:  # as in base.py
+    import numpy as np
+    from numpy.typing import NDArray
 
 IMAGE_TYPE = "foxglove.RawImage"
 BAYER = ("rggb", "bggr", "gbrg", "grbg")  # the colours of the top left 2 x 2 pixels, row by row
@@ -21,7 +22,7 @@ ENCODINGS: dict[str, tuple[str, int]] = {
     **{f"bayer_{pattern}16": ("<u2", 1) for pattern in BAYER},
 }
 
-Pixels = NDArray[np.unsignedinteger[Any]]
+Pixels: TypeAlias = "NDArray[np.unsignedinteger[Any]]"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

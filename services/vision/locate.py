@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,7 @@ class _Attempt:
     evidence: Evidence
 
 
-Picture = Light | Pixels
+Picture: TypeAlias = "Light | Pixels"
 
 
 def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:

@@ -30,8 +30,8 @@ OF_NO_QUESTION = ("scipy", "shapely", "cv2", "torch", "matplotlib", "pybullet", 
 OF_NO_LOOK = (*OF_NO_QUESTION, "numpy", "asyncio")
 COMMANDS = {
     "--help": (*OF_NO_LOOK, "zenoh", "pydantic", "yaml"),
-    "keys": (*OF_NO_QUESTION, "zenoh", "asyncio", "yaml"),
-    "keys --markdown": (*OF_NO_QUESTION, "zenoh", "asyncio", "yaml"),
+    "keys": (*OF_NO_LOOK, "zenoh", "yaml"),
+    "keys --markdown": (*OF_NO_LOOK, "zenoh", "yaml"),
     "ps": OF_NO_LOOK,
     "ps --json": OF_NO_LOOK,
     "logs": OF_NO_LOOK,
