@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosspih_common.config import Section, Workcell, load_cell
+from crosspih_common.config import Section, Workcell, cell_name, load_cell
 from crosspih_common.errors import ConfigError
 
 
@@ -95,3 +95,21 @@ def test_a_correction_in_its_old_place_is_read_and_two_are_refused(tmp_path: Pat
     path.write_text(old + "cell: {force_torque: {correction: {}}}\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"is now cell\.force_torque\.correction"):
         load_cell(path)
+
+
+@pytest.mark.parametrize("path", sorted(Path("deploy/cells").glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_name_alone_is_that_of_the_whole_file(path: Path) -> None:
+    assert cell_name(path) == load_cell(path).workcell.name
+
+
+@pytest.mark.parametrize("text", ["", "cell:", "cell: {}", "planning: {no_such: 1}"])
+def test_a_file_without_a_name_has_the_default_one(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cell.yaml").write_text(text, encoding="utf-8")
+    assert cell_name(tmp_path / "cell.yaml") == Workcell().name
+
+
+@pytest.mark.parametrize("text", ["cell: {name: A b}", "cell: {name: 3}", "cell: [", "cell: {name: ''}"])
+def test_what_is_no_name_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cell.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"cell\.yaml: "):
+        cell_name(tmp_path / "cell.yaml")
