@@ -159,6 +159,24 @@ def _finished(
     return Fit(shared, own, covariance, now, group)
 
 
+def moved_by(
+    changes: Array, residual: Residual, fit: Fit, group: NDArray[np.int64], steps: Array, own_steps: Array
+) -> Array:
+    """How far the shared unknowns (p, q) of a fit move, to first order, when its residuals (m,) change by (m, q): what
+    an error does that all groups have in common, and that leaving groups out cannot show."""
+    by_shared, by_own = _jacobians(residual, fit.shared, fit.own, steps, own_steps)
+    whole, pulled = np.zeros((len(fit.shared),) * 2), np.zeros((len(fit.shared), changes.shape[1]))
+    for index in range(int(group.max()) + 1):
+        row = np.flatnonzero(group == index)
+        block, part = by_shared[row], changes[row]
+        if by_own.shape[1]:
+            basis, _ = np.linalg.qr(by_own[row])
+            block, part = block - basis @ (basis.T @ block), part - basis @ (basis.T @ part)
+        whole, pulled = whole + block.T @ block, pulled + block.T @ part
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
+    return np.asarray(-scale[:, None] * np.linalg.solve(whole * np.outer(scale, scale), scale[:, None] * pulled))
+
+
 def held_out_folds(groups: int, folds: int = 5) -> list[NDArray[np.int64]]:
     """Groups to leave out together, every so-manieth: at least two groups stay in."""
     folds = max(2, min(folds, groups))

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from crosspih_common.calibration.fitting import Fit, Residual, fit_groups, moved_by
 from crosspih_common.geometry import Pose
 from services.vision.calibration.boards import Board
 from services.vision.calibration.registration import register_corners
@@ -64,3 +65,22 @@ def test_corners_that_lie_on_one_line_are_not_registered() -> None:
     picture = np.full((480, 640), 90, dtype=np.uint8)
     line = np.stack([np.linspace(100.0, 300.0, len(SQUARES)), np.full(len(SQUARES), 200.0)], axis=1)
     assert not register_corners(picture, line, SQUARES, PATTERN).sound.any()
+
+
+def test_what_all_groups_have_in_common_moves_a_fit_as_fitting_again_does() -> None:
+    """`moved_by` against the fit itself, with an unknown of each group beside the shared ones."""
+    rng = np.random.default_rng(8)
+    design, group = rng.normal(size=(60, 3)), np.repeat(np.arange(6), 10)
+    seen, common, slope = rng.normal(size=60), 1e-3 * rng.normal(size=60), rng.normal(size=60)
+    steps, own_steps = np.full(3, 1e-6), np.array([1e-6])
+
+    def fitted(of: np.ndarray) -> tuple[Residual, Fit]:
+        def residual(shared: np.ndarray, own: np.ndarray) -> np.ndarray:
+            return np.asarray(of - design @ shared - slope * own[group, 0])
+
+        return residual, fit_groups(residual, np.zeros(3), np.zeros((6, 1)), group, steps, own_steps)
+
+    residual, before = fitted(seen)
+    _, after = fitted(seen + common)
+    moved = moved_by(common[:, None], residual, before, group, steps, own_steps)
+    assert moved[:, 0] == pytest.approx(after.shared - before.shared, abs=1e-8)

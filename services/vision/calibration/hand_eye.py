@@ -156,6 +156,26 @@ def _by_cameras(rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, doub
     return np.asarray(moved @ doubt.covariance @ moved.T, dtype=float)
 
 
+def _by_board(
+    rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, cameras: tuple[Camera, Camera], pose_left_right: Pose
+) -> Array:
+    """(12, 12): what a board adds that is not quite as its pattern says."""
+
+    def off(of: Rows, shared: Array) -> Array:
+        to_camera, on_flange = (camera @ pose_of(shared[:6])).inverse(), board @ pose_of(shared[6:])
+        poses = np.array([vector_of(to_camera @ flange @ on_flange) for flange in flanges])
+        return of.off_px(of.in_left_m(poses), cameras, pose_left_right)
+
+    start, steps = np.zeros(12), np.concatenate([STEPS, STEPS])
+    by_poses = [
+        (off(rows, step) - off(rows, -step)) / (2.0 * size) for size, step in zip(steps, np.diag(steps), strict=True)
+    ]
+    now = off(rows, start)
+    changes = [off(other, start) - now for other in rows.boards()]
+    moved = -np.linalg.lstsq(np.stack(by_poses, axis=1), np.stack(changes, axis=1), rcond=None)[0]
+    return np.asarray(moved @ moved.T, dtype=float)
+
+
 def calibrate_hand_eye(
     pairs: list[Pair], flanges: list[Pose], pattern: BoardPattern, cameras: tuple[Camera, Camera],
     pose_left_right: Pose, folds: int = 5, doubt: CameraDoubt | None = None,
@@ -174,6 +194,7 @@ def calibrate_hand_eye(
     seen = posed(rows, cameras, pose_left_right, alone.own).own
     boards = [pose_of(vector) for vector in seen]
     camera, board, fit = _fitted(rows, flanges, cameras, pose_left_right, park_martin(flanges, boards))
+    fit = replace(fit, covariance=fit.covariance + _by_board(rows, flanges, camera, board, cameras, pose_left_right))
     if doubt is not None:
         fit = replace(fit, covariance=fit.covariance + _by_cameras(rows, flanges, camera, board, doubt))
     middle = np.append(pattern.size_m / 2.0, 0.0)

@@ -16,6 +16,8 @@ from services.vision.calibration.boards import Corners
 from services.vision.stereo import Camera
 
 Pair = tuple[Corners, Corners]
+# a corner of a good board: how far it is printed, or bowed, from where its pattern says; it is so in every picture
+PRINTED_SD_M = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +61,16 @@ class Rows:
     def groups(self) -> NDArray[np.int64]:
         """(2 m,): the pair of each residual, u and v in turn."""
         return np.repeat(self.pair, 2)
+
+    def boards(self) -> list[Rows]:
+        """The same pictures of boards on which one corner lies elsewhere by `PRINTED_SD_M`, along x, y or z."""
+        found = []
+        for corner in np.unique(self.points_m, axis=0):
+            here = np.all(self.points_m == corner, axis=1)
+            for away in PRINTED_SD_M * np.eye(3):
+                points = np.where(here[:, None], self.points_m + away, self.points_m)
+                found.append(Rows(self.pair, self.side, points, self.pixels))
+        return found
 
     def in_left_m(self, poses: Array) -> Array:
         """(m, 3): the corners in the left camera's frame, of boards at poses (n, 6): rotation vector and place."""

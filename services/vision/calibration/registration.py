@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry.pose import Array
 
-HALF = 0.5  # of a square: how far the window reaches along the sides
+HALF, MOST_HALF_PX = 0.5, 20.0  # of a square: how far the window reaches along the sides, and at most
 SUBPIXELS = 3  # each way
 LEAST_BLUR_PX, MOST_BLUR_PX, BLUR_FOUND_PX = 0.35, 3.0, 0.03
 BLUR_CORNERS = 8  # by so many the blur is measured
@@ -46,7 +46,8 @@ class _Board:
     the cube of the distance from its middle, and a bow that is not drawn shifts a corner."""
 
     def __init__(self, to_pixels: Array, middle: Array) -> None:
-        self._to_pixels, self._to_squares, self._middle = to_pixels, np.linalg.inv(to_pixels), middle
+        self._to_pixels, self._middle = to_pixels, middle
+        self._to_squares = np.asarray(np.linalg.inv(to_pixels), dtype=float)
         self.bent = np.zeros((TERMS[0], 2))
 
     def terms(self, squares: Array) -> Array:
@@ -57,7 +58,7 @@ class _Board:
 
     def straight_px(self, squares: Array) -> Array:
         """Without what the lens bends."""
-        return _mapped(self._to_pixels, squares)
+        return _mapped(self._to_pixels, np.asarray(squares, dtype=float))
 
     def px(self, squares: Array) -> Array:
         """(..., 2)."""
@@ -68,7 +69,7 @@ class _Board:
         squares = _mapped(self._to_squares, pixels)
         if np.any(self.bent):
             for _ in range(2):
-                squares = _mapped(self._to_squares, pixels - self.terms(squares) @ self.bent)
+                squares = _mapped(self._to_squares, np.asarray(pixels - self.terms(squares) @ self.bent, dtype=float))
         return squares
 
     def per_square(self, squares: Array) -> Array:
@@ -86,7 +87,8 @@ class _Window:
         self._start = board.px(corner)
         per_square = board.per_square(corner)
         self._per_pixel = np.linalg.inv(per_square)
-        reach = np.ceil(np.abs(per_square).sum(axis=1) * HALF).astype(int) + 3
+        self._half = np.minimum(HALF, MOST_HALF_PX / np.linalg.norm(per_square, axis=0))
+        reach = np.ceil(np.abs(per_square) @ self._half).astype(int) + 3
         middle, size = np.rint(self._start).astype(int), np.array(picture.shape[::-1])
         low, high = np.maximum(middle - reach, 0), np.minimum(middle + reach + 1, size)
         self.empty = bool(np.any(high - low < 5))
@@ -108,7 +110,7 @@ class _Window:
     def looked_at(self, shift: Array, guard_px: float) -> NDArray[np.bool_]:
         """(rows, columns): pixels near the corner, and no nearer to a marker."""
         away = (self._pixels - self._start - shift) @ self._per_pixel.T
-        near = np.all(np.abs(away) < HALF, axis=-1)
+        near = np.all(np.abs(away) < self._half, axis=-1)
         near[:2] = near[-2:] = False
         near[:, :2] = near[:, -2:] = False
         squares = self._corner + away
@@ -170,6 +172,8 @@ def register_corners(picture: NDArray[np.uint8], pixels: Array, squares: Array, 
         windows = [_Window(grey, corner, board, marker) for corner in squares]
         drawn = [np.zeros((0, 0)) if window.empty else window.drawn(np.zeros(2)) for window in windows]
         blur_px = blur_px or _blur_px(windows, drawn)
+        if blur_px < LEAST_BLUR_PX + BLUR_FOUND_PX:
+            return lost  # drawn, not taken by a camera: without blur an edge between pixels has no place of its own
         now = _all(windows, drawn, blur_px, pixels)
         if number == 0 and not _bend(board, squares, now):
             break

@@ -6,13 +6,13 @@ being an unknown of its own. How many numbers of distortion a lens is given is d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
+from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds, moved_by
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -152,6 +152,19 @@ def _fitted(rig: Rig, rows: Rows, shared: Array, own: Array) -> Fit:
     return fit_groups(residual, shared, own, rows.groups, rig.steps(), own_steps)
 
 
+def _by_board(rig: Rig, rows: Rows, fit: Fit) -> Array:
+    """(p, p): what a board adds that is not quite as its pattern says. It is the same board in all pictures."""
+    cameras, right = rig.cameras(fit.shared), rig.right(fit.shared)
+    changes = [board.off_px(board.in_left_m(fit.own), cameras, right) - fit.residual for board in rows.boards()]
+
+    def residual(unknowns: Array, poses: Array) -> Array:
+        return rows.off_px(rows.in_left_m(poses), rig.cameras(unknowns), rig.right(unknowns))
+
+    own_steps = np.array([STEP_RAD] * 3 + [STEP_M] * 3)
+    moved = moved_by(np.stack(changes, axis=1), residual, fit, rows.groups, rig.steps(), own_steps)
+    return np.asarray(moved @ moved.T, dtype=float)
+
+
 def _left_out_px(rig: Rig, rows: Rows, shared: Array, own: Array, folds: int) -> float:
     """The rms over pairs that were left out, px: their board's pose fitted to both pictures, nothing else."""
     squares, count = 0.0, 0
@@ -225,4 +238,5 @@ def calibrate_stereo(
             break
     chosen = Rig(sizes, MODELS[best])
     final = _fitted(chosen, rows, chosen.from_other(rig, fit.shared), fit.own)
+    final = replace(final, covariance=final.covariance + _by_board(chosen, rows, final))
     return StereoFit(chosen, final, rows, best, left_out, int(np.sum(~sound)))
