@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -73,6 +74,11 @@ class Rim:
         middle = outward.mean(axis=1)
         smooth = bool(np.all(_turns(direction) < SMOOTH_RAD)) and span < 1e-4
         return cls(points + shift[edge], points, along, outward, reach, _facing(middle), smooth)
+
+    def only(self, groups: NDArray[np.bool_]) -> Rim:
+        """The rim without some of its groups: `groups` (G,) says which stay."""
+        arrays = (self.outer_m, self.inner_m, self.along, self.outward, self.reach, self.facing)
+        return Rim(*(one[groups] for one in arrays), self.round)
 
     @property
     def shape(self) -> tuple[int, int]:
