@@ -91,8 +91,8 @@ def _heights_of(fit: Fit) -> Array:
 
 
 def support_of(fit: Fit) -> tuple[Array, Array]:
-    """(2, G) each: the share of each group's profiles that look like the rim; and that are seen at all, whatever
-    they look like: not saturated, not beyond the border."""
+    """(2, G) each: the share of each group's profiles that look like the rim; and of those that would show it:
+    seen, and not saturated from within."""
     height, inside = _heights_of(fit), fit.profiles.inside
     noise = np.sqrt(np.median(fit.variance, axis=-1))
     least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))
@@ -100,7 +100,9 @@ def support_of(fit: Fit) -> tuple[Array, Array]:
     kept = weight.sum(axis=-1) / np.maximum(inside.sum(axis=-1), 1.0)
     seen = inside.sum(axis=-1) >= SEEN_SAMPLES
     ok = (height > least) & (height > STEP_SHARE_LEAST * float(np.median(height))) & (kept > WEIGHT_LEAST) & seen
-    return np.asarray(ok.mean(axis=2)), np.asarray(seen.mean(axis=2))
+    white = fit.profiles.grey > SATURATED_GREY
+    whole = seen & (~np.any(white, axis=-1) | white[..., 0])
+    return np.asarray(ok.mean(axis=2)), np.asarray(whole.mean(axis=2))
 
 
 def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
