@@ -3,7 +3,7 @@ inner one (chamfer meets bore). Any outline: the paper's cross has 12 groups."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -77,8 +77,15 @@ class Rim:
 
     def only(self, groups: NDArray[np.bool_]) -> Rim:
         """The rim without some of its groups: `groups` (G,) says which stay."""
-        arrays = (self.outer_m, self.inner_m, self.along, self.outward, self.reach, self.facing)
-        return Rim(*(one[groups] for one in arrays), self.round)
+        return replace(
+            self,
+            outer_m=self.outer_m[groups],
+            inner_m=self.inner_m[groups],
+            along=self.along[groups],
+            outward=self.outward[groups],
+            reach=self.reach[groups],
+            facing=self.facing[groups],
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
