@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -19,11 +19,12 @@ from services.vision.covariance import covariance_of
 from services.vision.detect import Candidate, candidates
 from services.vision.elsewhere import edges_elsewhere
 from services.vision.evidence.verdict import Evidence, evidence_of, judge
-from services.vision.fit.climb import Rival, climb, rims
+from services.vision.fit.climb import Rival, rims
 from services.vision.fit.lens import LensDoubt, lens_doubt
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
+from services.vision.fit.uncovered import Uncovered, fit_uncovered
 from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
     Doubtful,
@@ -80,16 +81,17 @@ class _Found:
     """The best fit about one place; and of all others there that explain the pictures nearly as well how far they are,
     the farthest, m, and their spread about the best (6, 6), m and rad."""
 
-    fit: Fit
+    uncovered: Uncovered
     apart_m: float
     spread: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Attempt:
-    """What one candidate came to."""
+    """What one candidate came to: the fit, and the part of the rim that it is of."""
 
     fit: Fit
+    rim: Rim
     spread: Array
     quality: Quality
     evidence: Evidence
@@ -150,7 +152,7 @@ def locate_rim(
         assert refusal is not None
         raise refusal
     _unless_another(task, found, attempt)
-    lens = lens_doubt(attempt.fit, fine, stereo, doubts, lenses)
+    lens = lens_doubt(attempt.fit, attempt.rim, stereo, doubts, lenses)
     pose_base_hole = stereo.pose_base_camera @ attempt.fit.state.pose_camera_hole
     require_inside_prior(nominal, half_ranges, pose_base_hole)
     pictures = [
@@ -161,7 +163,7 @@ def locate_rim(
     ]
     return Located(
         pose_base_hole,
-        covariance_of(attempt.fit, fine, attempt.quality, half_ranges, attempt.spread + lens.of_pose()),
+        covariance_of(attempt.fit, attempt.rim, attempt.quality, half_ranges, attempt.spread + lens.of_pose()),
         _figures(attempt) | lenses.figures() | _lens_figures(lens),
         pictures[0],
         pictures[1],
@@ -200,10 +202,10 @@ def _attempt(task: _Task, starts: list[Pose]) -> _Attempt:
 def _fitted(task: _Task, starts: list[Pose]) -> _Found:
     """The best fit stands for all, whether it is then found sound or not; others that explain as much widen its
     covariance. Raises PoorFit where there is none."""
-    fit, rivals = climb(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
-    if fit is None:
+    found = fit_uncovered(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
+    if found is None:
         raise PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
-    return _Found(fit, *_beside(fit.state.pose_camera_hole, rivals))
+    return _Found(found, *_beside(found.fit.state.pose_camera_hole, found.rivals))
 
 
 def _beside(pose: Pose, rivals: list[Rival]) -> tuple[float, Array]:
@@ -221,8 +223,9 @@ def _beside(pose: Pose, rivals: list[Rival]) -> tuple[float, Array]:
 
 
 def _judged(task: _Task, found: _Found) -> _Attempt:
-    fit = found.fit
-    quality = quality_of(fit, task.fine, task.doubts)
+    fit, rim = found.uncovered.fit, found.uncovered.rim
+    # of how much is seen the whole rim is asked, of all else the part that the fit is of
+    quality = replace(quality_of(fit, rim, task.doubts), support=found.uncovered.support)
     require_sound(quality, task.fine)
     require_drawn_edges(edges_elsewhere(task.images, task.stereo, task.fine, fit, quality))
     if found.apart_m > RIVAL_MOST_M:
@@ -230,9 +233,9 @@ def _judged(task: _Task, found: _Found) -> _Attempt:
             "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
             "use a larger, softer light, or one from another side"
         )
-    evidence = evidence_of(task.images, task.stereo, task.hole, task.fine, fit, quality, task.doubts)
+    evidence = evidence_of(task.images, task.stereo, task.hole, rim, fit, quality, task.doubts)
     judge(evidence, quality)
-    return _Attempt(fit, found.spread, quality, evidence)
+    return _Attempt(fit, rim, found.spread, quality, evidence)
 
 
 def _unless_swapped(task: _Task, nominal: Pose, half_ranges: Array) -> None:

@@ -13,6 +13,7 @@ from services.vision.fit.climb import climb, rims
 from services.vision.fit.noise import likeness
 from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.solve import Doubts, Fit, start_state
+from services.vision.fit.uncovered import Uncovered, fit_uncovered
 from services.vision.locate import locate_rim
 from services.vision.refusals import VisionRefusal
 from tests.vision.drawn_pairs import Look, drawn_pair
@@ -51,9 +52,10 @@ def test_what_covers_a_quarter_of_the_rim_does_not_pull_at_the_rest(seed: int) -
     assert float(np.quantile(weight, 0.05)) < 0.3 < 0.8 < float(np.median(weight))
 
 
-@pytest.mark.parametrize("seed", [3, 5, 6, 9, 10])
+@pytest.mark.parametrize("seed", [3, 5, 9, 22, 48])
 def test_with_a_quarter_of_the_rim_covered_a_pose_that_is_told_is_as_sure_as_it_is_right(seed: int) -> None:
-    """One fit from one start knows nothing of the poses beside it: what `locate_rim` tells is judged. It refuses 5."""
+    """What `locate_rim` tells is judged; it refuses 5. By all edges alike 9 and 22 were .3 mm aside and 22 sure of it;
+    48 was, where an edge of which a third is covered still counted."""
     truth = truth_of(STEREO, seed)
     left, right = drawn_pair(STEREO, HOLE, truth, Look(covered=COVERED, seed=seed, light_rad=2.0))
     try:
@@ -63,8 +65,35 @@ def test_with_a_quarter_of_the_rim_covered_a_pose_that_is_told_is_as_sure_as_it_
         return
     off = found.pose_base_hole.inverse() @ STEREO.pose_base_camera @ truth
     error = np.concatenate([off.translation_m, off.rotvec_rad()])
-    assert float(np.hypot(error[0], error[1])) < 0.5e-3
+    assert float(np.hypot(error[0], error[1])) < 0.15e-3
     assert error @ np.linalg.solve(found.covariance, error) < CHI2_6_9999
+
+
+def uncovered(look: Look, seed: int) -> Uncovered:
+    """The fit by the edges that are seen, from half a pixel off."""
+    truth = truth_of(STEREO, seed)
+    start = truth @ Pose.from_rotvec([0.005, -0.004, 0.002], [0.3e-3, -0.2e-3, 1.0e-3])
+    found = fit_uncovered(drawn_pair(STEREO, HOLE, truth, look), *rims(HOLE), STEREO, [start], Doubts())
+    assert found is not None
+    return found
+
+
+def test_an_edge_of_which_a_part_is_covered_is_left_out_and_the_whole_rim_told_of() -> None:
+    found = uncovered(Look(covered=COVERED, seed=22, light_rad=2.0), 22)
+    hidden = [3, 4, 5, 6]
+    kept = np.delete(rims(HOLE)[1].outer_m, hidden, axis=0)
+    assert np.array_equal(found.rim.outer_m, kept)
+    assert found.support.shape == (2, 12)
+    assert found.support[:, hidden].max() < 0.6 < 0.9 < np.delete(found.support, hidden, axis=1).min()
+
+
+@pytest.mark.parametrize("look", [
+    Look(),
+    Look(face=110.0, chamfer=500.0, relief=0.9, wall=90.0),  # white chamfers hide nothing
+    Look(covered=0.8, seed=1),  # less than half a rim is no rim
+])  # fmt: skip
+def test_a_rim_that_is_seen_or_hardly_seen_is_fitted_as_it_is(look: Look) -> None:
+    assert uncovered(look, 9).rim.shape == rims(HOLE)[1].shape
 
 
 @pytest.mark.parametrize("blur_px", [0.3, 1.0, 1.5])

@@ -83,19 +83,35 @@ def _conflict(mean: Array, posterior: Array, prior_sd: Array, least: float) -> f
     return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
+def _heights_of(fit: Fit) -> Array:
+    """(2, G, S): of the whole step or its greater part, grey, the neighbours' mean."""
+    steps = fit.steps
+    rises = (steps.chamfer - steps.face, steps.bore - steps.face, steps.bore - steps.chamfer)
+    return np.asarray(np.max(np.abs([_along(rise) for rise in rises]), axis=0))
+
+
+def support_of(fit: Fit) -> tuple[Array, Array]:
+    """(2, G) each: the share of each group's profiles that look like the rim; and of those that would show it:
+    seen, and not saturated from within."""
+    height, inside = _heights_of(fit), fit.profiles.inside
+    noise = np.sqrt(np.median(fit.variance, axis=-1))
+    least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))
+    weight = fit.weight * fit.even[..., None, None]
+    kept = weight.sum(axis=-1) / np.maximum(inside.sum(axis=-1), 1.0)
+    seen = inside.sum(axis=-1) >= SEEN_SAMPLES
+    ok = (height > least) & (height > STEP_SHARE_LEAST * float(np.median(height))) & (kept > WEIGHT_LEAST) & seen
+    white = fit.profiles.grey > SATURATED_GREY
+    whole = seen & (~np.any(white, axis=-1) | white[..., 0])
+    return np.asarray(ok.mean(axis=2)), np.asarray(whole.mean(axis=2))
+
+
 def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
     """The figures of a fit at its end."""
     steps, inside = fit.steps, fit.profiles.inside
-    rises = (steps.chamfer - steps.face, steps.bore - steps.face, steps.bore - steps.chamfer)
-    height = np.max(np.abs([_along(rise) for rise in rises]), axis=0)
+    typical = float(np.median(_heights_of(fit)))
     noise = np.sqrt(np.median(fit.variance, axis=-1))
-    least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))
-    typical = float(np.median(height))
     weight = fit.weight * fit.even[..., None, None]
-    count = np.maximum(inside.sum(axis=-1), 1.0)
-    kept = weight.sum(axis=-1) / count
     seen = inside.sum(axis=-1) >= SEEN_SAMPLES
-    ok = (height > least) & (height > STEP_SHARE_LEAST * typical) & (kept > WEIGHT_LEAST) & seen
     squares = np.sum(weight * steps.residual**2) / max(float(weight.sum()), 1.0)
     kinds = parameters(rim)[2]
     offset, sizes = kinds["offset"], slice(POSE, COMMON)
@@ -105,7 +121,7 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
         typical,
         float(np.median(noise)),
         float(np.median(steps.face)),
-        ok.mean(axis=2),
+        support_of(fit)[0],
         float(np.sqrt(squares)) / max(typical, 1.0),
         float(np.mean(seen, axis=(1, 2)).min()),
         float(np.mean(fit.profiles.grey[..., 0] > SATURATED_GREY)),

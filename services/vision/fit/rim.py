@@ -3,10 +3,11 @@ inner one (chamfer meets bore). Any outline: the paper's cross has 12 groups."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -73,6 +74,18 @@ class Rim:
         middle = outward.mean(axis=1)
         smooth = bool(np.all(_turns(direction) < SMOOTH_RAD)) and span < 1e-4
         return cls(points + shift[edge], points, along, outward, reach, _facing(middle), smooth)
+
+    def only(self, groups: NDArray[np.bool_]) -> Rim:
+        """The rim without some of its groups: `groups` (G,) says which stay."""
+        return replace(
+            self,
+            outer_m=self.outer_m[groups],
+            inner_m=self.inner_m[groups],
+            along=self.along[groups],
+            outward=self.outward[groups],
+            reach=self.reach[groups],
+            facing=self.facing[groups],
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
