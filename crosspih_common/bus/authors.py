@@ -108,6 +108,14 @@ class Authors:
         processes = list(self._claims[name].values())
         return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
 
+    def rightful(self, names: tuple[str, ...], author: str) -> bool:
+        """Whether a session is known to speak for one of the names: asked of every sample, so no more than that."""
+        rightful = self._rightful
+        for name in names:  # noqa: SIM110: `any` takes three times as long
+            if author in rightful.get(name, ()):
+                return True
+        return False
+
     def standing(self, names: tuple[str, ...], author: str) -> Standing:
         """Whether a session speaks for one of the names."""
         claimed = False

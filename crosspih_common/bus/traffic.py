@@ -4,9 +4,30 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import defaultdict
 
 from crosspih_common.messages.status import KeyTraffic
+
+KINDS = ("out", "received", "dropped", "rejected")
+
+
+class Counts:
+    """The counters of one key."""
+
+    __slots__ = ("_counts", "_lock")
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts = dict.fromkeys(KINDS, 0)
+
+    def add(self, kind: str) -> None:
+        """Add one to one of KINDS."""
+        with self._lock:
+            self._counts[kind] += 1
+
+    def now(self) -> dict[str, int]:
+        """All of them."""
+        with self._lock:
+            return dict(self._counts)
 
 
 class Traffic:
@@ -14,36 +35,41 @@ class Traffic:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._counts: dict[str, dict[str, int]] = defaultdict(lambda: dict.fromkeys(self.KINDS, 0))
+        self._counts: dict[str, Counts] = {}
         self._before: dict[str, tuple[int, int]] = {}
         self._before_at = time.monotonic()
         self.last_rejection = ""
 
-    KINDS = ("out", "received", "dropped", "rejected")
-
-    def count(self, key: str, kind: str, amount: int = 1) -> None:
-        """Add to one counter of one key."""
-        with self._lock:
-            self._counts[key][kind] += amount
+    def of(self, key: str) -> Counts:
+        """The counters of one key."""
+        counts = self._counts.get(key)
+        if counts is None:
+            with self._lock:
+                counts = self._counts.setdefault(key, Counts())
+        return counts
 
     def reject(self, key: str, why: str) -> None:
         """Count a rejected message and remember why."""
+        self.of(key).add("rejected")
+        self.last_rejection = why
+
+    def _now(self) -> dict[str, dict[str, int]]:
         with self._lock:
-            self._counts[key]["rejected"] += 1
-            self.last_rejection = why
+            counts = list(self._counts.items())
+        return {key: found for key, each in counts if any((found := each.now()).values())}
 
     def total(self, kind: str) -> int:
         """One counter over all keys."""
-        with self._lock:
-            return sum(counts[kind] for counts in self._counts.values())
+        return sum(counts[kind] for counts in self._now().values())
 
     def snapshot(self) -> tuple[KeyTraffic, ...]:
-        """All counters, with rates since the last snapshot."""
+        """All counters that have counted anything, with rates since the last snapshot."""
+        found = self._now()
         with self._lock:
             now = time.monotonic()
             elapsed = max(now - self._before_at, 1e-3)
             rows = []
-            for key, counts in sorted(self._counts.items()):
+            for key, counts in sorted(found.items()):
                 out, received = self._before.get(key, (0, 0))
                 rows.append(
                     KeyTraffic(
@@ -53,6 +79,6 @@ class Traffic:
                         **counts,
                     )
                 )
-            self._before = {key: (counts["out"], counts["received"]) for key, counts in self._counts.items()}
+            self._before = {key: (counts["out"], counts["received"]) for key, counts in found.items()}
             self._before_at = now
             return tuple(rows)

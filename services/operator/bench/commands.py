@@ -65,6 +65,11 @@ COMMANDS = {
         "are other ends of their protocols: each command, what each calibration found of what the cell hides,"
         " and whether the peg went in. Status 1 where a command failed or a peg was not inserted.",
     ),
+    "bus": OnDemand(
+        f"{_HERE}.bus.command:bus",
+        "Measure the typed bus, from publishing to the callback in another process, beside raw Zenoh on the same route"
+        " and other buses that are installed.",
+    ),
     "cell": OnDemand(
         f"{_HERE}.cell:cell",
         "Measure how fast the simulated cell is, and each physics engine by itself in the same run.",
