@@ -124,7 +124,7 @@ class Bus:
 
         def enqueue(value: PayloadT) -> None:
             if not pump.offer(value):
-                self.traffic.of(key).add("dropped")
+                self.traffic.of(key).dropped += 1
 
         self._listen(topic, enqueue)
 
@@ -142,7 +142,7 @@ class Bus:
         counted, most = f"{expected} ", most_bytes(topic.type)
 
         def take(key: str, payload: bytes, label: str) -> None:
-            self.traffic.of(key).add("received")
+            self.traffic.of(key).received += 1
             handler(key, payload, label)
 
         def receive(key: str, payload: bytes, label: str, author: str) -> None:
@@ -171,7 +171,7 @@ class Bus:
         is_tick = topic.type is CellClock
 
         def take(key: str, value: PayloadT) -> None:
-            traffic.of(key).add("received")
+            traffic.of(key).received += 1
             if value.stamp_ns >= 0:
                 observe(value.stamp_ns, value.boot_id if is_tick and isinstance(value, CellClock) else None)
             push(value)
@@ -281,7 +281,7 @@ class Bus:
                         "not_yours",
                         f"{command.path} changes a calibration: only {' and '.join(command.callers)} may ask for it",
                     )
-                self.traffic.of(key).add("received")
+                self.traffic.of(key).received += 1
                 self.clock.observe(request.stamp_ns)
                 number, _ = requests.publish(request)
                 _, reply = replies.publish(handler(request))
@@ -320,7 +320,7 @@ class Bus:
                 query.answer(Answer(encode_refusal(refusal), "", is_error=True))
                 said = CommandRefusal(command=command.path, refused=refusal.code, text=refusal.text)
                 if echo is not None and not echo.offer(said):
-                    self.traffic.of(refusals.key).add("dropped")
+                    self.traffic.of(refusals.key).dropped += 1
 
         self._declared.append(self._transport.serve(key, accept))
 

@@ -35,5 +35,5 @@ class Publisher(Generic[PayloadT]):
                 payload = encode_stamped(value, stamp_ns, seq)
             self._sender.put(payload, f"{self._label} {seq}")
             self._seq = seq + 1
-        self._counts.add("out")
+            self._counts.out += 1
         return seq, payload

@@ -51,7 +51,7 @@ class RecorderShell:
         def take(key: str, payload: bytes, label: str) -> None:
             try:
                 if not self._recorder.take(topic, key, payload, split_label(label)[1]):
-                    traffic.of(key).add("dropped")
+                    traffic.of(key).dropped += 1
             except ContractError as error:
                 traffic.reject(key, f"{key}: {error}")
 
