@@ -25,7 +25,8 @@ class Counts:
 
 
 class Traffic:
-    """Counters by key, for any thread to look at. Rates are over wall time between two calls of `snapshot`: they are for people only."""
+    """Counters by key, for any thread to look at. Rates are over wall time between two calls of `snapshot`: they are for
+    people only."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

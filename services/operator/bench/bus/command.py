@@ -66,8 +66,8 @@ def table_of(result: BusResult) -> Table:
             f"{row.send_cpu_us:.1f} + {row.hear_cpu_us:.1f}", f"{row.lost:.1%}",
         )  # fmt: skip
     table.caption = (
-        "/ raw and / pydantic: against raw Zenoh, and raw Zenoh with pydantic-core's own dump and validate, of the same "
-        "round; CPU: of the sender + the listener for a sample of a burst"
+        "/ raw and / pydantic: against raw Zenoh, and raw Zenoh with pydantic-core's own dump and validate, of the "
+        "same round; CPU: of the sender + the listener for a sample of a burst"
     )
     if result.not_installed:
         table.caption += f"; not installed: {', '.join(result.not_installed)} (the extra bench-peers)"

@@ -27,8 +27,8 @@ QUIET_S = 0.5  # after the last that was heard, no more is waited for
 
 
 def listen(endpoint: str, asked: Connection) -> None:
-    """The child: listens by every way, and answers each `(way, last number)` with what it heard, number and time, ns, and
-    with the CPU time that it had used before the next question could begin, s."""
+    """The child: listens by every way, and answers each `(way, last number)` with what it heard, number and time, ns,
+    and with the CPU time that it has used so far, s."""
     with ExitStack() as stack:
         heard: dict[str, dict[int, int]] = {}
         for name, way in installed_ways().items():
