@@ -25,7 +25,7 @@ class Counts:
 
 
 class Traffic:
-    """Counters by key, for any thread to look at. Rates are over wall time between two calls of `snapshot`: they are for
+    """Counters by key, for any thread to look at. Rates are over wall time between two calls of `snapshot`, and for
     people only."""
 
     def __init__(self) -> None:
