@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -24,9 +23,19 @@ MOST_BYTES = 4_000_000
 MOST_IMAGE_BYTES = 64_000_000  # 2448 x 2048 in three colours is 15 MB
 
 
-@cache
+_labels: dict[type[Any], str] = {}
+_decoders: dict[type[Any], Callable[[bytes, str, str], Any]] = {}
+
+
 def label_of(kind: type[Any]) -> str:
-    """What travels beside the payload: type name, slash, version."""
+    """What travels beside the payload: type name, slash, version. Raises TypeError for what does not travel."""
+    label = _labels.get(kind)
+    if label is None:
+        label = _labels[kind] = _made_label(kind)
+    return label
+
+
+def _made_label(kind: type[Any]) -> str:
     if issubclass(kind, Image):
         return f"{IMAGE_TYPE}/1"
     if issubclass(kind, Message):
@@ -80,9 +89,15 @@ def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> Payloa
     return decoded
 
 
-@cache
 def decoder_of(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
     """`decode` for one type, called with (payload, label, key): what can be known before any sample is known."""
+    decoder = _decoders.get(kind)
+    if decoder is None:
+        decoder = _decoders[kind] = _made_decoder(kind)
+    return decoder
+
+
+def _made_decoder(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
     expected, most, is_image = label_of(kind), most_bytes(kind), issubclass(kind, Image)
     counted = f"{expected} "
     validate = None if is_image else kind.__pydantic_validator__.validate_json

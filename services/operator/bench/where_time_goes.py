@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,8 @@ from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.table import Table
 
-from crosspih_common.keys import LOCATE
+from crosspih_common.bus import Bus
+from crosspih_common.keys import CAPTURE
 from crosspih_common.messages import Strategy
 from deploy.launcher import StateDirectory
 from services.operator.bench.conditions import Condition, cell_content
@@ -30,7 +32,7 @@ OPERATOR = "operator"
 
 
 class Account(BaseModel):
-    """One trial: its wall time, s, the CPU time of each process in it, and of the hardware's what made pictures."""
+    """One trial: its wall time, s, the CPU time of each process in it, and how much of the hardware's made pictures."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -73,14 +75,41 @@ def cpu_of_services(project: str, run_root: Path) -> dict[str, float]:
     return found
 
 
+class Pictures:
+    """The hardware's CPU time, s, between each request for pictures and its answer, as both are heard on the bus."""
+
+    def __init__(self, bus: Bus, project: str, run_root: Path) -> None:
+        self._project, self._run_root = project, run_root
+        self._asked_s: float | None = None
+        self.cpu_s = 0.0
+        bus.hear(CAPTURE.request_echo, lambda request: self._asked())
+        bus.hear(CAPTURE.reply_echo, lambda reply: self._answered())
+
+    def _now_s(self) -> float:
+        return cpu_of_services(self._project, self._run_root).get("hardware", 0.0)
+
+    def _asked(self) -> None:
+        self._asked_s = self._now_s()
+
+    def _answered(self) -> None:
+        if self._asked_s is not None:
+            self.cpu_s += self._now_s() - self._asked_s
+            self._asked_s = None
+
+
+@cache
+def pictures_of(bus: Bus, project: str, run_root: Path) -> Pictures:
+    """The one account of a cell's session: it listens for as long as the session lives."""
+    return Pictures(bus, project, run_root)
+
+
 def accounted_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """One trial in a worker's cell; returns an Account as plain data. `payload` has seed and strategy."""
     project, run_root = session.cell.workcell.name, Path(os.environ[RUN])
-    with session.bus.hearing(LOCATE.reply_echo, depth=16) as located:
-        before = cpu_of_services(project, run_root)
-        figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), False)
-        after = cpu_of_services(project, run_root)
-        rendering_s = sum(one.capture_wall_s for one in located.values())
+    pictures = pictures_of(session.bus, project, run_root)
+    before, pictures_before_s = cpu_of_services(project, run_root), pictures.cpu_s
+    figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), False)
+    after, rendering_s = cpu_of_services(project, run_root), pictures.cpu_s - pictures_before_s
     return Account(
         seed=payload["seed"], inserted=figures.inserted, wall_s=figures.wall_s, motion_s=figures.motion_s,
         rendering_s=rendering_s, cpu_s={name: after[name] - before.get(name, 0.0) for name in after},
@@ -88,8 +117,8 @@ def accounted_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]
 
 
 def result_of(accounts: list[Account]) -> TrialsResult:
-    """The medians. Rendering is timed by the wall, within the hardware's process; waiting is what is left of the wall
-    time when all CPU time is taken off it, of cells that stay on one core."""
+    """The medians. Waiting is what is left of the wall time when all CPU time is taken off it, of a cell that stays on
+    one core."""
     names = sorted({name for one in accounts for name in one.cpu_s} - {"hardware"})
 
     def middle(values: list[float]) -> float:
@@ -120,7 +149,7 @@ def table_of(result: TrialsResult) -> Table:
         table.add_column(name, justify="left" if name == "" else "right")
     for name, seconds in {**result.parts_s, "waiting, for whatever": result.waiting_s}.items():
         table.add_row(name, f"{seconds:.3f}", f"{seconds / result.wall_s:.0%}")
-    table.caption = "CPU time but for rendering and waiting; waiting holds what other processes took of the core"
+    table.caption = "CPU time, but for waiting, which also holds what other processes took of the core"
     return table
 
 

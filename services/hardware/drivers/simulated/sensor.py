@@ -42,4 +42,5 @@ class SensorModel:
         drifted: Array = self._filtered + self._bias
         if self._drift_per_s is not None:
             drifted = drifted + self._drift_per_s * since_start_s
-        return drifted + noise
+        reading: Array = drifted + noise
+        return reading
