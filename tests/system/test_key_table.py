@@ -29,6 +29,7 @@ NOT_SPELLED = {
     "services/planning/shell.py": "command",
     "services/hardware/shells/arm.py": "command",
     "services/operator/asked.py": "command.reply_echo",
+    "services/operator/bench/where_time_goes.py": "echo",
     "services/operator/bench/kills/watching.py": "command.reply_echo",
     "services/operator/replay/answers.py": "asked.command",
     "services/ros2/shell.py": "command.reply_echo",

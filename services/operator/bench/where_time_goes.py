@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.bus import Bus
-from crosspih_common.keys import CAPTURE
+from crosspih_common.keys import CAPTURE, Topic
 from crosspih_common.messages import Strategy
 from deploy.launcher import StateDirectory
 from services.operator.bench.conditions import Condition, cell_content
@@ -75,6 +76,10 @@ def cpu_of_services(project: str, run_root: Path) -> dict[str, float]:
     return found
 
 
+def _told_by(note: Callable[[], None]) -> Callable[[Any], None]:
+    return lambda said: note()
+
+
 class Pictures:
     """The hardware's CPU time, s, between each request for pictures and its answer, as both are heard on the bus."""
 
@@ -82,8 +87,12 @@ class Pictures:
         self._project, self._run_root = project, run_root
         self._asked_s: float | None = None
         self.cpu_s = 0.0
-        bus.hear(CAPTURE.request_echo, lambda request: self._asked())
-        bus.hear(CAPTURE.reply_echo, lambda reply: self._answered())
+        echoes: dict[Topic[Any], Callable[[], None]] = {
+            CAPTURE.request_echo: self._asked,
+            CAPTURE.reply_echo: self._answered,
+        }
+        for echo, note in echoes.items():
+            bus.hear(echo, _told_by(note))
 
     def _now_s(self) -> float:
         return cpu_of_services(self._project, self._run_root).get("hardware", 0.0)

@@ -103,14 +103,14 @@ def _lcm(number_of: NumberOf) -> tuple[Listen, Send]:
     import lcm
 
     def listen(endpoint: str, heard: Callable[[int], None], stack: ExitStack) -> None:
-        bus = lcm.LCM(LCM_ROUTE)
-        subscription = bus.subscribe(CHANNEL, lambda channel, payload: heard(number_of(payload)))
+        line = lcm.LCM(LCM_ROUTE)
+        subscription = line.subscribe(CHANNEL, lambda channel, payload: heard(number_of(payload)))
         subscription.set_queue_capacity(0)
-        _until_closed(stack, lambda: bus.handle_timeout(WAIT_MS))
+        _until_closed(stack, lambda: line.handle_timeout(WAIT_MS))
 
     def send(endpoint: str, stack: ExitStack) -> Callable[[Any], object]:
-        bus = lcm.LCM(LCM_ROUTE)
-        return lambda payload: bus.publish(CHANNEL, payload)
+        line = lcm.LCM(LCM_ROUTE)
+        return lambda payload: line.publish(CHANNEL, payload)
 
     return listen, send
 
