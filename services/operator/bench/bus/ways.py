@@ -21,6 +21,7 @@ from crosspih_common.messages import JointState
 from services.operator.bench.bus import others
 
 CELL = "bench-bus"
+TOPIC = JOINT_STATE  # on a bus of this bench's own
 NUMBER = struct.Struct("<q")
 SPEEDS = (0.011, -0.022, 0.033, -0.044, 0.055, -0.066)
 
@@ -97,8 +98,8 @@ def _raw_listen(key: str) -> Callable[[str, Heard, ExitStack], None]:
 
 def _typed_send(cell: str) -> Callable[[str, ExitStack], Callable[[Any], object]]:
     def send(endpoint: str, stack: ExitStack) -> Callable[[Any], object]:
-        bus = stack.enter_context(Bus(open_zenoh(endpoint), cell, JOINT_STATE.publisher))
-        return bus.publisher(JOINT_STATE).publish
+        bus = stack.enter_context(Bus(open_zenoh(endpoint), cell, TOPIC.publisher))
+        return bus.publisher(TOPIC).publish
 
     return send
 
@@ -107,9 +108,9 @@ def _typed_listen(cell: str, own_thread: bool) -> Callable[[str, Heard, ExitStac
     def listen(endpoint: str, heard: Heard, stack: ExitStack) -> None:
         bus = stack.enter_context(Bus(open_zenoh(endpoint), cell, "planning"))
         if own_thread:
-            bus.subscribe(JOINT_STATE, lambda state: heard(state.stamp_ns), capacity=1_000_000)
+            bus.subscribe(TOPIC, lambda state: heard(state.stamp_ns), capacity=1_000_000)
         else:
-            bus.hear(JOINT_STATE, lambda state: heard(state.stamp_ns))
+            bus.hear(TOPIC, lambda state: heard(state.stamp_ns))
 
     return listen
 
