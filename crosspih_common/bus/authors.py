@@ -108,6 +108,13 @@ class Authors:
         processes = list(self._claims[name].values())
         return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
 
+    def rightful(self, names: tuple[str, ...], author: str) -> bool:
+        """Whether a session is known to speak for one of the names: asked of every sample, so no more than that."""
+        rightful = self._rightful
+        if len(names) == 1:  # of nearly all topics
+            return author in rightful.get(names[0], ())
+        return any(author in rightful.get(name, ()) for name in names)
+
     def standing(self, names: tuple[str, ...], author: str) -> Standing:
         """Whether a session speaks for one of the names."""
         claimed = False

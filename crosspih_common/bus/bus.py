@@ -6,26 +6,27 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from crosspih_common.bus.authors import CLAIM_ARRIVES_S, Authors, names_of
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import (
     MOST_BYTES,
-    check_size,
     decode,
     decode_refusal,
-    encode,
+    decoder_of,
     encode_refusal,
+    encode_stamped,
     label_of,
-    label_with_seq,
+    most_bytes,
     split_label,
 )
 from crosspih_common.bus.duty import JOB_S, NOW_S, Duty, waiting
 from crosspih_common.bus.latest import Latest
+from crosspih_common.bus.publisher import Publisher
 from crosspih_common.bus.served import SERVER_WAIT_S
 from crosspih_common.bus.traffic import Traffic
-from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Sender, Transport
+from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Transport
 from crosspih_common.bus.workers import Lane, Pump
 from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError, NotSent
 from crosspih_common.keys import CLOCK, REFUSAL, Command, Kind, Payload, Qos, Topic, alive_key
@@ -40,30 +41,6 @@ PICTURES_KEPT = 8  # of each topic: a picture has up to 15 MB
 LEAST_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
 WAITING_REFUSALS = 256
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
-
-
-class Publisher(Generic[PayloadT]):
-    """Sends on one key: numbers each sample and stamps it with the cell's clock where it has no stamp yet."""
-
-    def __init__(self, bus: Bus, topic: Topic[PayloadT], sender: Sender, key: str) -> None:
-        self._bus, self._topic, self._sender, self.key = bus, topic, sender, key
-        self._lock = threading.Lock()
-        self._seq = 0
-
-    def publish(self, value: PayloadT) -> PayloadT:
-        """Send; returns the value as it went out, with its stamp and number."""
-        with self._lock:
-            seq = self._seq
-            stamp_ns = value.stamp_ns if value.stamp_ns >= 0 else self._bus.clock.now_ns()
-            sent: Any
-            if isinstance(value, Image):
-                sent = Image(value.frame, value.pixels, stamp_ns, seq, value.encoding)
-            else:
-                sent = value.model_copy(update={"stamp_ns": stamp_ns, "seq": seq})
-            self._sender.put(encode(sent), label_with_seq(self._topic.type, seq))
-            self._seq += 1
-        self._bus.traffic.count(self.key, "out")
-        return sent  # type: ignore[no-any-return]
 
 
 class Bus:
@@ -114,7 +91,7 @@ class Bus:
             if key not in self._publishers:
                 history = PICTURES_KEPT if topic.type is Image else HISTORY[topic.kind]
                 sender = self._transport.sender(key, recover=topic.qos is Qos.RECOVER, history=history)
-                self._publishers[key] = Publisher(self, topic, sender, key)
+                self._publishers[key] = Publisher(topic, key, sender, self.clock, self.traffic.of(key))
                 self._declared.append(sender)
             return self._publishers[key]
 
@@ -147,7 +124,7 @@ class Bus:
 
         def enqueue(value: PayloadT) -> None:
             if not pump.offer(value):
-                self.traffic.count(key, "dropped")
+                self.traffic.of(key).dropped += 1
 
         self._listen(topic, enqueue)
 
@@ -162,23 +139,26 @@ class Bus:
         told its key.
         """
         expected, names = label_of(topic.type), names_of(topic.publisher, topic.path)
+        counted, most = f"{expected} ", most_bytes(topic.type)
 
         def take(key: str, payload: bytes, label: str) -> None:
-            self.traffic.count(key, "received")
+            self.traffic.of(key).received += 1
             handler(key, payload, label)
 
         def receive(key: str, payload: bytes, label: str, author: str) -> None:
-            name = split_label(label)[0]
-            if name != expected:
+            if not label.startswith(counted) and label != expected:
+                name = split_label(label)[0]
                 self._reject(key, f"{key}: got {name[:80] or 'no type name'}, want {expected}")
                 on_refused(key)
                 return
-            try:
-                check_size(topic.type, payload, key)
-            except ContractError as error:
-                self._reject(key, str(error))
+            if len(payload) > most:
+                self._reject(key, f"{key}: got {len(payload)} bytes, {most} are allowed")
                 return
-            if not names or self.authors.speaks(names, author, id(handler), key, lambda: take(key, payload, label)):
+            if (
+                not names
+                or self.authors.rightful(names, author)
+                or self.authors.speaks(names, author, id(handler), key, lambda: take(key, payload, label))
+            ):
                 take(key, payload, label)
 
         self._declared.append(
@@ -186,21 +166,27 @@ class Bus:
         )
 
     def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> Closeable:
-        names = names_of(topic.publisher, topic.path)
+        names, decode_one = names_of(topic.publisher, topic.path), decoder_of(topic.type)
+        traffic, rightful, observe = self.traffic, self.authors.rightful, self.clock.observe
+        is_tick = topic.type is CellClock
 
         def take(key: str, value: PayloadT) -> None:
-            self.traffic.count(key, "received")
+            traffic.of(key).received += 1
             if value.stamp_ns >= 0:
-                self.clock.observe(value.stamp_ns, value.boot_id if isinstance(value, CellClock) else None)
+                observe(value.stamp_ns, value.boot_id if is_tick and isinstance(value, CellClock) else None)
             push(value)
 
         def receive(key: str, payload: bytes, label: str, author: str) -> None:
             try:
-                value = decode(topic.type, payload, label, key)
+                value = decode_one(payload, label, key)
             except ContractError as error:
                 self._reject(key, str(error))
                 return
-            if not names or self.authors.speaks(names, author, id(push), key, lambda: take(key, value)):
+            if (
+                not names
+                or rightful(names, author)
+                or self.authors.speaks(names, author, id(push), key, lambda: take(key, value))
+            ):
                 take(key, value)
 
         entry = self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
@@ -246,8 +232,8 @@ class Bus:
         if not self._transport.wait_served(key, min(deadline_s, server_wait_s)):
             raise NotSent(f"{key}: nobody answers; is the service that serves it up? (`crosspih ps`)")
         deadline_s = max(until - time.monotonic(), LEAST_DEADLINE_S)
-        stamped = request.model_copy(update={"stamp_ns": self.clock.now_ns()})
-        answer = self._transport.query(key, encode(stamped), label_of(command.request), deadline_s)
+        payload = encode_stamped(request, self.clock.now_ns(), request.seq)
+        answer = self._transport.query(key, payload, label_of(command.request), deadline_s)
         if answer.is_error:
             raise decode_refusal(answer.payload)
         reply = decode(command.reply, answer.payload, answer.label, key)
@@ -295,11 +281,11 @@ class Bus:
                         "not_yours",
                         f"{command.path} changes a calibration: only {' and '.join(command.callers)} may ask for it",
                     )
-                self.traffic.count(key, "received")
+                self.traffic.of(key).received += 1
                 self.clock.observe(request.stamp_ns)
-                number = requests.publish(request).seq
-                reply = replies.publish(handler(request))
-                return Answer(encode(reply), label_of(command.reply), is_error=False)
+                number, _ = requests.publish(request)
+                _, reply = replies.publish(handler(request))
+                return Answer(reply, label_of(command.reply), is_error=False)
             except CommandRefused as error:
                 refusal = error
             except BusClosed:
@@ -334,7 +320,7 @@ class Bus:
                 query.answer(Answer(encode_refusal(refusal), "", is_error=True))
                 said = CommandRefusal(command=command.path, refused=refusal.code, text=refusal.text)
                 if echo is not None and not echo.offer(said):
-                    self.traffic.count(refusals.key, "dropped")
+                    self.traffic.of(refusals.key).dropped += 1
 
         self._declared.append(self._transport.serve(key, accept))
 

@@ -33,6 +33,8 @@ class BusClock:
         service said before the cell was started again is still told to those who come late. Before the first tick
         nothing else moves it: whose stamp that is cannot be told.
         """
+        if boot_id is None and stamp_ns <= self._now_ns:
+            return  # no news, as of most samples
         with self._lock:
             if boot_id is not None:
                 if boot_id != self._boot_id:

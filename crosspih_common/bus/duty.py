@@ -23,11 +23,9 @@ class Duty:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._since: float | None = None
-        self._until = 0.0
-        self._longest_s = 0.0
+        # (since when, until when, longest_s) of the job under way, replaced as a whole by the thread itself
+        self._job: tuple[float, float, float] | None = None
         self.closed = False
 
     def of(self, thread: threading.Thread) -> None:
@@ -38,18 +36,17 @@ class Duty:
         """A job begins."""
         _mine.duty = self
         now = time.monotonic()
-        with self._lock:
-            self._since, self._longest_s, self._until = now, longest_s, now + longest_s
+        self._job = now, now + longest_s, longest_s
 
     def end(self) -> None:
         """It has ended."""
-        with self._lock:
-            self._since = None
+        self._job = None
 
     def allow(self, more_s: float) -> None:
         """From now on it may take so long, and then as long as a job may."""
-        with self._lock:
-            self._until = time.monotonic() + more_s + self._longest_s
+        if self._job is not None:
+            since, _, longest_s = self._job
+            self._job = since, time.monotonic() + more_s + longest_s, longest_s
 
     def trouble(self, now: float) -> str:
         """What is wrong with the thread at `now` (time.monotonic()); empty where nothing is."""
@@ -57,9 +54,9 @@ class Duty:
             return ""
         if not self._thread.is_alive():
             return f"{self.name} has died"
-        with self._lock:
-            if self._since is not None and now > self._until:
-                return f"{self.name} hangs: at one job for {now - self._since:.0f} s, allowed are {self._longest_s:g} s"
+        job = self._job
+        if job is not None and now > job[1]:
+            return f"{self.name} hangs: at one job for {now - job[0]:.0f} s, allowed are {job[2]:g} s"
         return ""
 
 

@@ -4,46 +4,67 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import defaultdict
 
 from crosspih_common.messages.status import KeyTraffic
 
+KINDS = ("out", "received", "dropped", "rejected")
+
+
+class Counts:
+    """The counters of one key, to be added to: `counts.received += 1`. Plain numbers without a lock of their own, for
+    they are counted at every sample: one thread at a time sends or takes those of a key."""
+
+    __slots__ = KINDS
+
+    def __init__(self) -> None:
+        self.out = self.received = self.dropped = self.rejected = 0
+
+    def now(self) -> dict[str, int]:
+        """All of them."""
+        return {"out": self.out, "received": self.received, "dropped": self.dropped, "rejected": self.rejected}
+
 
 class Traffic:
-    """Thread-safe counters. Rates are over wall time between two calls of `snapshot`: they are for people only."""
+    """Counters by key, for any thread to look at. Rates are over wall time between two calls of `snapshot`, and for
+    people only."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._counts: dict[str, dict[str, int]] = defaultdict(lambda: dict.fromkeys(self.KINDS, 0))
+        self._counts: dict[str, Counts] = {}
         self._before: dict[str, tuple[int, int]] = {}
         self._before_at = time.monotonic()
         self.last_rejection = ""
 
-    KINDS = ("out", "received", "dropped", "rejected")
-
-    def count(self, key: str, kind: str, amount: int = 1) -> None:
-        """Add to one counter of one key."""
-        with self._lock:
-            self._counts[key][kind] += amount
+    def of(self, key: str) -> Counts:
+        """The counters of one key."""
+        counts = self._counts.get(key)
+        if counts is None:
+            with self._lock:
+                counts = self._counts.setdefault(key, Counts())
+        return counts
 
     def reject(self, key: str, why: str) -> None:
         """Count a rejected message and remember why."""
+        self.of(key).rejected += 1
+        self.last_rejection = why
+
+    def _now(self) -> dict[str, dict[str, int]]:
         with self._lock:
-            self._counts[key]["rejected"] += 1
-            self.last_rejection = why
+            counts = list(self._counts.items())
+        return {key: found for key, each in counts if any((found := each.now()).values())}
 
     def total(self, kind: str) -> int:
         """One counter over all keys."""
-        with self._lock:
-            return sum(counts[kind] for counts in self._counts.values())
+        return sum(counts[kind] for counts in self._now().values())
 
     def snapshot(self) -> tuple[KeyTraffic, ...]:
-        """All counters, with rates since the last snapshot."""
+        """All counters that have counted anything, with rates since the last snapshot."""
+        found = self._now()
         with self._lock:
             now = time.monotonic()
             elapsed = max(now - self._before_at, 1e-3)
             rows = []
-            for key, counts in sorted(self._counts.items()):
+            for key, counts in sorted(found.items()):
                 out, received = self._before.get(key, (0, 0))
                 rows.append(
                     KeyTraffic(
@@ -53,6 +74,6 @@ class Traffic:
                         **counts,
                     )
                 )
-            self._before = {key: (counts["out"], counts["received"]) for key, counts in self._counts.items()}
+            self._before = {key: (counts["out"], counts["received"]) for key, counts in found.items()}
             self._before_at = now
             return tuple(rows)

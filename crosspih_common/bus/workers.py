@@ -14,12 +14,16 @@ _END = object()
 
 
 class Pump(Generic[ValueT]):
-    """Hands values to a handler one by one on its own thread; refuses what does not fit."""
+    """Hands values to a handler one by one on its own thread; refuses what does not fit.
+
+    Threads that offer at the same time may each find the last place free.
+    """
 
     def __init__(
         self, handler: Callable[[ValueT], object], capacity: int, name: str, on_error: Callable[[Exception], None]
     ) -> None:
-        self._queue: queue.Queue[object] = queue.Queue(capacity)
+        self._queue: queue.SimpleQueue[object] = queue.SimpleQueue()
+        self._capacity = capacity
         self._handler, self._on_error = handler, on_error
         self._closed = threading.Event()
         self.duty = Duty(name)
@@ -29,10 +33,9 @@ class Pump(Generic[ValueT]):
 
     def offer(self, value: ValueT) -> bool:
         """Enqueue; False when full."""
-        try:
-            self._queue.put_nowait(value)
-        except queue.Full:
+        if self._queue.qsize() >= self._capacity:
             return False
+        self._queue.put(value)
         return True
 
     def _run(self) -> None:
@@ -52,11 +55,7 @@ class Pump(Generic[ValueT]):
         """End the thread; what still waits is left."""
         self.duty.closed = True
         self._closed.set()
-        try:
-            self._queue.put_nowait(_END)
-        except queue.Full:
-            self._queue.get_nowait()
-            self._queue.put_nowait(_END)
+        self._queue.put(_END)
         if threading.current_thread() is not self._thread:
             self._thread.join(2.0)
 

@@ -154,7 +154,7 @@ def _open_session(
 
 def _label(attachment: zenoh.ZBytes | None) -> str:
     """The label beside a payload; what is no UTF-8 is no label of ours, and is rejected as such."""
-    return attachment.to_bytes().decode(errors="replace") if attachment is not None else ""
+    return str(attachment.to_bytes(), "utf-8", "replace") if attachment is not None else ""
 
 
 def _author(info: zenoh.SourceInfo | None) -> str:
@@ -177,11 +177,11 @@ class _ZenohSender(_Declared):
 
     def __init__(self, entity: zenoh.Publisher) -> None:
         super().__init__(entity)
-        self._source = entity.id
+        self._source = zenoh.SourceInfo(entity.id, 0)
 
     def put(self, payload: bytes, label: str) -> None:
         try:
-            self._entity.put(payload, attachment=label.encode(), source_info=zenoh.SourceInfo(self._source, 0))
+            self._entity.put(payload, attachment=label.encode(), source_info=self._source)
         except zenoh.ZError as error:
             raise BusClosed(f"cannot publish: {error}") from None
 
@@ -257,11 +257,13 @@ class ZenohTransport:
 
     def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample. See Transport."""
+        one_key = None if "*" in key_expression else key_expression  # then every sample's key is that
 
         def receive(sample: zenoh.Sample) -> None:
             handler(
-                str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment), _author(sample.source_info)
-            )
+                one_key or str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment),
+                _author(sample.source_info),
+            )  # fmt: skip
 
         if not recover:
             return _Declared(self._session.declare_subscriber(key_expression, receive))

@@ -170,4 +170,4 @@ def floats(values: Iterable[float] | Array) -> tuple[float, ...]:
     """A flat tuple of plain floats from any array."""
     import numpy as np
 
-    return tuple(float(value) for value in np.asarray(values, dtype=float).ravel())
+    return tuple(np.asarray(values, dtype=float).ravel().tolist())

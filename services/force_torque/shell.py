@@ -88,8 +88,9 @@ class ForceTorqueShell:
         self._use(content, payload)
 
     def _use(self, content: CalibrationFile, payload: Payload) -> FtCalibration:
-        told = self._calibration.publish(told_calibration(content, payload, str(self._file)))
-        self._stream.use(payload, told.seq)
+        told = told_calibration(content, payload, str(self._file))
+        seq, _ = self._calibration.publish(told)
+        self._stream.use(payload, seq)
         return told
 
     def _identify(self, command: IdentifyPayload) -> FtCalibration:

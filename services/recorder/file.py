@@ -6,20 +6,21 @@ import contextlib
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from crosspih_common.bus.codec import label_of
 from crosspih_common.recording.parts import part_path
 from crosspih_common.recording.records import sealed
 from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
 from services.recorder.config import Compression, RecorderConfig
+from services.recorder.packing import PackingWriter
 from services.recorder.sample import Sample
 from services.recorder.schemas import channel_schema
 
@@ -79,7 +80,7 @@ class RecordingFile:
         self.path = path
         self.messages = 0
         self._stream = stream
-        self._writer = Writer(stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression])
+        self._writer = PackingWriter(stream, config.chunk_bytes, _COMPRESSION[config.compression])
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._dirty = True
@@ -106,15 +107,17 @@ class RecordingFile:
         if channel is None:
             channel = self._register(sample)
         self._unflushed[sample.key] += 1
+        stamp_ns, seq = sample.stamp_ns, sample.seq
         self._writer.add_message(
-            channel,
-            log_time=max(sample.stamp_ns, 0),
-            data=sample.payload,
-            publish_time=sample.wall_ns,
-            sequence=max(sample.seq, 0) & 0xFFFFFFFF,
+            channel, stamp_ns if stamp_ns > 0 else 0, sample.payload, sample.wall_ns, seq & 0xFFFFFFFF if seq > 0 else 0
         )
         self.messages += 1
         self._dirty = True
+
+    def write_all(self, samples: Iterator[Sample]) -> None:
+        """Add samples, until there are no more or one cannot be written."""
+        for sample in samples:
+            self.write(sample)
 
     def _register(self, sample: Sample) -> int:
         topic = sample.topic

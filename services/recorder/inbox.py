@@ -14,7 +14,8 @@ class Inbox:
 
     def __init__(self, max_samples: int, max_bytes: int) -> None:
         self._max_samples, self._max_bytes = max_samples, max_bytes
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
         self._waiting: deque[Sample] = deque()
         self._bytes = 0
         self._offered = 0
@@ -23,13 +24,14 @@ class Inbox:
 
     def offer(self, sample: Sample) -> bool:
         """Enqueue; False when full."""
-        with self._changed:
+        with self._lock:
             if len(self._waiting) >= self._max_samples or self._bytes + len(sample.payload) > self._max_bytes:
                 return False
+            if not self._waiting:  # the writer waits for nothing else
+                self._changed.notify_all()
             self._waiting.append(sample)
             self._bytes += len(sample.payload)
             self._offered += 1
-            self._changed.notify_all()
         return True
 
     def take(self, timeout_s: float) -> list[Sample]:

@@ -6,7 +6,7 @@ import errno
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from crosspih_common.errors import CommandRefused, ContractError
@@ -112,16 +112,16 @@ class Recorder:
 
     def _write(self, batch: list[Sample], said: list[tuple[str, str]]) -> None:
         self._decide(said)
-        for sample in batch:
-            if sample.topic.kind is Kind.STATE:
-                self._states[sample.key] = sample
-            if self._tape is None:
-                if self._look is not None:
-                    self._undecided.append(sample)
-            elif self._tape.file is None:
-                self._tally.count("unwritten", sample.key)
-            else:
-                self._attempt(RecordingFile.write, said, sample)
+        self._states.update((sample.key, sample) for sample in batch if sample.topic.kind is Kind.STATE)
+        tape, rest = self._tape, iter(batch)
+        if tape is None:
+            if self._look is not None:
+                self._undecided.extend(rest)
+            return
+        if tape.file is not None:
+            self._attempt(RecordingFile.write_all, said, rest)
+        for sample in rest:  # what comes after a sample that could not be written
+            self._tally.count("unwritten", sample.key)
 
     def _periodically(self, said: list[tuple[str, str]]) -> None:
         tape = self._tape
@@ -144,7 +144,7 @@ class Recorder:
             self._tape.warnings.append(text)
         said.append((code, text))
 
-    def _attempt(self, work: Callable[..., None], said: list[tuple[str, str]], *arguments: Sample) -> None:
+    def _attempt(self, work: Callable[..., None], said: list[tuple[str, str]], *arguments: Iterator[Sample]) -> None:
         """Work on the file, if there is one; a file that cannot be written is let go of and reported once."""
         tape = self._tape
         if tape is None or tape.file is None:
@@ -189,7 +189,7 @@ class Recorder:
             return
         self._tape = tape
         for sample in waiting:
-            self._attempt(RecordingFile.write, said, sample)
+            self._attempt(RecordingFile.write_all, said, iter([sample]))
         text = f"the recorder was gone for {found.ago_s:.1f} s, of which nothing is recorded: goes on in {path}"
         self._tell_missing(said, "recording_resumed", text)
 

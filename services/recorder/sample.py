@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from google.protobuf.message import DecodeError
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -18,8 +17,7 @@ from crosspih_common.messages import Image
 _STAMP_FIRST = re.compile(rb'\s*\{\s*"stamp_ns"\s*:\s*(-?\d{1,19})\s*[,}]')
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """A payload with what MCAP wants to know of it: `stamp_ns` is the cell's clock, `wall_ns` ours on arrival."""
 
     key: str
@@ -32,7 +30,7 @@ class Sample:
 
 def stamp_of(topic: Topic[Any], payload: bytes) -> int:
     """The cell time of a payload, ns. Raises ContractError when it has none."""
-    return _image_stamp(payload) if issubclass(topic.type, Image) else _json_stamp(payload)
+    return _image_stamp(payload) if topic.type is Image else _json_stamp(payload)
 
 
 def _json_stamp(payload: bytes) -> int:

@@ -8,6 +8,7 @@ from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from crosspih_common.bus import Bus
 from crosspih_common.bus.codec import split_label
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import RECORD_START, RECORD_STOP, Topic, topics
@@ -32,6 +33,25 @@ def library_versions() -> dict[str, str]:
     return versions
 
 
+def tap_all(bus: Bus, recorder: Recorder) -> None:
+    """Give the recorder every sample of every topic, on the bus's own thread."""
+    for topic in topics():
+        bus.tap(topic, _taker(bus, recorder, topic), recorder.refused)
+
+
+def _taker(bus: Bus, recorder: Recorder, topic: Topic[Any]) -> Callable[[str, bytes, str], None]:
+    traffic = bus.traffic
+
+    def take(key: str, payload: bytes, label: str) -> None:
+        try:
+            if not recorder.take(topic, key, payload, split_label(label)[1]):
+                traffic.of(key).dropped += 1
+        except ContractError as error:
+            traffic.reject(key, f"{key}: {error}")
+
+    return take
+
+
 class RecorderShell:
     """The recorder on the bus."""
 
@@ -40,22 +60,9 @@ class RecorderShell:
         self._recorder = Recorder(config, self._metadata, self._tell, self._left_behind)
         context.works.watch("the recorder's writer", lambda: self._recorder.writes)
         bus = context.bus
-        for topic in topics():
-            bus.tap(topic, self._taker(topic), self._recorder.refused)
+        tap_all(bus, self._recorder)
         bus.serve(RECORD_START, self._start)
         bus.serve(RECORD_STOP, self._stop)
-
-    def _taker(self, topic: Topic[Any]) -> Callable[[str, bytes, str], None]:
-        traffic = self._context.bus.traffic
-
-        def take(key: str, payload: bytes, label: str) -> None:
-            try:
-                if not self._recorder.take(topic, key, payload, split_label(label)[1]):
-                    traffic.count(key, "dropped")
-            except ContractError as error:
-                traffic.reject(key, f"{key}: {error}")
-
-        return take
 
     def _metadata(self) -> dict[str, dict[str, str]]:
         cell = self._context.cell

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from crosspih_common import messages
-from crosspih_common.bus.codec import decode, encode, label_of, label_with_seq, split_label
+from crosspih_common.bus.codec import decode, encode, encode_stamped, label_of, label_with_seq, split_label
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import ALL, Topic, commands, topics
 from crosspih_common.messages import ContactState, Dwell, Image, JointKnot, JointState, Message, PoseData
@@ -36,6 +36,21 @@ def test_every_message_travels(kind: type[Message]) -> None:
 def test_round_trip_is_exact(joints: tuple[float, ...], speeds: tuple[float, ...], stamp: int, seq: int) -> None:
     sent = JointState(stamp_ns=stamp, seq=seq, joints_rad=joints, speeds_rad_s=speeds)
     assert decode(JointState, encode(sent), label_with_seq(JointState, seq), "k") == sent
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
+def test_every_message_begins_with_its_stamp_and_number(kind: type[Message]) -> None:
+    assert list(kind.model_fields)[:2] == ["stamp_ns", "seq"]
+
+
+@given(st.integers(-1, 2**62), st.integers(-1, 2**53 - 1), st.integers(0, 2**62), st.integers(0, 2**53 - 1))
+def test_stamping_the_bytes_is_stamping_a_copy(own_stamp: int, own_seq: int, stamp: int, seq: int) -> None:
+    for value in (
+        Dwell(stamp_ns=own_stamp, seq=own_seq, duration_s=0.5),
+        messages.StopMotion(stamp_ns=own_stamp, seq=own_seq),
+    ):
+        assert encode_stamped(value, stamp, seq) == encode(value.model_copy(update={"stamp_ns": stamp, "seq": seq}))
+        assert (value.stamp_ns, value.seq) == (own_stamp, own_seq)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)

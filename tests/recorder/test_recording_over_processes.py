@@ -87,9 +87,9 @@ class Source:
     def tick(self) -> None:
         """The cell's clock goes out and comes back: everything before it has passed the router."""
         self.now_ns += MS
-        tick = self.bus.publisher(CLOCK).publish(CellClock(stamp_ns=self.now_ns, boot_id="test", realtime=False))
+        seq, _ = self.bus.publisher(CLOCK).publish(CellClock(stamp_ns=self.now_ns, boot_id="test", realtime=False))
         self.sent[CLOCK.key(CELL)] += 1
-        assert self._clock.wait_for(lambda seen: seen.seq >= tick.seq, DEADLINE_S) is not None
+        assert self._clock.wait_for(lambda seen: seen.seq >= seq, DEADLINE_S) is not None
         self.bus.clock.observe(self.now_ns)
 
 

@@ -23,12 +23,14 @@ ROOT = Path(__file__).resolve().parents[2]
 READS, ASKS = ("latest", "hearing", "subscribe", "hear", "tap"), ("call", "ask")
 BUS_METHODS = (*READS, *ASKS, "publisher", "serve")
 # where a key comes as an argument: the recorder's tap on every topic, planning's port and the arm's own `_serve`, whose
-# callers are counted, and what was asked in a recording, asked again on a bus of its own
+# callers are counted, and what was asked in a recording or sent by a bench, on a bus of its own
 NOT_SPELLED = {
     "services/recorder/shell.py": "topic",
     "services/planning/shell.py": "command",
     "services/hardware/shells/arm.py": "command",
     "services/operator/asked.py": "command.reply_echo",
+    "services/operator/bench/bus/ways.py": "TOPIC",
+    "services/operator/bench/where_time_goes.py": "echo",
     "services/operator/bench/kills/watching.py": "command.reply_echo",
     "services/operator/replay/answers.py": "asked.command",
     "services/ros2/shell.py": "command.reply_echo",

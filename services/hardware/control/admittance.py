@@ -13,6 +13,7 @@ the peg come back.
 from __future__ import annotations
 
 from collections import deque
+from math import sqrt
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class Admittance:
         to_joints: Array = np.eye(len(joints), 6)
         for index in range(cycles(command.timeout_s, period_s)):
             before = pose
-            axial_speed, lateral, turn = self._velocities(wrench, pose, centre_peg)
+            axial_speed, lateral, turn = self._velocities(wrench, pose)
             if search.steps:
                 if index >= search.steps:
                     return Ending(StopReason.COMPLETED, "the search path is at its end")
@@ -90,7 +91,7 @@ class Admittance:
             else:
                 moved = pose.translation_m - before.translation_m
                 following = joints + to_joints @ np.concatenate([moved, turn * period_s])
-            tip_speed = abs(speed) + float(np.sqrt(lateral @ lateral))
+            tip_speed = abs(speed) + sqrt(lateral @ lateral)
             speeds = finite_difference_speed(joints, following, period_s)
             reading: Reading = yield Reference(following, speeds, pose, tip_speed_m_s=tip_speed)
             joints = following
@@ -111,11 +112,11 @@ class Admittance:
             progress.append(self.travel_m)
         return Ending(StopReason.TIMED_OUT, f"{self.travel_m * 1e3:.2f} mm in {command.timeout_s:g} s")
 
-    def _velocities(self, wrench: Array, pose: Pose, centre_peg: Array) -> tuple[float, Array, Array]:
+    def _velocities(self, wrench: Array, pose: Pose) -> tuple[float, Array, Array]:
         command, direction = self._command, self._direction
         force = pose.rotation @ wrench[:3]
-        fx, fy, fz = wrench[:3]
-        x, y, z = centre_peg
+        fx, fy, fz, _, _, _ = wrench.tolist()
+        x, y, z = command.centre_peg_m
         # the moment about the centre: M - c x F
         about = wrench[3:] - np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
         axial = float(-force @ direction)
@@ -124,12 +125,12 @@ class Admittance:
         turn = _clip(pose.rotation @ about / command.rotational_damping_nm_s_rad, command.rotational_speed_limit_rad_s)
         load = max(
             axial / command.axial_force_n,
-            0.5 * float(np.linalg.norm(force)) / command.axial_force_n,
-            float(np.linalg.norm(about)) / _MOMENT_LOAD_NM,
+            0.5 * sqrt(force @ force) / command.axial_force_n,
+            sqrt(about @ about) / _MOMENT_LOAD_NM,
         )
         return command.speed_m_s * min(1.0, max(-1.0, 1.0 - load)), lateral, turn
 
 
 def _clip(vector: Array, length: float) -> Array:
-    size = float(np.sqrt(vector @ vector))
-    return vector if size <= length else np.asarray(vector * (length / size))
+    size = sqrt(vector @ vector)
+    return vector if size <= length else vector * (length / size)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,8 @@ class Runner:
         state = self._joints.read()
         self.now_ns = state.stamp_ns
         self.joints_rad = np.array(state.positions_rad, dtype=float)
-        self.speeds_rad_s = np.zeros(len(self.joints_rad))
+        self._at_rest = np.zeros(len(self.joints_rad))
+        self.speeds_rad_s = self._at_rest
         self.measured_rad, self._measured_rad_s = self.joints_rad, self.speeds_rad_s
         self.pose_base_peg = self.forward(self.joints_rad)
         self._wrench.read()
@@ -108,7 +110,8 @@ class Runner:
         A reading that is not a number stays one: it then trips the caps.
         """
         on_peg = self._raw if self._peg_of_raw is None else self._peg_of_raw @ self._raw
-        return np.asarray(on_peg - self._load)
+        contact: Array = on_peg - self._load
+        return contact
 
     def use_payload(self, payload: Payload | None) -> None:
         """From now on contact is what this leaves; with None what is felt before a motion is no contact."""
@@ -131,7 +134,7 @@ class Runner:
 
     def still(self) -> Reference:
         """Stay where the reference is."""
-        return Reference(self.joints_rad, np.zeros(len(self.joints_rad)))
+        return Reference(self.joints_rad, self._at_rest)
 
     def recover(self) -> None:
         """After a device was lost: from where the arm stands now, which need not be where it was told to go.
@@ -180,9 +183,8 @@ class Runner:
         self._publish(before_ns, samples.stamps_ns, samples.wrenches)
         force, moment = contact[:3], contact[3:]
         return Reading(
-            samples.wrenches, self._raw, contact, float(np.sqrt(force @ force)), float(np.sqrt(moment @ moment)),
-            state.positions_rad,
-        )  # fmt: skip
+            samples.wrenches, self._raw, contact, sqrt(force @ force), sqrt(moment @ moment), state.positions_rad
+        )
 
     def _publish(self, before_ns: int, stamps_ns: NDArray[np.int64], samples: Array) -> None:
         now = self.now_ns
@@ -191,8 +193,8 @@ class Runner:
             for on_state in self._joint_listeners:
                 on_state(self._joint_state)
         if self._batch_listeners:
-            for stamp_ns, sample in zip(stamps_ns, samples, strict=True):
-                self._add_to_batch(int(stamp_ns), sample)
+            for stamp_ns, sample in zip(stamps_ns.tolist(), samples, strict=True):
+                self._add_to_batch(stamp_ns, sample)
         if now // TICK_NS != before_ns // TICK_NS:
             for on_tick in self._tick_listeners:
                 on_tick(now)
@@ -207,7 +209,7 @@ class Runner:
             self._send_batch()
 
     def _send_batch(self) -> None:
-        rows = tuple(tuple(row) for row in np.array(self._batch).tolist())
+        rows = tuple(tuple(row.tolist()) for row in self._batch)
         self._batch.clear()
         batch = RawWrenchBatch(stamp_ns=self._batch_ns, period_ns=self._sample_ns, samples=rows)
         for on_batch in self._batch_listeners:

@@ -24,13 +24,16 @@ class CellResult(BaseModel):
 
 
 def table_of(result: CellResult) -> Table:
-    """A row an engine, with the cell's share of the engine's rate."""
-    table = Table(title="a dwell in free air: steps of 1 ms a second of CPU time")
-    for column in ("engine", "cell", "engine alone", "cell / engine alone"):
+    """A row an engine: CPU time of a step, and how often the engine's own goes into it."""
+    table = Table(title="steps of 1 ms: CPU time, and against the engine alone")
+    for column in ("engine", "alone µs", "at rest µs", "/ alone", "admittance move µs", "/ alone", "times real time"):
         table.add_column(column, justify="left" if column == "engine" else "right")
     for engine, rates in result.steps_s.items():
-        share = rates["cell"] / rates["engine"]
-        table.add_row(engine, f"{rates['cell']:.0f}", f"{rates['engine']:.0f}", f"{share:.2f}")
+        alone, rest, move = (1e6 / rates[name] for name in ("engine", "cell", "move"))
+        table.add_row(
+            engine, f"{alone:.1f}", f"{rest:.1f}", f"{rest / alone:.2f}", f"{move:.1f}", f"{move / alone:.2f}",
+            f"{1e3 / rest:.0f}, {1e3 / move:.0f}",
+        )  # fmt: skip
     return table
 
 

@@ -65,6 +65,27 @@ COMMANDS = {
         "are other ends of their protocols: each command, what each calibration found of what the cell hides,"
         " and whether the peg went in. Status 1 where a command failed or a peg was not inserted.",
     ),
+    "bus": OnDemand(
+        f"{_HERE}.bus.command:bus",
+        "Measure the typed bus, from publishing to the callback in another process, beside raw Zenoh on the same route"
+        " and other buses that are installed.",
+    ),
+    "recorder": OnDemand(
+        f"{_HERE}.recorder:recorder",
+        "Measure how fast samples get from the bus into a file beside the bare MCAP writer, and whether four cells at"
+        " once lose any.",
+    ),
+    "trials": OnDemand(
+        f"{_HERE}.where_time_goes:trials",
+        "Measure where the wall time of a trial goes: physics, rendering, thinking, waiting. `bench scaling` measures"
+        " what more cells make of it. Linux.",
+        by_cell=True,
+    ),
+    "startup": OnDemand(
+        f"{_HERE}.startup:startup",
+        "Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU"
+        " time of small commands.",
+    ),
     "cell": OnDemand(
         f"{_HERE}.cell:cell",
         "Measure how fast the simulated cell is, and each physics engine by itself in the same run.",

@@ -16,7 +16,7 @@ class SensorModel:
     def __init__(self, config: ForceTorqueConfig) -> None:
         self._bias = np.asarray(config.bias, float)
         self._sd = np.repeat([config.noise_n, config.noise_nm], 3)
-        self._drift_per_s = np.repeat([config.drift_n_s, 0.0], 3)
+        self._drift_per_s = np.repeat([config.drift_n_s, 0.0], 3) if config.drift_n_s else None
         self._rng = np.random.default_rng(0)
         self._block = np.zeros((0, 6))
         self._next = 0
@@ -39,4 +39,8 @@ class SensorModel:
         if self._filtered is None:
             self._filtered = ideal
         self._filtered = self._filtered + self._smoothing * (ideal - self._filtered)
-        return np.asarray(self._filtered + self._bias + self._drift_per_s * since_start_s + noise)
+        drifted: Array = self._filtered + self._bias
+        if self._drift_per_s is not None:
+            drifted = drifted + self._drift_per_s * since_start_s
+        reading: Array = drifted + noise
+        return reading

@@ -44,7 +44,7 @@ class World:
         self.now_ns = 0
         self._started_ns = 0
         self.joints_rad = np.zeros(0)
-        self._speeds_rad_s = np.zeros(0)
+        self._speeds_rad_s = self._none = np.zeros(0)  # no speed, no acceleration
         self._next: tuple[Array, Array] = self.joints_rad, self._speeds_rad_s
         # what the arm's own controller feeds forward: the change of speed over some milliseconds, not of one cycle
         self._past_speeds: deque[Array] = deque(maxlen=1 + max(1, round(FEED_FORWARD_S / self.period_s)))
@@ -55,7 +55,7 @@ class World:
         """A new trial: at rest at joints (n,), new noise; time goes on. Take the lock around it."""
         self.engine.build(pose_base_hole, joints_rad)
         self.joints_rad = np.array(joints_rad, dtype=float)
-        self._speeds_rad_s = np.zeros(len(joints_rad))
+        self._speeds_rad_s = self._none = np.zeros(len(joints_rad))
         self._next = self.joints_rad, self._speeds_rad_s
         self._past_speeds.clear()
         self._past_speeds.append(self._speeds_rad_s)
@@ -77,7 +77,10 @@ class World:
         goal, speeds = self._next
         before, before_speeds = self.joints_rad, self._speeds_rad_s
         self._past_speeds.append(speeds)
-        accelerations = (speeds - self._past_speeds[0]) / ((len(self._past_speeds) - 1) * self.period_s)
+        past = self._past_speeds[0]
+        accelerations = (
+            self._none if speeds is past else (speeds - past) / ((len(self._past_speeds) - 1) * self.period_s)
+        )
         count = self.steps_a_cycle
         for step in range(1, count + 1):
             if step == count:

@@ -35,8 +35,9 @@ class ContactPoint:
 class Physics(Protocol):
     """One world. One thread at a time; get one by `open_engine`, then `build` before anything else."""
 
-    joints_rad: Array
-    """The link side (n,), rad: where the arm really is."""
+    @property
+    def joints_rad(self) -> Array:
+        """The link side (n,), rad: where the arm really is."""
 
     def build(self, pose_base_hole: Pose, joints_rad: Array) -> None:
         """Make the world anew, at rest at joints (n,): nothing of what was before can be felt."""

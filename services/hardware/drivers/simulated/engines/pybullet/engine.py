@@ -30,15 +30,14 @@ class Physics:
         self._blocks = bodies.corners(true_hole(workcell, config.truth).pieces())
         self._lever_m: list[float] = self._bodies.sensor_middle_m.tolist()
         self._mounting = SensorMounting(config.truth)
-        self._stiffness = true_stiffness_nm_rad(workcell, config.truth)
+        self._stiffness: list[float] = true_stiffness_nm_rad(workcell, config.truth).tolist()
         self._client = int(pybullet.connect(pybullet.DIRECT))
         if self._client < 0:
             raise RuntimeError("PyBullet gives no physics client; too many are open in this process")
         self._arm = -1
-        self.joints_rad = np.zeros(joints)
-        self._speeds_rad_s = np.zeros(joints)
+        self._at, self._speeds = [0.0] * joints, [0.0] * joints
         self._reaction: tuple[float, ...] = (0.0,) * 6
-        self._damping = np.zeros(joints)
+        self._damping = [0.0] * joints
         self._nominal_joints_rad = nominal_joints_rad(workcell)
 
     def close(self) -> None:
@@ -72,7 +71,8 @@ class Physics:
         mass = np.array(
             pybullet.calculateMassMatrix(self._arm, self._nominal_joints_rad.tolist(), physicsClientId=client)
         )
-        self._damping = 2.0 * self._config.joint_damping_ratio * np.sqrt(self._stiffness * np.diag(mass))
+        ratio = self._config.joint_damping_ratio
+        self._damping = (2.0 * ratio * np.sqrt(np.array(self._stiffness) * np.diag(mass))).tolist()
         for joint, angle in enumerate(joints_rad):
             pybullet.resetJointState(self._arm, joint, float(angle), 0.0, physicsClientId=client)
         self._read()
@@ -80,26 +80,32 @@ class Physics:
     def step(self, joints_rad: Array, speeds_rad_s: Array, accelerations_rad_s2: Array) -> None:
         """One millisecond with the motor side at a reference; each (n,)."""
         client = self._client
-        torque = pybullet.calculateInverseDynamics(
-            self._arm, self.joints_rad.tolist(), self._speeds_rad_s.tolist(), accelerations_rad_s2.tolist(),
-            physicsClientId=client,
-        )  # fmt: skip
-        torque = (
-            torque
-            + self._stiffness * (joints_rad - self.joints_rad)
-            + self._damping * (speeds_rad_s - self._speeds_rad_s)
+        at, speeds = self._at, self._speeds
+        needed = pybullet.calculateInverseDynamics(
+            self._arm, at, speeds, accelerations_rad_s2.tolist(), physicsClientId=client
         )
+        # floats one by one: six of them are sooner added than NumPy is called
+        rows = zip(
+            needed, self._stiffness, joints_rad.tolist(), at, self._damping, speeds_rad_s.tolist(), speeds, strict=True
+        )
+        torque = [feed + k * (goal - here) + d * (fast - now) for feed, k, goal, here, d, fast, now in rows]
         pybullet.setJointMotorControlArray(
-            self._arm, self._joints, pybullet.TORQUE_CONTROL, forces=torque.tolist(), physicsClientId=client
+            self._arm, self._joints, pybullet.TORQUE_CONTROL, forces=torque, physicsClientId=client
         )
         pybullet.stepSimulation(physicsClientId=client)
         self._read()
 
     def _read(self) -> None:
         states = pybullet.getJointStates(self._arm, self._with_sensor, physicsClientId=self._client)
-        self.joints_rad = np.array([state[0] for state in states[:-1]])
-        self._speeds_rad_s = np.array([state[1] for state in states[:-1]])
-        self._reaction = states[-1][2]
+        *moving, sensor = states
+        self._at = [state[0] for state in moving]
+        self._speeds = [state[1] for state in moving]
+        self._reaction = sensor[2]
+
+    @property
+    def joints_rad(self) -> Array:
+        """The link side's joints (n,)."""
+        return np.array(self._at)
 
     def wrench_sensed(self) -> Array:
         """What an ideal sensor reads (6,), N and Nm: on the peg, in the peg frame about its origin.
