@@ -44,7 +44,7 @@ from tests.conftest import started_router
 from tests.vision.drawn_pairs import Look, drawn_pair
 
 EVERY, WARM_UP = 20, 60
-KINDS = "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()
+KINDS = ["arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"]
 
 
 class Allocated(ctypes.Structure):

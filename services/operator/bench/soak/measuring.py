@@ -123,7 +123,7 @@ class Grown(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class _Figure:
-    """What is judged: how it is read, by how much it may grow, and the share of the soak's begin that does not count."""
+    """What is judged: how it is read, by how much it may grow, and the share of the begin that does not count."""
 
     what: str
     unit: str
@@ -145,9 +145,7 @@ def grown(taken: Sequence[Figures]) -> list[Grown]:
         ]
     if taken:
         usual_ms = median(one.latency_ms[0] for one in taken)
-        rows.append(
-            _Figure("latency of a command, p50", "ms", lambda one: one.latency_ms[0], LATENCY_SHARE * usual_ms)
-        )
+        rows.append(_Figure("latency of a command, p50", "ms", lambda one: one.latency_ms[0], LATENCY_SHARE * usual_ms))
     rows.append(_Figure("disk: state and logs", "MB", lambda one: one.kept_mb, DISK_MB))
     return list(_judged(at_s, taken, rows))
 
