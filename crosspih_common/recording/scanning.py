@@ -46,6 +46,7 @@ from crosspih_common.recording.records import (
     metadata_of,
     schema_of,
     summary_of,
+    unpacked_zstd,
 )
 
 LIBRARY = "crosspih recorder"  # whose chunks all carry a CRC
@@ -213,7 +214,7 @@ def repeated_definitions(attachment: Attachment) -> tuple[Schema | Channel, ...]
     if attachment.name != DEFINITIONS:
         return ()
     try:
-        data = zstandard.ZstdDecompressor().decompress(attachment.data, max_output_size=MOST_BYTES >> 4)
+        data = unpacked_zstd(attachment.data, MOST_BYTES >> 4)
         return tuple(record for record in chunk_records(data) if not isinstance(record, Entry))
     except (zstandard.ZstdError, Malformed):
         return ()
