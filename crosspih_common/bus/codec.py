@@ -10,8 +10,12 @@ from pydantic import ValidationError
 from crosspih_common.errors import CommandRefused, ContractError
 from crosspih_common.messages.base import Message
 from crosspih_common.messages.images import ENCODINGS, IMAGE_TYPE, Image, Pixels
+from crosspih_common.messages.status import MOST_TEXT
+from crosspih_common.plain_text import is_plain_json, plain
 
 if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
     from crosspih_common.keys import Payload
 
 PayloadT = TypeVar("PayloadT", bound="Payload")
@@ -68,13 +72,19 @@ def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> Payloa
     try:
         if issubclass(kind, Image):
             return _decode_image(payload, seq)  # type: ignore[return-value]
-        return kind.model_validate_json(payload)
+        value = kind.model_validate_json(payload)
     except ValidationError as error:
-        problems = "; ".join(
-            f"{'.'.join(str(part) for part in problem['loc']) or 'payload'}: {problem['msg']}"
-            for problem in error.errors()[:4]
-        )
+        problems = "; ".join(_problem(problem) for problem in error.errors()[:4])
         raise ContractError(f"{key}: does not validate as {expected}: {problems}") from None
+    if not is_plain_json(payload):
+        raise ContractError(f"{key}: a text of it holds control characters, which a terminal would obey")
+    return value
+
+
+def _problem(problem: ErrorDetails) -> str:
+    """In short: the name of a field that there is not is its sender's, of any length."""
+    where = ".".join(str(part)[:80] for part in problem["loc"])
+    return f"{plain(where, 200) or 'payload'}: {plain(problem['msg'], 400)}"
 
 
 def encode_refusal(refusal: CommandRefused) -> bytes:
@@ -85,7 +95,7 @@ def encode_refusal(refusal: CommandRefused) -> bytes:
 def decode_refusal(payload: bytes) -> CommandRefused:
     """The refusal of an error reply."""
     code, _, text = payload.decode(errors="replace").partition("\n")
-    return CommandRefused(code or "unknown", text)
+    return CommandRefused(plain(code, 80) or "unknown", plain(text, MOST_TEXT))
 
 
 def _raw_image() -> Any:

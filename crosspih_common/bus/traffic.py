@@ -8,9 +8,14 @@ from collections import defaultdict
 
 from crosspih_common.messages.status import KeyTraffic
 
+MOST_KEYS = 1024  # a cell has some 200
+OTHERS = "others"  # all keys beyond
+
 
 class Traffic:
-    """Thread-safe counters. Rates are over wall time between two calls of `snapshot`: they are for people only."""
+    """Thread-safe counters, of MOST_KEYS keys each for itself: where the sender's name is part of a key anybody may
+    invent keys, and each status carries all of them. Rates are over wall time between two calls of `snapshot`: they are
+    for people only."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -24,13 +29,16 @@ class Traffic:
     def count(self, key: str, kind: str, amount: int = 1) -> None:
         """Add to one counter of one key."""
         with self._lock:
-            self._counts[key][kind] += amount
+            self._counts[self._known(key)][kind] += amount
 
     def reject(self, key: str, why: str) -> None:
         """Count a rejected message and remember why."""
         with self._lock:
-            self._counts[key]["rejected"] += 1
+            self._counts[self._known(key)]["rejected"] += 1
             self.last_rejection = why
+
+    def _known(self, key: str) -> str:
+        return key if key in self._counts or len(self._counts) < MOST_KEYS else OTHERS
 
     def total(self, kind: str) -> int:
         """One counter over all keys."""
