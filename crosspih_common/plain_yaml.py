@@ -5,6 +5,8 @@ errors that name the line, and so is what the loader falls over.
 
 from __future__ import annotations
 
+import errno
+import os
 import stat
 from collections.abc import Hashable
 from pathlib import Path
@@ -73,19 +75,25 @@ def yaml_of(text: str) -> Any:
         raise NotMeant(problem=" ".join(str(error).split())) from None
 
 
-def text_of_file(path: Path, most_bytes: int | None = None) -> str:
-    """The UTF-8 text of a regular file, of `most_bytes` at most. Raises OSError, also for what is no text."""
+def require_regular(path: Path) -> os.stat_result:
+    """What there is to know of a regular file. Raises OSError: a pipe would be waited for, and a device has no end."""
     about = path.stat()
     if stat.S_ISDIR(about.st_mode):
-        raise IsADirectoryError(21, "Is a directory", str(path))
-    if not stat.S_ISREG(about.st_mode):  # a pipe would be waited for without end, and a device has none
-        raise OSError(22, "is no regular file", str(path))
+        raise IsADirectoryError(errno.EISDIR, "Is a directory", str(path))
+    if not stat.S_ISREG(about.st_mode):
+        raise OSError(errno.EINVAL, "is no regular file", str(path))
+    return about
+
+
+def text_of_file(path: Path, most_bytes: int | None = None) -> str:
+    """The UTF-8 text of a regular file, of `most_bytes` at most. Raises OSError, also for what is no text."""
+    about = require_regular(path)
     if most_bytes is not None and about.st_size > most_bytes:
-        raise OSError(27, f"has {about.st_size} bytes, {most_bytes} are allowed", str(path))
+        raise OSError(errno.EFBIG, f"has {about.st_size} bytes, {most_bytes} are allowed", str(path))
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise OSError(84, f"is no text in UTF-8: byte {error.start}", str(path)) from None
+        raise OSError(errno.EILSEQ, f"is no text in UTF-8: byte {error.start}", str(path)) from None
 
 
 def _sized(root: yaml.Node) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import zstandard
 
+from crosspih_common.plain_yaml import require_regular
 from crosspih_common.recording.records import (
     ATTACHMENT,
     CHANNEL,
@@ -223,6 +224,7 @@ def repeated_definitions(attachment: Attachment) -> tuple[Schema | Channel, ...]
 @contextmanager
 def scanning(path: Path) -> Iterator[Scan]:
     """A scan of a file. Raises OSError."""
+    require_regular(path)
     with path.open("rb") as stream:
         if path.stat().st_size == 0:
             yield Scan(b"")
