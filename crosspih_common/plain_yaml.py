@@ -64,7 +64,7 @@ def yaml_of(text: str) -> Any:
             if node is None:
                 return None
             _sized(node)
-            return loader.construct_document(node)  # type: ignore[no-untyped-call]
+            return loader.construct_document(node)
         finally:
             loader.dispose()  # type: ignore[no-untyped-call]
     except RecursionError:
