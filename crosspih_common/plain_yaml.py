@@ -66,7 +66,7 @@ def yaml_of(text: str) -> Any:
             _sized(node)
             return loader.construct_document(node)
         finally:
-            loader.dispose()  # type: ignore[no-untyped-call]
+            loader.dispose()
     except RecursionError:
         raise NotMeant(problem="is nested deeper than anything that is meant") from None
     except yaml.YAMLError:
