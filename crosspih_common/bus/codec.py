@@ -95,7 +95,8 @@ def encode_refusal(refusal: CommandRefused) -> bytes:
 def decode_refusal(payload: bytes) -> CommandRefused:
     """The refusal of an error reply."""
     code, _, text = payload.decode(errors="replace").partition("\n")
-    return CommandRefused(plain(code, 80) or "unknown", plain(text, MOST_TEXT))
+    code = plain(code, 80)
+    return CommandRefused(code or "unknown", plain(text, MOST_TEXT))
 
 
 def _raw_image() -> Any:
