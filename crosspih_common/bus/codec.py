@@ -11,8 +11,12 @@ from pydantic import ValidationError
 from crosspih_common.errors import CommandRefused, ContractError
 from crosspih_common.messages.base import Message
 from crosspih_common.messages.images import ENCODINGS, IMAGE_TYPE, Image, Pixels
+from crosspih_common.messages.status import MOST_TEXT
+from crosspih_common.plain_text import is_plain_json, plain
 
 if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
     from crosspih_common.keys import Payload
 
 PayloadT = TypeVar("PayloadT", bound="Payload")
@@ -113,15 +117,21 @@ def _made_decoder(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
         if validate is None:
             return _decode_image(payload, split_label(label)[1])
         try:
-            return validate(payload)
+            value = validate(payload)
         except ValidationError as error:
-            problems = "; ".join(
-                f"{'.'.join(str(part) for part in problem['loc']) or 'payload'}: {problem['msg']}"
-                for problem in error.errors()[:4]
-            )
+            problems = "; ".join(_problem(problem) for problem in error.errors()[:4])
             raise ContractError(f"{key}: does not validate as {expected}: {problems}") from None
+        if not is_plain_json(payload):
+            raise ContractError(f"{key}: a text of it holds control characters, which a terminal would obey")
+        return value
 
     return decode_one
+
+
+def _problem(problem: ErrorDetails) -> str:
+    """In short: the name of a field that there is not is its sender's, of any length."""
+    where = ".".join(str(part)[:80] for part in problem["loc"])
+    return f"{plain(where, 200) or 'payload'}: {plain(problem['msg'], 400)}"
 
 
 def encode_refusal(refusal: CommandRefused) -> bytes:
@@ -132,7 +142,8 @@ def encode_refusal(refusal: CommandRefused) -> bytes:
 def decode_refusal(payload: bytes) -> CommandRefused:
     """The refusal of an error reply."""
     code, _, text = payload.decode(errors="replace").partition("\n")
-    return CommandRefused(code or "unknown", text)
+    code = plain(code, 80)
+    return CommandRefused(code or "unknown", plain(text, MOST_TEXT))
 
 
 def _raw_image() -> Any:

@@ -8,6 +8,8 @@ import time
 from crosspih_common.messages.status import KeyTraffic
 
 KINDS = ("out", "received", "dropped", "rejected")
+MOST_KEYS = 1024  # a cell has some 200
+OTHERS = "others"  # all keys beyond
 
 
 class Counts:
@@ -25,8 +27,9 @@ class Counts:
 
 
 class Traffic:
-    """Counters by key, for any thread to look at. Rates are over wall time between two calls of `snapshot`, and for
-    people only."""
+    """Counters by key, for any thread to look at, of MOST_KEYS keys each for itself: where the sender's name is part of
+    a key anybody may invent keys, and each status carries all of them. Rates are over wall time between two calls of
+    `snapshot`, and for people only."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -40,7 +43,8 @@ class Traffic:
         counts = self._counts.get(key)
         if counts is None:
             with self._lock:
-                counts = self._counts.setdefault(key, Counts())
+                known = key if key in self._counts or len(self._counts) < MOST_KEYS else OTHERS
+                counts = self._counts.setdefault(known, Counts())
         return counts
 
     def reject(self, key: str, why: str) -> None:

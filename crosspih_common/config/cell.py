@@ -15,6 +15,7 @@ from crosspih_common.config.section import Section
 from crosspih_common.config.surroundings import with_mesh_files_beside
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
+from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from crosspih_common.shapes.importing import FILE_SUFFIXES
 
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
@@ -75,7 +76,7 @@ def standing_alone(path: Path, content: dict[str, Any]) -> dict[str, Any]:
 
 def content_alone(cell: CellFile) -> dict[str, Any]:
     """The content of a cell's file that means the same wherever it is written; what is empty there is a mapping."""
-    content = {name: {} if section is None else section for name, section in (yaml.safe_load(cell.text) or {}).items()}
+    content = {name: {} if section is None else section for name, section in (yaml_of(cell.text) or {}).items()}
     return standing_alone(cell.path, content)
 
 
@@ -83,7 +84,7 @@ def load_cell(path: str | Path) -> CellFile:
     """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text_of_file(path, MOST_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from None
     return cell_of_text(path, text)
@@ -95,7 +96,7 @@ def cell_of_text(path: Path, text: str) -> CellFile:
     Raises ConfigError naming `path`, the field and the mend.
     """
     try:
-        content = yaml.safe_load(text) or {}
+        content = yaml_of(text) or {}
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: is not YAML: {error}") from None
     if not isinstance(content, dict):

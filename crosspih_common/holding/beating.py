@@ -16,6 +16,7 @@ from typing import Any
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import BusError, CommandRefused
 from crosspih_common.holding.heart import Heart
+from crosspih_common.service.ending import end_process
 from crosspih_common.service.urgency import be_urgent
 
 # stopped by a signal, by a debugger, dead and not yet waited for, dead
@@ -67,4 +68,4 @@ def main(endpoint: str, cell: str, service: str, parent: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4])))
+    end_process(main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4])))

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from crosspih_common.messages.base import Message, Part
+from crosspih_common.plain_text import plain
+
+MOST_TEXT = 2000
+# shown as it is, also by people's own programs
+OneLine = Annotated[str, AfterValidator(lambda text: plain(text, MOST_TEXT))]
 
 
 class ServiceState(str, Enum):
@@ -66,10 +72,10 @@ class Severity(str, Enum):
 class Event(Message):
     """Something that people should know of: a named code and one line."""
 
-    service: str
+    service: OneLine
     severity: Severity
-    code: str
-    text: str = Field(max_length=2000)
+    code: OneLine
+    text: OneLine = Field(max_length=MOST_TEXT)
 
 
 class CommandRefusal(Message):

@@ -232,15 +232,20 @@ def chunk_data(content: bytes, unchecked: bool) -> bytes:
     return data
 
 
+def unpacked_zstd(packed: bytes, most: int) -> bytes:
+    """One zstd frame, `most` bytes at most. Raises ZstdError, and Malformed for one that says it is larger: zstandard
+    would believe it whatever `max_output_size` is, and a damaged or hostile head asks for gigabytes."""
+    if zstandard.frame_content_size(packed) > most:
+        raise Malformed(f"packed bytes that stand for more than {most}")
+    return zstandard.ZstdDecompressor().decompress(packed, max_output_size=most)
+
+
 def _unpacked(compression: str, packed: bytes, size: int) -> bytes:
     if compression == "":
         return packed
     try:
         if compression == "zstd":
-            # a damaged head must not ask for gigabytes
-            if zstandard.frame_content_size(packed) not in (-1, size):
-                raise Malformed("a chunk of another size than it says")
-            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+            return unpacked_zstd(packed, size)
         if compression == "lz4":
             import lz4.frame
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import zstandard
 
+from crosspih_common.plain_yaml import require_regular
 from crosspih_common.recording.records import (
     ATTACHMENT,
     CHANNEL,
@@ -46,6 +47,7 @@ from crosspih_common.recording.records import (
     metadata_of,
     schema_of,
     summary_of,
+    unpacked_zstd,
 )
 
 LIBRARY = "crosspih recorder"  # whose chunks all carry a CRC
@@ -213,7 +215,7 @@ def repeated_definitions(attachment: Attachment) -> tuple[Schema | Channel, ...]
     if attachment.name != DEFINITIONS:
         return ()
     try:
-        data = zstandard.ZstdDecompressor().decompress(attachment.data, max_output_size=MOST_BYTES >> 4)
+        data = unpacked_zstd(attachment.data, MOST_BYTES >> 4)
         return tuple(record for record in chunk_records(data) if not isinstance(record, Entry))
     except (zstandard.ZstdError, Malformed):
         return ()
@@ -222,6 +224,7 @@ def repeated_definitions(attachment: Attachment) -> tuple[Schema | Channel, ...]
 @contextmanager
 def scanning(path: Path) -> Iterator[Scan]:
     """A scan of a file. Raises OSError."""
+    require_regular(path)
     with path.open("rb") as stream:
         if path.stat().st_size == 0:
             yield Scan(b"")

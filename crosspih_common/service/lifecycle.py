@@ -27,8 +27,9 @@ from crosspih_common.config import CellFile, Section, load_cell
 from crosspih_common.errors import BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS, WALL_CLOCK
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
-from crosspih_common.messages.status import LAST_ERROR_S
+from crosspih_common.messages.status import LAST_ERROR_S, MOST_TEXT
 from crosspih_common.modules import DEFAULT_CELL
+from crosspih_common.plain_text import plain
 from crosspih_common.service import notify
 from crosspih_common.service.wall_clock import ClockWatch, Difference, this_host
 from crosspih_common.service.works import Works, end_hard_after
@@ -72,19 +73,20 @@ class ServiceContext:
 
     @last_error.setter
     def last_error(self, text: str) -> None:
-        self._last_error = (time.monotonic(), text)
+        self._last_error = (time.monotonic(), plain(text, MOST_TEXT))
 
     def event(self, severity: Severity, code: str, text: str) -> None:
-        """Tell people: on the bus, and on standard error for the log."""
+        """Tell people, in one line, for a part may be a stranger's: on the bus, and on standard error for the log."""
+        text = plain(text, MOST_TEXT)
         if severity is not Severity.INFO:
             self.last_error = f"{code}: {text}"
         print(f"{severity.value}: {code}: {text}", file=sys.stderr, flush=True)
         with contextlib.suppress(BusError):
-            self.bus.publisher(EVENTS).publish(Event(service=self.name, severity=severity, code=code, text=text[:2000]))
+            self.bus.publisher(EVENTS).publish(Event(service=self.name, severity=severity, code=code, text=text))
 
     def fail(self, reason: str) -> None:
         """The service cannot go on: it says so and ends with status 1."""
-        self.state, self.reason = ServiceState.FAILED, reason
+        self.state, self.reason = ServiceState.FAILED, plain(reason, MOST_TEXT)
         self.event(Severity.ERROR, "failed", reason)
         self.stop.set()
 

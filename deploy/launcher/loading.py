@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from deploy.launcher.compose import ComposeFile, Dependency, Healthcheck, Service
 from deploy.launcher.conditions import Condition
 from deploy.launcher.errors import ComposeError, Fault
@@ -28,7 +29,7 @@ def load_compose(path: Path, variables: Mapping[str, str]) -> ComposeFile:
     a dependency that does not exist or goes round in a circle.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text_of_file(path, MOST_BYTES)
     except OSError as error:
         raise ComposeError(
             str(path), [Fault("file", error.strerror or str(error), "name a compose file with --file")]
@@ -39,7 +40,7 @@ def load_compose(path: Path, variables: Mapping[str, str]) -> ComposeFile:
 def parse_compose(text: str, variables: Mapping[str, str], source: str = "compose.yaml") -> ComposeFile:
     """As :func:`load_compose`, from the file's text; ``source`` is the name used in errors."""
     try:
-        tree = yaml.safe_load(text)
+        tree = yaml_of(text)
     except yaml.YAMLError as error:
         problem = " ".join(str(error).split())
         raise ComposeError(source, [Fault("file", f"not YAML: {problem}", "mend the line named")]) from error

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
 
@@ -15,4 +14,4 @@ def build(context: ServiceContext, config: ForceTorqueConfig) -> ForceTorqueShel
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("force_torque", ForceTorqueConfig, build))
+    end_process(run_service("force_torque", ForceTorqueConfig, build))

@@ -10,6 +10,7 @@ import yaml
 from numpy.typing import ArrayLike
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.shapes import Peg
 from crosspih_common.shapes.likeness import is_same_peg, peg_said
 from crosspih_common.wrench import Payload, SensorMounting
@@ -163,10 +164,10 @@ def save_calibration(content: CalibrationFile, path: Path) -> None:
 def load_calibration(path: Path) -> CalibrationFile:
     """Read and check a file. Raises `CalibrationFileError` naming the path and the field."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_of(text_of_file(path))
     except OSError as error:
         raise CalibrationFileError(f"{path}: cannot be read ({error.strerror}); calibrate the sensor first") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except yaml.YAMLError as error:
         raise CalibrationFileError(f"{path}: is not YAML ({error})") from error
     return _validated(content, str(path))
 

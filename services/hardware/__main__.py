@@ -16,6 +16,7 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.hardware.checking import print_check
 from services.hardware.config import DEVICES, HardwareConfig, with_calibration_beside
 from services.hardware.hosting import open_cell
@@ -78,4 +79,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_process(main())

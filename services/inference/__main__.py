@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.inference.config import InferenceConfig
 from services.inference.shell import InferenceShell
 
@@ -15,4 +14,4 @@ def build(context: ServiceContext, config: InferenceConfig) -> InferenceShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("inference", InferenceConfig, build))
+    end_process(run_service("inference", InferenceConfig, build))

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-import yaml
 from rich.console import Console
 
 from crosspih_common.config import load_cell
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
+from crosspih_common.plain_yaml import yaml_of
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.refined_cell import refined_table, residual_lines, run_refine, write_cell
 from services.operator.which_cell import cell_path
@@ -42,5 +42,5 @@ def refine(
             for line in [*residual_lines(result), *result["notes"]]:
                 shown.print(line, highlight=False, markup=False)
         if out is not None:
-            write_cell(out, standing_alone(path, yaml.safe_load(base.text) or {}), result, path.name)
+            write_cell(out, standing_alone(path, yaml_of(base.text) or {}), result, path.name)
             console.print(f"cell: {out}", highlight=False)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.planning.config import PlanningConfig
 from services.planning.shell import PlanningShell
 
@@ -15,4 +14,4 @@ def build(context: ServiceContext, config: PlanningConfig) -> PlanningShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("planning", PlanningConfig, build))
+    end_process(run_service("planning", PlanningConfig, build))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
 
@@ -15,4 +14,4 @@ def build(context: ServiceContext, config: RecorderConfig) -> RecorderShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("recorder", RecorderConfig, build))
+    end_process(run_service("recorder", RecorderConfig, build))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.ros2.config import BridgeConfig
 from services.ros2.shell import BridgeShell
 
@@ -15,4 +14,4 @@ def build(context: ServiceContext, config: BridgeConfig) -> BridgeShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("ros2", BridgeConfig, build))
+    end_process(run_service("ros2", BridgeConfig, build))

@@ -20,6 +20,7 @@ from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
 from crosspih_common.errors import CrosspihError
 from crosspih_common.security import credentials_from_environment, open_to_whom, secure_endpoint
 from crosspih_common.service import notify
+from crosspih_common.service.ending import end_process
 from crosspih_common.service.urgency import be_urgent
 
 if TYPE_CHECKING:
@@ -123,4 +124,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_process(main())

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
 from crosspih_common.service import ServiceContext, run_service
+from crosspih_common.service.ending import end_process
 from services.vision.config import VisionConfig
 from services.vision.shell import VisionShell
 
@@ -15,4 +14,4 @@ def build(context: ServiceContext, config: VisionConfig) -> VisionShell:
 
 
 if __name__ == "__main__":
-    sys.exit(run_service("vision", VisionConfig, build))
+    end_process(run_service("vision", VisionConfig, build))

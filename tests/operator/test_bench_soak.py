@@ -50,7 +50,19 @@ def test_a_leak_is_named_and_noise_is_not() -> None:
     assert all(row.flat for row in grown(noise)) and complaints(noise, grown(noise)) == []
     leak = [figures(number, 200.0 + 0.5 * number + float(rng.normal())) for number in range(30)]
     said = complaints(leak, grown(leak))
-    assert len(said) == 1 and said[0].startswith("vision: memory grows: +1")
+    assert len(said) == 1 and said[0].startswith("vision: memory grows: +")
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_what_an_allocator_keeps_is_no_leak_and_a_leak_under_it_is_named(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    needs_mb = rng.exponential(5.0, 200)  # each assembly's own, of which the allocator keeps the largest
+    needs_mb[:100] = rng.permutation(np.append(needs_mb[:99], needs_mb.max()))
+    kept = [figures(number, 150.0 + float(needs_mb[: number + 1].max())) for number in range(200)]
+    assert complaints(kept, grown(kept)) == []
+    leak = [figures(number, 150.0 + float(needs_mb[: number + 1].max()) + 0.03 * number) for number in range(200)]
+    assert [one.split(":")[0] for one in complaints(leak, grown(leak))] == ["vision"]  # 6 MB in all
 
 
 def test_whatever_was_lost_is_named() -> None:

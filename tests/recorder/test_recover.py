@@ -22,8 +22,8 @@ from crosspih_common.bus.codec import encode
 from crosspih_common.keys import EVENTS, PHASE, STATUS, Topic
 from crosspih_common.messages import AssemblyPhase, Event, Phase, ServiceState, ServiceStatus, Severity
 from crosspih_common.recording import RecordingError, read_recording
-from crosspih_common.recording.records import Malformed, metadata_of, seal_of, sealed
-from crosspih_common.recording.scanning import scanning
+from crosspih_common.recording.records import Attachment, Malformed, metadata_of, seal_of, sealed
+from crosspih_common.recording.scanning import DEFINITIONS, repeated_definitions, scanning
 from services.operator.recording.making import recover
 from services.recorder.config import Compression, RecorderConfig
 from services.recorder.file import RecordingFile
@@ -313,3 +313,10 @@ def test_noise_is_scanned_in_reasonable_steps(tmp_path: Path) -> None:
     with scanning(path) as scan:
         found = list(scan)
     assert len(found) == 1
+
+
+@pytest.mark.parametrize("says", [2**40, 2**63])
+def test_an_attachment_that_says_it_unpacks_to_terabytes_asks_for_no_memory(says: int) -> None:
+    # a zstd frame of one segment with its content's size in 8 bytes, and one block, the last, of three bytes
+    frame = b"\x28\xb5\x2f\xfd\xe0" + says.to_bytes(8, "little") + b"\x19\x00\x00abc"
+    assert repeated_definitions(Attachment(0, 0, DEFINITIONS, "application/zstd", frame)) == ()

@@ -17,6 +17,8 @@ PRODUCT = sorted(path for top in ("crosspih_common", "services", "deploy") for p
 KEY_TABLE = ROOT / "crosspih_common" / "keys.py"
 KNOW_THE_TRUTH = ("hardware", "operator")
 NAMED_FUNCTION = re.compile(r"(services|deploy)(\.\w+)+:\w+")
+# their arguments are written in the source: modules and folders
+FEW_ARGUMENTS = {"part_version", "folder_version", "code_version"}
 A_FILES_KIND = "crosspih/ft-calibration"  # stands in the calibration file; no key
 OTHERS_ALLOWED = {"operator": ("deploy",)}
 
@@ -182,3 +184,14 @@ def test_no_service_but_the_simulated_driver_imports_an_engine() -> None:
         if not path.is_relative_to(simulated):
             modules = {module.split(".")[0] for module in imported(parsed(path), path)}
             assert not modules & {"pybullet", "mujoco"}, path
+
+
+def test_what_a_service_keeps_of_what_it_computed_has_an_end() -> None:
+    """A table without a limit is for what takes no arguments: others grow with what is seen, hour after hour."""
+    for path in PRODUCT:
+        for node in ast.walk(parsed(path)):
+            if not isinstance(node, ast.FunctionDef) or node.name in FEW_ARGUMENTS:
+                continue
+            limits = {ast.unparse(one).removeprefix("functools.") for one in node.decorator_list}
+            if limits & {"cache", "lru_cache(None)", "lru_cache(maxsize=None)"}:
+                assert not ast.unparse(node.args), (path, node.name)

@@ -11,6 +11,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel, PoseData
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 
 
 def read_calibration(path: Path | None, field: str, workcell: Workcell) -> CameraCalibration:
@@ -21,8 +22,8 @@ def read_calibration(path: Path | None, field: str, workcell: Workcell) -> Camer
     if path is None:
         raise ConfigError(f"{field}: names no file; give the cameras' calibration (docs/locate.md)")
     try:
-        said = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        said = yaml_of(text_of_file(path))
+    except (OSError, yaml.YAMLError) as error:
         raise ConfigError(f"{field}: {path} cannot be read: {error}") from None
     if not isinstance(said, dict):
         raise ConfigError(f"{field}: {path} holds no fields, want left, right, pose_left_right, ...")

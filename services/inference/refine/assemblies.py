@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from crosspih_common.config import CellFile, SensorSection, Workcell, with_correction_moved
 from crosspih_common.errors import CrosspihError
@@ -17,6 +16,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
 from crosspih_common.keys import ASSEMBLE, CAPTURE, ESTIMATE, IDENTIFY_PAYLOAD, LOCATE, TOUCH
 from crosspih_common.messages import IdentifyPayload, LocateMethod, Touch
+from crosspih_common.plain_yaml import yaml_of
 from crosspih_common.recording.reader import Recording, read_recording
 from services.inference.estimator import TouchObservation
 
@@ -120,7 +120,7 @@ def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, i
 
 
 def _content(recording: Recording) -> dict[str, Any]:
-    content = yaml.safe_load(recording.metadata.get("cell", {}).get("yaml", "")) or {}
+    content = yaml_of(recording.metadata.get("cell", {}).get("yaml", "")) or {}
     return with_correction_moved(content) if isinstance(content, dict) else {}
 
 

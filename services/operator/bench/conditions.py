@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from crosspih_common.config.drawing import peg_section
 from crosspih_common.errors import ConfigError
+from crosspih_common.plain_yaml import yaml_of
 
 DEFAULT_PEG = "cross"
 
@@ -52,7 +53,7 @@ def condition_of(settings: Sequence[str]) -> Condition:
         if not equals or len(names) < 2 or not all(names):
             raise ConfigError(f"--set {setting}: want section.name=value, such as cell.hole.clearance_m=0.0002")
         try:
-            value = yaml.safe_load(text)
+            value = yaml_of(text)
         except yaml.YAMLError:
             raise ConfigError(f"--set {setting}: {text!r} is not a value in YAML") from None
         for name in reversed(names):
@@ -68,7 +69,7 @@ def peg_overrides(peg: str) -> dict[str, Any]:
 
 def cell_content(base_text: str, condition: Condition, peg: str = DEFAULT_PEG) -> dict[str, Any]:
     """The content of the cell's file under a condition. Raises ConfigError when the file is no mapping."""
-    base = yaml.safe_load(base_text) or {}
+    base = yaml_of(base_text) or {}
     if not isinstance(base, dict):
         raise ConfigError(f"the cell's file wants a mapping of sections, got {type(base).__name__}")
     # a section without content is None in YAML

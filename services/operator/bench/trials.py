@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import Failure, PosePrior, Strategy
+from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from crosspih_common.provenance import ResultStore, SourceWatch, cell_identity, code_version, result_key
 from services.operator.bench.conditions import DEFAULT_PEG, Condition, cell_content
 from services.operator.bench.own_cell import CellTask
@@ -56,11 +57,11 @@ def base_cell_text() -> str:
     """
     path = Path(cell_path())
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text_of_file(path, MOST_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from error
     try:
-        content = yaml.safe_load(text)
+        content = yaml_of(text)
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: is not YAML: {error}") from None
     alone = standing_alone(path, content) if isinstance(content, dict) else content

@@ -15,6 +15,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration
 from crosspih_common.messages.base import Joints
 from crosspih_common.messages.images import Image
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from deploy.launcher.state import default_run_root
 
 TAKEN, PRESSED, FOUND = "taken.yaml", "pressed.yaml", "found.yaml"
@@ -109,7 +110,7 @@ def write_yaml(path: Path, content: dict[str, Any], header: str = "") -> None:
 def read_yaml(path: Path) -> dict[str, Any]:
     """Raises ConfigError."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_of(text_of_file(path))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
     except yaml.YAMLError as error:

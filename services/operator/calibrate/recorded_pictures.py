@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
 
-import yaml
-
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT, JOINT_STATE, LEASE_GIVE, LEASE_TAKE
 from crosspih_common.messages import Dwell, JointState, StereoPair
+from crosspih_common.plain_yaml import yaml_of
 from crosspih_common.recording import Recording
 from services.operator.calibrate.folder import Taken, TakenPair, save_taken, write_pair
 from services.operator.calibrate.recorded import MOTIONS, PURPOSE, Moved, echoes, holdings, motions, opened
@@ -103,7 +102,7 @@ def _of_calibration(recording: Recording) -> list[StereoPair]:
 
 
 def _board_of(recording: Recording) -> str:
-    content = yaml.safe_load(recording.metadata.get("cell", {}).get("yaml", "")) or {}
+    content = yaml_of(recording.metadata.get("cell", {}).get("yaml", "")) or {}
     board = (content.get("operator") or {}).get("board") or {}
     if "pattern" not in board:
         raise ConfigError(

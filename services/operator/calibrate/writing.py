@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rich.console import Console
 
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
+from crosspih_common.plain_yaml import yaml_of
 from services.operator.bench.conditions import merged
 from services.operator.calibrate.folder import FOUND, now, write_yaml
 from services.operator.calibrate.tables import say_missing
@@ -73,7 +73,7 @@ def write_cell_file(out: Path, cell: Path, settings: dict[str, Any], kind: str, 
     """
     if out.resolve() == cell.resolve():
         raise ConfigError(f"--out {out}: is the cell's file itself; name another, and compare the two")
-    base = standing_alone(cell, yaml.safe_load(load_cell(cell).text) or {})
+    base = standing_alone(cell, yaml_of(load_cell(cell).text) or {})
     content = merged({name: {} if section is None else section for name, section in base.items()}, settings)
     source = "" if found is None else f"; {found}"
     write_yaml(out, content, f"# {cell.name} with what `crosspih calibrate {kind}` found, {now()}{source}\n")

@@ -18,6 +18,7 @@ from crosspih_common.config.arm import default_joints
 from crosspih_common.config.drawing import OUTLINES, PegDrawing
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.shapes.importing import FILE_SUFFIXES
 from services.operator.locate.calibration_file import Reading, read_calibration
 
@@ -99,8 +100,8 @@ def arm(text: str) -> dict[str, Any]:
         section: Any = {"urdf": str(path.resolve())}
     else:
         try:
-            section = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            section = yaml_of(text_of_file(path))
+        except (OSError, yaml.YAMLError) as error:
             raise Refused(f"{text}: is not YAML: {error}") from None
         if isinstance(section, dict) and set(section) == {"arm"}:
             section = section["arm"]

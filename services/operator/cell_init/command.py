@@ -11,6 +11,7 @@ from rich.console import Console
 
 from crosspih_common.config import cell_of_text
 from crosspih_common.errors import ConfigError
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from services.operator.bench.options import told
 from services.operator.cell_init.answers import Refused, text_of
 from services.operator.cell_init.questions import Answers, Question, questions
@@ -23,8 +24,8 @@ def given_answers(file: Path | None, single: list[str]) -> dict[str, str]:
     given: dict[str, str] = {}
     if file is not None:
         try:
-            content = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            content = yaml_of(text_of_file(file)) or {}
+        except (OSError, yaml.YAMLError) as error:
             raise ConfigError(f"--answers {file}: cannot be read: {error}") from None
         if not isinstance(content, dict):
             raise ConfigError(f"--answers {file}: wants a mapping: name: bench3")

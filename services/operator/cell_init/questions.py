@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from pydantic import ValidationError
 
 import deploy
 from crosspih_common.config import HolePrior, Workcell
 from crosspih_common.geometry import Pose
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from services.operator.cell_init import answers as of
 from services.operator.cell_init.answers import NONE, SAME, Refused
 from services.operator.doctor.drawing import reach_rows
@@ -50,7 +50,7 @@ def known_cell(arm: Any) -> dict[str, Any]:
     file = CELLS / f"{arm.get('name') if isinstance(arm, dict) else ''}.yaml"
     if not file.is_file():
         return {}
-    content: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))["cell"]
+    content: dict[str, Any] = yaml_of(text_of_file(file))["cell"]
     return content
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 from rich.console import Console
 
 from crosspih_common.datasets import CONTACT, ContactRow, ContactWriter, DatasetError, DatasetOrigin, read_contacts
+from crosspih_common.plain_yaml import yaml_of
 from crosspih_common.provenance import cell_identity, code_version
 from services.operator.bench.conditions import Condition, cell_content
 from services.operator.bench.options import Cells, RayAddress, Where, told
@@ -156,4 +156,4 @@ def _collect(
 
 def default_cell_sha256() -> str:
     """The identity of the cell that commands use now."""
-    return cell_sha256(yaml.safe_load(base_cell_text()) or {})
+    return cell_sha256(yaml_of(base_cell_text()) or {})

@@ -12,6 +12,7 @@ import yaml
 
 from crosspih_common.config import CameraSection, CellFile
 from crosspih_common.modules import data_folder
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.shapes.likeness import is_same_peg
 from services.operator.rows import Row, ok, warning, wrong
 
@@ -119,8 +120,8 @@ def camera_rows(cell: CellFile, drivers: set[str]) -> Iterator[Row]:
 
 def _content(file: Path) -> dict[str, Any] | None:
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        content = yaml_of(text_of_file(file))
+    except (OSError, yaml.YAMLError):
         return None
     return content if isinstance(content, dict) else None
 

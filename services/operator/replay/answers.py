@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from crosspih_common.config import with_files_beside
 from crosspih_common.errors import CommandRefused, ConfigError
 from crosspih_common.messages import Message
+from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from crosspih_common.recording import Recording
 from crosspih_common.recording.comparing import Difference, differences
 from services.operator.bench.own_cell import CellTask, OwnCell
@@ -48,10 +47,10 @@ def stored_cell(recording: Recording, cell: Path | None) -> dict[str, Any]:
         path, text = Path(stored.get("path", "cell.yaml")), stored["yaml"]
     else:
         try:
-            path, text = cell.resolve(), cell.read_text(encoding="utf-8")
+            path, text = cell.resolve(), text_of_file(cell, MOST_BYTES)
         except OSError as error:
             raise ConfigError(f"--cell {cell}: cannot be read ({error.strerror})") from None
-    content = yaml.safe_load(text) or {}
+    content = yaml_of(text) or {}
     return {**content, "cell": with_files_beside(path, content.get("cell") or {})}
 
 

@@ -37,6 +37,7 @@ from crosspih_common.messages import (
     Touch,
     TouchUse,
 )
+from crosspih_common.plain_yaml import yaml_of
 from crosspih_common.recording import Recording, Sent
 from services.operator.scoring import TrialFigures, score
 
@@ -88,7 +89,7 @@ def _workcell(recording: Recording, missing: list[str]) -> Workcell:
         missing.append("The cell's configuration: depths are computed with the default drawings.")
         return Workcell()
     try:
-        content: Any = yaml.safe_load(text) or {}
+        content: Any = yaml_of(text) or {}
         return Workcell.model_validate(content.get("cell") or {})
     except (yaml.YAMLError, ValidationError, AttributeError):
         missing.append("A cell's configuration that this version reads: depths are computed with the default drawings.")

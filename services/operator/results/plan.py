@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.modules import module_command
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 
 PLAN = Path(__file__).with_name("plan.yaml")
 
@@ -72,7 +73,7 @@ def arguments(command: str) -> list[str]:
 def load_plan(path: Path = PLAN) -> list[Entry]:
     """Read the list. Raises ConfigError naming the entry and the field."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_of(text_of_file(path))
     except (OSError, yaml.YAMLError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
     if not isinstance(content, list):

@@ -7,7 +7,7 @@ out from the noise and from what else lies along their profile, whatever their c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -41,6 +41,8 @@ INDEPENDENT = 0.1
 # an edge this far from where the rim must be, px of the level, still supports it
 SUPPORT_PX = 1.25
 SUPPORT_WINDOW_PX = 4.0
+# tables of two steps that are kept, some 8 kB each: their sizes are the pictures', so there is no end of them
+TABLES_KEPT = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +164,7 @@ def steps_along(levels: tuple[Level, Level], samples: RimSamples, rim: SeenRim, 
     return share
 
 
-@cache
+@lru_cache(maxsize=TABLES_KEPT)
 def _two_steps(width_px: float, reach: int, offsets: int) -> tuple[Floats, Floats]:
     """For profiles of `reach` points and the rim at each of `offsets` places on them: (reach, offsets * 2) orthonormal
     bases of what a rim with a chamfer that wide looks like, but for its mean, and (reach, offsets) where each looks."""

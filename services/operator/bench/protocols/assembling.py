@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-import yaml
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.progress import track
@@ -24,6 +23,7 @@ from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import JOINT_STATE
 from crosspih_common.messages import JointState, Strategy
+from crosspih_common.plain_yaml import yaml_of
 from deploy.launcher import LauncherError
 from services.operator.bench.conditions import merged
 from services.operator.bench.options import AsJson, told
@@ -120,7 +120,7 @@ class Calibrated:
 
 def calibrated_cell(file: Path, hides: int) -> Calibrated:
     """Of a cell's file, the files that it names by absolute paths. Raises ConfigError."""
-    content = standing_alone(file, yaml.safe_load(load_cell(file).text) or {})
+    content = standing_alone(file, yaml_of(load_cell(file).text) or {})
     cameras = (content.get("hardware", {}).get("genicam") or {}).get("calibration")
     if cameras is not None:
         beside = Path(cameras) if Path(cameras).exists() else file.resolve().parent / cameras

@@ -27,6 +27,7 @@ from crosspih_common.errors import ConfigError, CrosspihError, NoService
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import ASSEMBLE
 from crosspih_common.modules import module_command
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.recording.reader import read_recording
 from services.operator.bench.conditions import merged
 from services.operator.bench.options import AsJson, told
@@ -115,7 +116,7 @@ class Walk:
 
     def add(self, lines: dict[str, Any]) -> None:
         """Lines into the cell's file, as somebody adds them in an editor."""
-        content = merged(yaml.safe_load(self.cell.read_text(encoding="utf-8")), lines)
+        content = merged(yaml_of(text_of_file(self.cell)), lines)
         self.cell.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
     def command(self, words: tuple[str, ...]) -> tuple[int | None, str]:

@@ -9,6 +9,8 @@ from typing import Any, Literal
 
 import yaml
 
+from crosspih_common.plain_yaml import yaml_of
+
 BLOCK = re.compile(r"^```(sh|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 HEADING = re.compile(r"^## (\d+)\. (.*)$", re.MULTILINE)
 
@@ -41,7 +43,7 @@ def steps_of(page: str) -> list[Step]:
         if section == 0 or block.start() > end:
             continue
         if block[1] == "yaml":
-            lines = yaml.safe_load(block[2])
+            lines = yaml_of(block[2])
             if not isinstance(lines, dict):
                 raise ValueError(f"section {section}: a block of YAML is no mapping")
             steps.append(Step("file", section, (), lines))

@@ -25,6 +25,7 @@ from crosspih_common.errors import NoService
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import CAMERA_CALIBRATION
 from crosspih_common.messages import PoseData, SimulationTruth
+from crosspih_common.plain_yaml import text_of_file, yaml_of
 from services.operator.bench.conditions import merged
 from services.operator.bench.own_cell import free_port
 from services.operator.bench.protocols.hidden import behind, held_by_hand
@@ -78,7 +79,7 @@ def base_content(way: Way, hides: int | None = None) -> dict[str, Any]:
     """The cell that stands behind the protocols; one that hides something is the UR5e's, for which it was found."""
     name = "ur5e" if way is Way.UR or hides is not None else "default"
     file = Path(deploy.__file__).resolve().parent / "cells" / f"{name}.yaml"
-    return dict(yaml.safe_load(file.read_text(encoding="utf-8")))
+    return dict(yaml_of(text_of_file(file)))
 
 
 @contextmanager

@@ -26,14 +26,15 @@ class Growth:
         return self.low > allowed
 
 
-def growth(at_s: Sequence[float], figures: Sequence[float]) -> Growth | None:
+def growth(at_s: Sequence[float], figures: Sequence[float], warm_up: float = WARM_UP_SHARE) -> Growth | None:
     """Theil and Sen's slope, which single outliers do not move, times the time spanned; None for too few figures.
 
-    `at_s` and `figures` (n,), in any unit of the latter. Source: Sen, J. Am. Stat. Assoc. 63 (1968) 1379.
+    `at_s` and `figures` (n,), in any unit of the latter; `warm_up` is the share of them that is left out at the begin.
+    Source: Sen, J. Am. Stat. Assoc. 63 (1968) 1379.
     """
     from scipy.stats import theilslopes  # loaded where it is used: it takes half a second
 
-    skipped = int(len(figures) * WARM_UP_SHARE)
+    skipped = int(len(figures) * warm_up)
     times, values = np.asarray(at_s, float)[skipped:], np.asarray(figures, float)[skipped:]
     if len(values) < LEAST_FIGURES or np.ptp(times) <= 0.0:
         return None

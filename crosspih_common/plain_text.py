@@ -1,0 +1,40 @@
+"""Text that a stranger may have written, for a terminal or a log: one line, and nothing in it that a terminal obeys."""
+
+from __future__ import annotations
+
+import re
+from unicodedata import category
+
+# control characters, what turns the direction of writing or takes no place, halves of characters, ends of lines
+_OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
+_LINES = "\n\r\t"
+# the same as JSON escapes them; after an even number of backslashes, for else the backslash itself is meant
+_ESCAPED = re.compile(
+    rb"(?<!\\)(?:\\\\)*\\(?:[bf]|u(?:00(?:[01][0-9a-f]|7f|[89][0-9a-f]|ad)|200[b-f]|202[8-e]|20[6][0-9a-f]|feff|"
+    rb"d[89a-f]))",
+    re.IGNORECASE,
+)
+
+
+def _is_obeyed(character: str) -> bool:
+    return category(character) in _OBEYED
+
+
+def plain(text: str, most: int) -> str:
+    r"""The text in one line of at most `most` characters; what a terminal would obey stands as its number: `\x1b`."""
+    line = " ".join(text[: 4 * most].split())
+    if not line.isprintable():
+        line = "".join(one.encode("unicode_escape").decode() if _is_obeyed(one) else one for one in line)
+    return line if len(line) <= most else line[: most - 3] + "..."
+
+
+def is_plain_json(payload: bytes) -> bool:
+    """Whether no string of a JSON text holds what a terminal would obey; ends of lines and tabs are none of these.
+
+    Nearly all messages are ASCII without an escape, and cost a look at the bytes.
+    """
+    if payload.isascii() and not any(one in payload for one in (b"\\u", b"\\b", b"\\f", b"\x7f")):
+        return True
+    if _ESCAPED.search(payload):
+        return False
+    return not any(_is_obeyed(one) and one not in _LINES for one in payload.decode(errors="surrogateescape"))
