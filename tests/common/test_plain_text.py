@@ -62,7 +62,7 @@ def test_the_name_of_a_field_that_there_is_not_is_told_in_short() -> None:
 def test_keys_that_somebody_invents_are_counted_together() -> None:
     traffic = Traffic()
     for number in range(10 * MOST_KEYS):
-        traffic.count(f"crosspih/c/service/invented{number}/event", "received")
+        traffic.of(f"crosspih/c/service/invented{number}/event").received += 1
         traffic.reject(f"crosspih/c/service/invented{number}/status", "why")
     rows = {row.key: row for row in traffic.snapshot()}
     assert len(rows) == MOST_KEYS + 1 and rows[OTHERS].received + MOST_KEYS // 2 == 10 * MOST_KEYS
