@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import re
+import json
+from collections.abc import Iterator
 from unicodedata import category
 
 # control characters, what turns the direction of writing or takes no place, halves of characters, ends of lines
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
 _LINES = "\n\r\t"
-# the same as JSON escapes them; after an even number of backslashes, for else the backslash itself is meant
-_ESCAPED = re.compile(
-    rb"(?<!\\)(?:\\\\)*\\(?:[bf]|u(?:00(?:[01][0-9a-f]|7f|[89][0-9a-f]|ad)|200[b-f]|202[8-e]|20[6][0-9a-f]|feff|"
-    rb"d[89a-f]))",
-    re.IGNORECASE,
-)
 
 
 def _is_obeyed(character: str) -> bool:
@@ -35,6 +30,19 @@ def is_plain_json(payload: bytes) -> bool:
     """
     if payload.isascii() and not any(one in payload for one in (b"\\u", b"\\b", b"\\f", b"\x7f")):
         return True
-    if _ESCAPED.search(payload):
+    try:
+        return not any(_is_obeyed(one) and one not in _LINES for text in _texts(json.loads(payload)) for one in text)
+    except (RecursionError, ValueError):  # deeper or other than what Python reads, though a message may have been
         return False
-    return not any(_is_obeyed(one) and one not in _LINES for one in payload.decode(errors="surrogateescape"))
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield name
+            yield from _texts(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner)

@@ -23,6 +23,8 @@ MESSAGES: list[type[Message]] = [kind for kind in types() if issubclass(kind, Me
 Json = Any
 
 
+# control characters, and what else a terminal obeys, are no part of any text on the wire (docs/wire.md)
+PLAIN = st.characters(exclude_categories=("Cc", "Cf", "Cs", "Zl", "Zp"))
 # what no JSON schema can ask of several numbers together: it is told by `format`
 LAWFUL: dict[str, st.SearchStrategy[Json]] = {
     "unit_quaternion": st.sampled_from([[0.0, 0.0, 0.0, 1.0], [0.5, -0.5, 0.5, -0.5], [0.6, 0.0, 0.8, 0.0]]),
@@ -52,7 +54,7 @@ def values(schema: Json, definitions: Json) -> st.SearchStrategy[Json]:
     if kind == "boolean":
         return st.booleans()
     if kind == "string":
-        return st.text(min_size=schema.get("minLength", 0), max_size=min(schema.get("maxLength", 12), 12))
+        return st.text(PLAIN, min_size=schema.get("minLength", 0), max_size=min(schema.get("maxLength", 12), 12))
     if kind == "integer":
         return st.integers(*_bounds(schema, 1))
     if kind == "number":
@@ -65,7 +67,7 @@ def values(schema: Json, definitions: Json) -> st.SearchStrategy[Json]:
         )
     if "properties" not in schema:
         inner = schema.get("additionalProperties", {"type": "number"})
-        return st.dictionaries(st.text(max_size=4), values(inner, definitions), max_size=2)
+        return st.dictionaries(st.text(PLAIN, max_size=4), values(inner, definitions), max_size=2)
     wanted = set(schema.get("required", ()))
     fields = {name: values(field, definitions) for name, field in schema["properties"].items()}
     return st.fixed_dictionaries(
