@@ -6,7 +6,7 @@ import os
 import resource
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -106,7 +106,7 @@ class Pictures:
             self._asked_s = None
 
 
-@cache
+@lru_cache(maxsize=8)
 def pictures_of(bus: Bus, project: str, run_root: Path) -> Pictures:
     """The one account of a cell's session: it listens for as long as the session lives."""
     return Pictures(bus, project, run_root)
