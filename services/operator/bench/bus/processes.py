@@ -23,7 +23,7 @@ from services.operator.bench.own_cell import free_port
 
 READY_S = 30.0
 PROBE_S = 0.01
-QUIET_S = 0.5  # after the last that was heard, no more is waited for
+QUIET_S = 3.0  # after the last that was heard, no more is waited for; a listener that waits for a core is no loss
 
 
 def listen(endpoint: str, asked: Connection) -> None:
