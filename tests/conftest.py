@@ -41,8 +41,8 @@ END_S = 10.0
 
 
 # Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while
-# the others compute, so that no two cells run beside each other. That worker waits much of its time, so that there are
-# three of them for two cores.
+# the others compute, so that no two cells run beside each other. With three workers on two cores it is that one which
+# ends last, slowed by the others.
 WITH_PROCESSES = frozenset([
     "tests/bus/test_zenoh_bus.py",
     "tests/deploy/test_any_folder.py",
