@@ -13,14 +13,13 @@ from typing import IO
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, Writer
 
 from crosspih_common.bus.codec import label_of
 from crosspih_common.recording.parts import part_path
 from crosspih_common.recording.records import sealed
 from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
 from services.recorder.config import Compression, RecorderConfig
-from services.recorder.packing import PackingWriter
 from services.recorder.sample import Sample
 from services.recorder.schemas import channel_schema
 
@@ -80,7 +79,7 @@ class RecordingFile:
         self.path = path
         self.messages = 0
         self._stream = stream
-        self._writer = PackingWriter(stream, config.chunk_bytes, _COMPRESSION[config.compression])
+        self._writer = Writer(stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression])
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._dirty = True
