@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -22,6 +24,19 @@ def module_command(module: str, *words: str) -> list[str]:
 def is_ours(module: str) -> bool:
     """Whether a module is one of this installation's."""
     return module.split(".")[0] in ("crosspih_common", "services", "deploy")
+
+
+def on_demand(package: str, modules: Mapping[str, str]) -> Callable[[str], object]:
+    """A package's `__getattr__` (PEP 562) that imports the module of each name when it is first asked for."""
+
+    def find(name: str) -> object:
+        if name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        found = getattr(import_module(f"{package}.{modules[name]}"), name)
+        setattr(sys.modules[package], name, found)
+        return found
+
+    return find
 
 
 def data_folder() -> Path:

@@ -124,19 +124,26 @@ def fit_groups(
     return _finished(residual(shared, own), shared, own, group, rows, by_shared, by_own, prior**2)
 
 
+def _without_own(
+    by_shared: Array, by_own: Array, right: Array, rows: list[NDArray[np.int64]]
+) -> list[tuple[Array, Array]]:
+    """Of each group the design and the right side, less all that its own unknowns can explain."""
+    found = []
+    for row in rows:
+        block, part = by_shared[row], right[row]
+        if by_own.shape[1]:
+            basis, _ = np.linalg.qr(by_own[row])
+            block, part = block - basis @ (basis.T @ block), part - basis @ (basis.T @ part)
+        found.append((block, part))
+    return found
+
+
 def _finished(
     now: Array, shared: Array, own: Array, group: NDArray[np.int64], rows: list[NDArray[np.int64]], by_shared: Array,
     by_own: Array, weight: Array,
 ) -> Fit:  # fmt: skip
-    reduced, pulls = [], []
-    for row in rows:
-        block, part = by_shared[row], now[row]
-        if by_own.shape[1]:
-            basis, _ = np.linalg.qr(by_own[row])
-            block = block - basis @ (basis.T @ block)
-            part = part - basis @ (basis.T @ part)
-        reduced.append(block.T @ block)
-        pulls.append(block.T @ part)
+    groups = _without_own(by_shared, by_own, now, rows)
+    reduced, pulls = [block.T @ block for block, _ in groups], [block.T @ part for block, part in groups]
     width = len(shared)
     if not width:
         return Fit(shared, own, np.zeros((0, 0)), now, group)
@@ -165,14 +172,10 @@ def moved_by(
     """How far the shared unknowns (p, q) of a fit move, to first order, when its residuals (m,) change by (m, q): what
     an error does that all groups have in common, and that leaving groups out cannot show."""
     by_shared, by_own = _jacobians(residual, fit.shared, fit.own, steps, own_steps)
-    whole, pulled = np.zeros((len(fit.shared),) * 2), np.zeros((len(fit.shared), changes.shape[1]))
-    for index in range(int(group.max()) + 1):
-        row = np.flatnonzero(group == index)
-        block, part = by_shared[row], changes[row]
-        if by_own.shape[1]:
-            basis, _ = np.linalg.qr(by_own[row])
-            block, part = block - basis @ (basis.T @ block), part - basis @ (basis.T @ part)
-        whole, pulled = whole + block.T @ block, pulled + block.T @ part
+    rows = [np.flatnonzero(group == index) for index in range(int(group.max()) + 1)]
+    groups = _without_own(by_shared, by_own, changes, rows)
+    whole = np.sum([block.T @ block for block, _ in groups], axis=0)
+    pulled = np.sum([block.T @ part for block, part in groups], axis=0)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
     return np.asarray(-scale[:, None] * np.linalg.solve(whole * np.outer(scale, scale), scale[:, None] * pulled))
 

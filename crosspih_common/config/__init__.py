@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from crosspih_common.modules import on_demand
 
 if TYPE_CHECKING:
     from crosspih_common.config.arm import ArmSection
@@ -37,14 +38,7 @@ else:
         "with_correction_moved": "force_torque",
         "with_files_beside": "cell",
     }
-
-    def __getattr__(name: str) -> object:
-        """Each when it is first asked for (PEP 562): a cell's name alone needs neither shapes nor arms."""
-        if name not in _MODULES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-        globals()[name] = found
-        return found
+    __getattr__ = on_demand(__name__, _MODULES)  # a cell's name alone needs neither shapes nor arms
 
 
 __all__ = [

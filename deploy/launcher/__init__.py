@@ -4,8 +4,9 @@ Pure core: compose (the model), interpolation, loading, order, conditions, resta
 tethered_exec (children that cannot outlive us), notify_socket, monitoring, supervisor, state, stack, cli.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from crosspih_common.modules import on_demand
 
 if TYPE_CHECKING:
     from deploy.launcher.errors import AlreadyUpError, ComposeError, LauncherError, NotUpError, StartError
@@ -30,14 +31,7 @@ else:
         "stop_stack": "stack",
         "tethered": "process",
     }
-
-    def __getattr__(name: str) -> object:
-        """Each when it is first asked for (PEP 562): whoever looks at a stack need not load what starts one."""
-        if name not in _MODULES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-        globals()[name] = found
-        return found
+    __getattr__ = on_demand(__name__, _MODULES)  # whoever looks at a stack need not load what starts one
 
 
 __all__ = [

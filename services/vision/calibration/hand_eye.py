@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
+from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds, moved_by
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -157,8 +157,9 @@ def _by_cameras(rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, doub
 
 
 def _by_board(
-    rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, cameras: tuple[Camera, Camera], pose_left_right: Pose
-) -> Array:
+    rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, cameras: tuple[Camera, Camera], pose_left_right: Pose,
+    fit: Fit,
+) -> Array:  # fmt: skip
     """(12, 12): what a board adds that is not quite as its pattern says."""
 
     def off(of: Rows, shared: Array) -> Array:
@@ -166,13 +167,11 @@ def _by_board(
         poses = np.array([vector_of(to_camera @ flange @ on_flange) for flange in flanges])
         return of.off_px(of.in_left_m(poses), cameras, pose_left_right)
 
-    start, steps = np.zeros(12), np.concatenate([STEPS, STEPS])
-    by_poses = [
-        (off(rows, step) - off(rows, -step)) / (2.0 * size) for size, step in zip(steps, np.diag(steps), strict=True)
-    ]
-    now = off(rows, start)
-    changes = [off(other, start) - now for other in rows.boards()]
-    moved = -np.linalg.lstsq(np.stack(by_poses, axis=1), np.stack(changes, axis=1), rcond=None)[0]
+    here = replace(fit, shared=np.zeros(12))  # of small changes of both poses
+    changes = np.stack([off(moved, here.shared) for moved in rows.with_a_corner_moved()], axis=1)
+    steps = np.concatenate([STEPS, STEPS])
+    moved = moved_by(changes - off(rows, here.shared)[:, None], lambda shared, _: off(rows, shared), here, rows.groups,
+                     steps, np.zeros(0))  # fmt: skip
     return np.asarray(moved @ moved.T, dtype=float)
 
 
@@ -194,7 +193,9 @@ def calibrate_hand_eye(
     seen = posed(rows, cameras, pose_left_right, alone.own).own
     boards = [pose_of(vector) for vector in seen]
     camera, board, fit = _fitted(rows, flanges, cameras, pose_left_right, park_martin(flanges, boards))
-    fit = replace(fit, covariance=fit.covariance + _by_board(rows, flanges, camera, board, cameras, pose_left_right))
+    fit = replace(
+        fit, covariance=fit.covariance + _by_board(rows, flanges, camera, board, cameras, pose_left_right, fit)
+    )
     if doubt is not None:
         fit = replace(fit, covariance=fit.covariance + _by_cameras(rows, flanges, camera, board, doubt))
     middle = np.append(pattern.size_m / 2.0, 0.0)

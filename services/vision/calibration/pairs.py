@@ -62,7 +62,7 @@ class Rows:
         """(2 m,): the pair of each residual, u and v in turn."""
         return np.repeat(self.pair, 2)
 
-    def boards(self) -> list[Rows]:
+    def with_a_corner_moved(self) -> list[Rows]:
         """The same pictures of boards on which one corner lies elsewhere by `PRINTED_SD_M`, along x, y or z."""
         found = []
         for corner in np.unique(self.points_m, axis=0):

@@ -155,7 +155,9 @@ def _fitted(rig: Rig, rows: Rows, shared: Array, own: Array) -> Fit:
 def _by_board(rig: Rig, rows: Rows, fit: Fit) -> Array:
     """(p, p): what a board adds that is not quite as its pattern says. It is the same board in all pictures."""
     cameras, right = rig.cameras(fit.shared), rig.right(fit.shared)
-    changes = [board.off_px(board.in_left_m(fit.own), cameras, right) - fit.residual for board in rows.boards()]
+    changes = [
+        board.off_px(board.in_left_m(fit.own), cameras, right) - fit.residual for board in rows.with_a_corner_moved()
+    ]
 
     def residual(unknowns: Array, poses: Array) -> Array:
         return rows.off_px(rows.in_left_m(poses), rig.cameras(unknowns), rig.right(unknowns))
