@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crosspih_common.errors import BusError, CommandRefused
-from crosspih_common.keys import LEASE
 from crosspih_common.messages import LeaseState, Severity
 from services.planning.asking import BusPorts
 from services.planning.config import PlanningConfig
@@ -29,7 +28,8 @@ ASSEMBLY = "assembly"  # how the purpose of such a lease begins
 HEAR_S = 10.0
 HELD_S = 10.0  # the arm lets go of a holder that is gone within this
 LOOK_S = 0.05
-STILL_IN_USE = frozenset(["held", "busy"])
+HELD = "held"
+STILL_IN_USE = frozenset([HELD, "busy"])
 _POLL_S = 0.2
 
 
@@ -47,13 +47,12 @@ class Predecessor:
 
     def __init__(self, shell: PlanningShell, config: PlanningConfig) -> None:
         self._shell, self._config = shell, config
-        self._lease = shell.bus.latest(LEASE)
         self._thread = threading.Thread(target=self._look, name="planning:predecessor", daemon=True)
         self._thread.start()
 
     def _look(self) -> None:
         shell = self._shell
-        state = self._lease.wait_for(lambda _: True, HEAR_S)
+        state = shell.lease_state.wait_for(lambda _: True, HEAR_S)
         if state is None or shell.closing.is_set() or shell.has_held:
             return
         purpose = left_in_the_middle(state, shell.bus.service)

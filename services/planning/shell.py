@@ -19,6 +19,7 @@ from crosspih_common.keys import (
     CALIBRATE_FT,
     CLOCK,
     FT_CALIBRATION,
+    LEASE,
     PHASE,
     STOP,
     TOUCH,
@@ -45,7 +46,7 @@ from services.planning.config import PlanningConfig
 from services.planning.leaving import home
 from services.planning.missed import MissedServices
 from services.planning.ports import AssemblyFailed
-from services.planning.predecessor import Predecessor
+from services.planning.predecessor import HELD, HELD_S, Predecessor
 from services.planning.result import result_of
 from services.planning.run import Run
 from services.planning.withdrawing import withdraw_peg
@@ -73,6 +74,7 @@ class PlanningShell:
         self.bus.serve(CALIBRATE_FT, self._calibrate, refuse_when_busy=True)
         self.bus.serve(WITHDRAW, self._withdraw, refuse_when_busy=True)
         self.bus.serve(ABORT, self._abort, lane=NOW_LANE)
+        self.lease_state = self.bus.latest(LEASE)
         self._predecessor = Predecessor(self, config)
 
     @contextmanager
@@ -89,11 +91,19 @@ class PlanningShell:
         require_not_doubled(self.bus.cell, self.clock.values())
         lease = hold_arm(self.bus, purpose)
         give_up_at = time.monotonic() + self._config.service_patience_s
+        let_go_by = time.monotonic() + HELD_S
         while True:
             try:
                 lease.take()
                 self.has_held = True
                 break
+            except CommandRefused as refusal:
+                # the arm lets go of a planner that is gone by itself, but not at once
+                if refusal.code != HELD or not self._held_by_predecessor() or self.abort.is_set():
+                    raise
+                if time.monotonic() > let_go_by:
+                    raise
+                self.closing.wait(RETRY_S)
             except BusError as error:
                 if self.abort.is_set() or time.monotonic() > give_up_at:
                     raise CommandRefused(
@@ -107,6 +117,11 @@ class PlanningShell:
         finally:
             self._running = False
             lease.give()
+
+    def _held_by_predecessor(self) -> bool:
+        """Whether the arm's holder is the planner before this one: asked where this one does not hold it."""
+        state = self.lease_state.value()
+        return not self.has_held and state is not None and state.holder == self.bus.service
 
     def _assemble(self, request: Assemble) -> AssemblyResult:
         self.abort.clear()

@@ -55,3 +55,14 @@ def test_the_peg_is_found_in_the_hole_and_comes_out_when_it_is_asked_for(cell: C
     assert hardware.wait_for(lambda state: state.lost_holder == "" and state.holder == "", DEADLINE_S) is not None
     assert cell.bus.call(WITHDRAW, Withdraw(), 120.0).withdrawn
     successor.close()
+
+
+def test_what_is_asked_before_the_arm_has_let_go_of_the_planner_before_waits_for_it(cell: CellInMemory) -> None:
+    cell.reset(3)
+    assert cell.assemble().inserted
+    cell.bus.call(LEASE_TAKE, TakeLease(holder="planning", purpose="calibration"), DEADLINE_S)
+    cell.lose("planning")
+    successor = PlanningShell(cell.context("planning"), PlanningConfig(service_patience_s=0.5))
+    assert cell.bus.latest(LEASE).wait_for(lambda state: state.holder == "planning", DEADLINE_S) is not None
+    assert cell.bus.call(WITHDRAW, Withdraw(), 120.0).withdrawn
+    successor.close()
