@@ -13,7 +13,7 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from services.vision.evidence.flat_picture import deeper_by
-from services.vision.evidence.inside import Inside, seen_inside
+from services.vision.evidence.inside import NOISY_GREY, Inside, seen_inside
 from services.vision.fit.quality import Quality
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
@@ -23,9 +23,15 @@ from services.vision.stereo import StereoModel
 DEPTHS_M = np.array([0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.018, 0.03])
 # what is seen inside is more than noise from there on, times the noise; plainly more; and share of the step
 SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
+# in a noisy picture the inside is asked again when it is smoothed more, one sd, px. By the first: plainly seen and so
+# much left by the face's plane, it is deep. By the second: more seen than that, times the noise, and less left than
+# NOT_IN_PLANE, it lies in the face's plane
+SMOOTHER_PX, SMOOTHER_DEEP = 2.0, 0.8
+SMOOTHEST_PX, SMOOTHEST_NOISES = 3.0, 2.0
 # a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
 # faintly
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
+NOISY_NOT_EXPLAINED = 0.65  # in a noisy picture, where what both pictures' noise leaves is taken out
 BRIGHT_NOT_EXPLAINED = 0.75  # where the inside is as bright as a pocket's bottom, which shines as the face does
 FAINTLY_BETTER, PLAINLY_BETTER = 0.08, 0.15
 # what is faintly seen says something where it is no mere shade of ink, nor what glossy ink mirrors, as a share of its
@@ -47,6 +53,8 @@ WALL_M, WALL_BETTER = 0.004, 0.1
 # log likelihood of a chamfer that goes down against one that is drawn on the face: where the inside may be ink, and
 # beyond doubt
 DEEPER_LEAST, DEEPER_PLAIN = 20.0, 50.0
+# and in a noisy picture where it is no ink: one to 150 that it is chance
+DEEPER_NOISY = 5.0
 # the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line; plainly none
 CHAMFER_LEAST, PLAIN_CHAMFER = 0.085, 0.3
 CHAMFER_NOISES = 2.0
@@ -69,13 +77,16 @@ EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 class Evidence:
     """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
     the less of both; black: the median grey inside over the face's; deeper: log likelihood of a chamfer that goes down
-    against one that is drawn on the face; chamfered: by the drawing."""
+    against one that is drawn on the face; chamfered: by the drawing. In a noisy picture, when it is smoothed more:
+    deep_below_noise, what is seen inside plainly does not lie in the face's plane; flat_below_noise, it does."""
 
     inside: Inside
     chamfer: float
     black: float
     deeper: float
     chamfered: bool
+    deep_below_noise: bool = False
+    flat_below_noise: bool = False
 
     @property
     def seen(self) -> float:
@@ -105,18 +116,33 @@ def evidence_of(
     """All that tells a hole from a picture of one."""
     noise = tuple(float(np.median(fit.variance[side][..., -3:])) for side in range(2))
     pose = fit.state.pose_camera_hole
-    inside = seen_inside(images, stereo, pose, hole.inner_rim_m(), DEPTHS_M, (noise[0], noise[1]))
+    sizes = hole.inner_rim_m(), DEPTHS_M, (noise[0], noise[1])
+    inside = seen_inside(images, stereo, pose, *sizes)
+    black = inside.bright / max(float(np.median(fit.steps.face)), 1.0)
+    deep_below_noise = flat_below_noise = False
+    if inside.noisy:
+        # walls, background and prints are wide: smoothing takes the noise and leaves them
+        smoother = seen_inside(images, stereo, pose, *sizes, SMOOTHER_PX)
+        deep_below_noise = (
+            black < BOTTOM_SHARE
+            and smoother.structure > PLAIN_NOISES * smoother.noise
+            and smoother.unexplained[0] > SMOOTHER_DEEP * smoother.structure
+        )
+        smoothest = seen_inside(images, stereo, pose, *sizes, SMOOTHEST_PX)
+        flat_below_noise = bool(
+            smoothest.structure > SMOOTHEST_NOISES * smoothest.noise
+            and smoothest.unexplained[0] < NOT_IN_PLANE * smoothest.structure
+        )
     shade = chamfer_shade(fit, rim, quality.step_grey)
     known = shade[np.isfinite(shade)]
     chamfer, deeper = 0.0, 0.0
-    black = inside.bright / max(float(np.median(fit.steps.face)), 1.0)
     chamfered = float(np.abs(hole.inner_rim_m()[:, 2]).max()) > CHAMFERED_M
     if chamfered:
         if len(known) >= 2:
             chamfer = float(min(np.sqrt(np.mean(known**2)), np.sqrt(np.mean((known - 1.0) ** 2))))
         if _depth_by(inside, black, quality) is None:
             deeper = deeper_by(images, rim, stereo, fit, doubts)
-    return Evidence(inside, chamfer, black, deeper, chamfered)
+    return Evidence(inside, chamfer, black, deeper, chamfered, bool(deep_below_noise), flat_below_noise)
 
 
 def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
@@ -147,7 +173,8 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
         shallow = depth <= DEEP_M and share[-1] > share[best] + BETTER
         return depth if shallow and share[best] < EXPLAINED else None
     # faintly seen: what no plane explains better than another is noise, and says nothing
-    told = (share[0] > FAINTLY_NOT_EXPLAINED and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
+    faintly = NOISY_NOT_EXPLAINED if inside.noisy else FAINTLY_NOT_EXPLAINED
+    told = (share[0] > faintly and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
     behind = gain > FAINTLY_DEEP and depth > DEEP_M and inside.uneven > MIRRORED_UNEVEN
     return np.inf if behind or (told and inside.uneven > FAINTLY_UNEVEN) else None
 
@@ -156,32 +183,38 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside: in this order, the certain first."""
     inside = evidence.inside
     depth = _depth_by(inside, evidence.black, quality)
-    if depth is not None and np.isinf(depth):
+    # what is faintly seen may be noise
+    faint = inside.structure < FAINT_NOISES * inside.noise
+    plain = not (faint and evidence.flat_below_noise)
+    if (depth is None and evidence.deep_below_noise) or (depth is not None and np.isinf(depth) and plain):
         return
-    if depth is not None and depth > FLAT_M:
+    if depth is not None and FLAT_M < depth < np.inf:
         raise ShallowPocket(
             f"what is seen inside the outline lies {depth * 1e3:.1f} mm below the face, want more than "
             f"{DEEP_M * 1e3:g} mm: a pocket, not the hole; is the right part in the fixture?"
         )
     share = inside.unexplained[0] / max(inside.structure, 1e-9)
-    if depth is not None:
+    if depth is not None and depth < np.inf:
         raise FlatPrint(
             f"what is seen inside the outline lies in the face's plane ({share:.0%} of it left unexplained there): a "
             "print or a sticker, not a hole; is the right part in the fixture?"
         )
     sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
-    faint = inside.structure < FAINT_NOISES * inside.noise
-    # beside a white inside the chamfer's grey is a guess
-    chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE
+    # beside a white inside the chamfer's grey is a guess; and a pocket, as bright as its bottom, has a chamfer as well
+    chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE and evidence.black < BOTTOM_SHARE
     # a chamfer that is as likely drawn on the face is no proof
     no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > INK_UNEVEN
-    deeper_least = DEEPER_PLAIN if not faint else 0.0 if no_ink else DEEPER_LEAST
-    if chamfer and evidence.deeper > deeper_least and (faint or share > NOT_IN_PLANE):
+    # noise makes a chamfer of a single line, and a likelihood of its own
+    noise = max(inside.noise / NOISY_GREY, 1.0) ** 2
+    least_of_all = DEEPER_NOISY if inside.noisy else 0.0
+    deeper_least = DEEPER_PLAIN if not faint else least_of_all if no_ink else DEEPER_LEAST * noise
+    not_in_plane = plain and (faint or share > NOT_IN_PLANE)
+    if chamfer and evidence.deeper > deeper_least and not_in_plane:
         return
     # ink that is seen at all lies in the face's plane
-    plain_chamfer = evidence.chamfer > PLAIN_CHAMFER and evidence.deeper > 0.0
+    plain_chamfer = evidence.chamfer > PLAIN_CHAMFER and evidence.deeper > least_of_all
     least = BLACK_SHARES[0] if not chamfer else BLACK_SHARES[1] if not plain_chamfer else BLACK_SHARES[2]
-    if evidence.black < least and (faint or share > NOT_IN_PLANE):
+    if evidence.black < least and not_in_plane:
         return
     one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARES[0]
     ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
