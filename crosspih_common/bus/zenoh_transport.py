@@ -20,10 +20,11 @@ from zenoh import ext
 
 from crosspih_common.bus.served import ServedKeys
 from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
+from crosspih_common.endpoints import EXAMPLE, checked
 from crosspih_common.errors import BusClosed, BusUnreachable, CommandTimeout, NoService
 from crosspih_common.security.credentials import Credentials, credentials_from_environment, secure_endpoint
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+DEFAULT_ENDPOINT = EXAMPLE
 HEARTBEAT_S = 0.5
 # Without a sign of life for so long a link counts as cut: what a stopped process was asked is then ended, as that of a
 # killed one is within milliseconds, by its socket. Long, for a link that a busy machine cuts in error may cost an
@@ -129,9 +130,10 @@ def open_zenoh(
 ) -> ZenohTransport:
     """Connect to the router, with the service's certificate where CROSSPIH_CERTIFICATES names a folder.
 
-    Raises BusUnreachable when no router answers in time, ConfigError where the certificate cannot be used.
+    Raises BusUnreachable when no router answers in time, ConfigError where the endpoint is no address or the
+    certificate cannot be used.
     """
-    credentials = credentials_from_environment(service, endpoint)
+    credentials = credentials_from_environment(service, checked(endpoint))
     return ZenohTransport(_open_session(endpoint, connect_timeout_s, credentials), endpoint, credentials)
 
 

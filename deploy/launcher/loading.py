@@ -2,12 +2,14 @@
 
 import difflib
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from crosspih_common.endpoints import ENDPOINT_VARIABLE, fault_of
 from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from deploy.launcher.compose import ComposeFile, Dependency, Healthcheck, Service
 from deploy.launcher.conditions import Condition
@@ -19,6 +21,13 @@ from deploy.launcher.order import cycle_among
 _CONTAINER_KEYS = frozenset(
     {"configs", "deploy", "dns", "entrypoint", "expose", "extra_hosts", "links", "networks", "pid", "ports"}
     | {"privileged", "secrets", "tty"}
+)
+
+# Where addresses of routers stand: (variable, argument of a command, whether several may stand there).
+_ADDRESSES = (
+    (ENDPOINT_VARIABLE, "--endpoint", False),
+    ("CROSSPIH_ROUTER_LISTEN", "--listen", True),
+    ("CROSSPIH_ROUTERS", "--routers", True),
 )
 
 
@@ -55,7 +64,7 @@ def parse_compose(text: str, variables: Mapping[str, str], source: str = "compos
         compose = ComposeFile.model_validate(tree)
     except ValidationError as error:
         raise ComposeError(source, [_fault(entry) for entry in error.errors(include_url=False)]) from error
-    faults = _dependency_faults(compose)
+    faults = _dependency_faults(compose) + _address_faults(compose, variables)
     if faults:
         raise ComposeError(source, faults)
     return compose
@@ -115,3 +124,24 @@ def _dependency_faults(compose: ComposeFile) -> list[Fault]:
             Fault(f"services.{cycle[0]}.depends_on", f"goes round: {' -> '.join(cycle)}", "remove one of these")
         )
     return faults
+
+
+def _address_faults(compose: ComposeFile, variables: Mapping[str, str]) -> list[Fault]:
+    """What is no address is refused here, or a router that cannot listen there would be started again and again.
+
+    Each is told once: what comes from a variable goes to every service.
+    """
+    faults: dict[tuple[str, str], Fault] = {}
+    for name, service in compose.services.items():
+        for variable, argument, several in _ADDRESSES:
+            given = [(variable, service.environment.get(variable) or variables.get(variable) or "")]
+            for word, following in zip_longest(service.command, service.command[1:], fillvalue=""):
+                option, _, value = word.partition("=")
+                if option == argument:
+                    given.append((f"services.{name}.command {argument}", value or following))
+            for field, text in given:
+                for one in text.split(",") if several else [text]:
+                    problem, mend = fault_of(one.strip()) if one.strip() else ("", "")
+                    if problem:
+                        faults[field, one] = Fault(field, problem, mend)
+    return list(faults.values())

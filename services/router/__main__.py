@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import zenoh
 
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
+from crosspih_common.endpoints import checked
 from crosspih_common.errors import CrosspihError
 from crosspih_common.security import credentials_from_environment, open_to_whom, secure_endpoint
 from crosspih_common.service import notify
@@ -66,7 +67,11 @@ def main() -> int:
     given = parser.parse_args()
     endpoint, listen, routers = given.endpoint, _endpoints(given.listen), _endpoints(given.routers)
     try:
-        credentials = credentials_from_environment("router", given.endpoint)
+        checked(endpoint)
+        for field, several in (("CROSSPIH_ROUTER_LISTEN", listen), ("CROSSPIH_ROUTERS", routers)):
+            for one in several:
+                checked(one, field)
+        credentials = credentials_from_environment("router", endpoint)
         kind, cell = _telling(given.cell) if credentials else (None, "")
     except CrosspihError as error:
         print(f"router: {error}", file=sys.stderr, flush=True)

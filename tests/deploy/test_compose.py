@@ -243,6 +243,29 @@ def test_shipped_file_takes_its_settings_from_the_environment() -> None:
     assert (environment["CROSSPIH_ENDPOINT"], environment["CROSSPIH_SPEED"]) == ("tcp/127.0.0.1:9", "max")
 
 
+@pytest.mark.parametrize(
+    "endpoint", ["nonsense", "tcp/127.0.0.1", "tcp/127.0.0.1:0", "tcp/127.0.0.1:70000", "tcp//x:7"]
+)
+def test_what_is_no_address_is_refused_once_by_its_field_and_mend(endpoint: str) -> None:
+    with pytest.raises(ComposeError) as refused:
+        load_compose(DEFAULT_COMPOSE_FILE, {"CROSSPIH_ENDPOINT": endpoint})
+    assert str(refused.value).count("\n") == 0
+    said = f"CROSSPIH_ENDPOINT: {endpoint!r} is no address of a router; write PROTOCOL/HOST:PORT, such as tcp/"
+    assert said in str(refused.value)
+
+
+def test_addresses_stand_in_commands_too_and_in_lists() -> None:
+    command = "command: [python, -m, services.router, --endpoint, {0}, --listen=tcp/10.0.0.1:7448]"
+    assert _faults(f"services: {{router: {{{command.format('oops')}}}}}") == [
+        "services.router.command --endpoint: 'oops' is no address of a router; write PROTOCOL/HOST:PORT, such as "
+        "tcp/127.0.0.1:7447"
+    ]
+    sound = f"services: {{router: {{{command.format("'tcp/[::1]:7447'")}}}}}"
+    assert parse_compose(sound, {"CROSSPIH_ROUTERS": "tcp/host:1, tls/10.0.0.2:7448?iface=eth0"})
+    (fault,) = _faults(sound, {"CROSSPIH_ROUTERS": "tcp/host:1, host:2"})
+    assert fault.startswith("CROSSPIH_ROUTERS: 'host:2' is no address")
+
+
 def test_the_secure_file_is_the_plain_one_with_certificates() -> None:
     plain = load_compose(DEFAULT_COMPOSE_FILE, {}).services
     secure_file = DEFAULT_COMPOSE_FILE.with_name("compose.secure.yaml")

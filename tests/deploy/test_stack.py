@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -274,3 +275,21 @@ def test_a_folder_that_cannot_be_written_is_one_line(stacks: Stacks) -> None:
     assert done.returncode == 1 and done.stderr.count("\n") == 1
     assert "CROSSPIH_RUN_DIR" in done.stderr
     (stacks.folder / "run").unlink()
+
+
+def test_a_malformed_endpoint_is_refused_in_one_line_before_anything_starts(
+    stacks: Stacks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CROSSPIH_ENDPOINT", "127.0.0.1:7447")
+    for arguments in (["up"], ["up", "--detach", "--wait"]):
+        refused = stacks.cli(*arguments)  # of the shipped file
+        assert refused.returncode == 1 and refused.stderr.count("\n") == 1, refused.stderr
+        assert "CROSSPIH_ENDPOINT: '127.0.0.1:7447' is no address of a router; write " in refused.stderr
+        assert not stacks.run_root.exists()
+    for service in ("router", "recorder"):  # by hand
+        command = [sys.executable, "-m", f"services.{service}", "--endpoint", "nonsense"]
+        ended = subprocess.run(
+            command, env=stacks.environment(), capture_output=True, text=True, timeout=60.0, check=False
+        )
+        assert ended.returncode == 1 and ended.stderr.count("\n") == 1, ended.stderr
+        assert "'nonsense' is no address of a router; write " in ended.stderr

@@ -3,45 +3,20 @@
 from __future__ import annotations
 
 import os
-import re
 import socket
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from crosspih_common.bus import Bus, open_zenoh
+from crosspih_common.endpoints import EXAMPLE, parsed
 from crosspih_common.errors import BusError, ConfigError
 from crosspih_common.holding.soundness import TICKS_KEPT, boots
 from crosspih_common.keys import CLOCK
 from crosspih_common.service.wall_clock import APART_S, measured
 from services.operator.rows import Row, ok, warning, wrong
 
-ENDPOINT = re.compile(r"(?P<kind>tcp|tls|ws|quic|udp)/(?P<host>\[[^\]]+\]|[^:/]+):(?P<port>\d{1,5})")
 CONNECT_S = 1.0
 HEAR_S = 1.0
-HERE = ("127.", "::1", "localhost", "0.0.0.0")
-
-
-@dataclass(frozen=True, slots=True)
-class Endpoint:
-    """A router's address."""
-
-    kind: str
-    host: str
-    port: int
-
-    @property
-    def here(self) -> bool:
-        """Whether it is on this machine."""
-        return self.host.startswith(HERE)
-
-
-def parsed(endpoint: str) -> Endpoint | None:
-    """None where it is none."""
-    found = ENDPOINT.fullmatch(endpoint)
-    if found is None or not 0 < int(found["port"]) < 65536:
-        return None
-    return Endpoint(found["kind"], found["host"].strip("[]"), int(found["port"]))
 
 
 def listens(host: str, port: int, wait_s: float = CONNECT_S) -> bool:
@@ -80,7 +55,7 @@ def router_rows(endpoint: str, cell: str) -> tuple[list[Row], Bus | None]:
     name = "router"
     at = parsed(endpoint)
     if at is None:
-        mend = "write CROSSPIH_ENDPOINT as tcp/127.0.0.1:7447"
+        mend = f"write CROSSPIH_ENDPOINT as {EXAMPLE}"
         return [wrong(name, f"CROSSPIH_ENDPOINT {endpoint!r} is no address", mend)], None
     if at.kind in ("tcp", "tls", "ws") and not listens(at.host, at.port):
         if at.here:
