@@ -260,7 +260,7 @@ def test_addresses_stand_in_commands_too_and_in_lists() -> None:
         "services.router.command --endpoint: 'oops' is no address of a router; write PROTOCOL/HOST:PORT, such as "
         "tcp/127.0.0.1:7447"
     ]
-    sound = f"services: {{router: {{{command.format("'tcp/[::1]:7447'")}}}}}"
+    sound = "services: {router: {" + command.format('"tcp/[::1]:7447"') + "}}"
     assert parse_compose(sound, {"CROSSPIH_ROUTERS": "tcp/host:1, tls/10.0.0.2:7448?iface=eth0"})
     (fault,) = _faults(sound, {"CROSSPIH_ROUTERS": "tcp/host:1, host:2"})
     assert fault.startswith("CROSSPIH_ROUTERS: 'host:2' is no address")
