@@ -57,6 +57,7 @@ WITH_PROCESSES = frozenset([
     "tests/holding/test_lease.py",
     "tests/hosts/test_two_hosts.py",
     "tests/operator/test_bench_pool.py",
+    "tests/operator/test_bench_stopped.py",
     "tests/operator/test_speed_benches.py",
     "tests/ros2/test_action.py",
     "tests/ros2/test_arm_driver.py",

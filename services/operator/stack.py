@@ -13,6 +13,7 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import BusUnreachable, ConfigError, CrosspihError
 from crosspih_common.security import CERTIFICATES
 from deploy.launcher import DEFAULT_PROJECT, StackRequest, is_up, start_stack, stop_stack
+from services.operator.bench.stopping import stopped_in_order
 from services.operator.session import NEEDED, Session
 from services.operator.which_cell import cell_path, endpoint
 
@@ -64,13 +65,14 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
     if speed is not None:
         os.environ["CROSSPIH_SPEED"] = speed
     request = StackRequest(project=project)
-    start_stack(request, True, START_DEADLINE_S, on_change=lambda line: None)
-    try:
-        with Session() as session:
-            session.wait_for_services(START_DEADLINE_S, needed)
-            session.require_sound_cell()
-            yield session, True
-    finally:
-        # when the stack is gone already nothing is left to stop
-        with contextlib.suppress(CrosspihError):
-            stop_stack(project)
+    with stopped_in_order():
+        start_stack(request, True, START_DEADLINE_S, on_change=lambda line: None)
+        try:
+            with Session() as session:
+                session.wait_for_services(START_DEADLINE_S, needed)
+                session.require_sound_cell()
+                yield session, True
+        finally:
+            # when the stack is gone already nothing is left to stop
+            with contextlib.suppress(CrosspihError):
+                stop_stack(project)

@@ -23,6 +23,7 @@ from services.operator.bench.options import AsJson, told
 from services.operator.bench.own_cell import SPEEDS, CellTask
 from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.progress import CellsProgress
+from services.operator.bench.stopping import end_with_parent
 from services.operator.bench.trials import base_cell_text
 from services.operator.scoring import TrialFigures
 from services.operator.session import NEEDED, Session
@@ -63,6 +64,7 @@ class BusyResult(BaseModel):
 
 
 def _spin() -> None:
+    end_with_parent()
     number = 1
     while True:
         number = number * 1103515245 % 2147483647

@@ -2,6 +2,7 @@
 
 import typer
 
+from services.operator.bench.stopping import stopped_in_order
 from services.operator.on_demand import OnDemand, group_of
 
 _HERE = "services.operator.bench"
@@ -147,5 +148,6 @@ app = typer.Typer(cls=group_of(COMMANDS), no_args_is_help=True)
 
 
 @app.callback()
-def bench() -> None:
+def bench(context: typer.Context) -> None:
     """Measured distributions over seeds that anyone can repeat."""
+    context.with_resource(stopped_in_order())

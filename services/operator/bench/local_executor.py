@@ -11,6 +11,7 @@ from multiprocessing.process import BaseProcess
 from types import FrameType
 
 from services.operator.bench.own_cell import CellTask
+from services.operator.bench.stopping import end_with_parent
 from services.operator.bench.worker import CellWorker, Outcome
 
 _END_S = 20.0
@@ -30,11 +31,11 @@ def _serve(connection: Connection, index: int, core: int | None) -> None:
         os.sched_setaffinity(0, {core})
 
     def on_term(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # closing the cell is not to be interrupted
         raise SystemExit(0)
 
-    # Ctrl-C reaches the whole group: the one who asked decides when this one ends
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, on_term)
+    end_with_parent()
     worker = CellWorker(index)
     try:
         while True:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from contextlib import ExitStack
 from typing import Annotated
 
 import numpy as np
@@ -65,8 +66,14 @@ def table_of(result: RecorderResult) -> Table:
     return table
 
 
-def _started(*words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(module_command(PROGRAM, *words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def _started(stack: ExitStack, *words: str) -> subprocess.Popen[str]:
+    """It ends with the stack, if not before."""
+    process = subprocess.Popen(
+        module_command(PROGRAM, *words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    stack.enter_context(process)
+    stack.callback(process.kill)
+    return process
 
 
 def _said(process: subprocess.Popen[str]) -> str:
@@ -85,11 +92,11 @@ def recorder(
     """Measure how fast samples get from the bus into a file beside the bare MCAP writer, and whether four cells at once
     lose any."""
     console = Console(stderr=True)
-    with told(console), Bar(console) as progress:
+    with told(console), Bar(console) as progress, ExitStack() as stack:
         bar = progress.add_task("recorder, in turn with MCAP alone", total=2)
-        rates: dict[str, list[float]] = json.loads(_said(_started("--steps", str(samples))))
+        rates: dict[str, list[float]] = json.loads(_said(_started(stack, "--steps", str(samples))))
         progress.update(bar, completed=1, description=f"{cells} cells at once")
-        running = [_started("--steps", str(samples), "--paced", str(rate_hz)) for _ in range(cells)]
+        running = [_started(stack, "--steps", str(samples), "--paced", str(rate_hz)) for _ in range(cells)]
         beside: list[dict[str, float]] = [json.loads(_said(one)) for one in running]
         progress.update(bar, completed=2)
         result = result_of(rates, beside, rate_hz)

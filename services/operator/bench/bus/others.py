@@ -13,6 +13,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
+from services.operator.bench.stopping import end_with_parent
+
 PACKAGES = {"ZeroMQ": "zmq", "LCM": "lcm", "CycloneDDS": "cyclonedds"}
 CHANNEL = "bench"
 ZMQ_IN, ZMQ_OUT = "CROSSPIH_BENCH_ZMQ_IN", "CROSSPIH_BENCH_ZMQ_OUT"  # where the forwarder listens, for both processes
@@ -58,6 +60,7 @@ def _until_closed(stack: ExitStack, step: Callable[[], object]) -> None:
 
 def forward(into: str, out: str) -> None:
     """ZeroMQ's own forwarder, in a process of its own until that is ended."""
+    end_with_parent()
     import zmq
 
     context: Any = zmq.Context()

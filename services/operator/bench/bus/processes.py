@@ -20,6 +20,7 @@ from services.operator.bench.bus import others
 from services.operator.bench.bus.figures import Turn, turn_of
 from services.operator.bench.bus.ways import Way, installed_ways
 from services.operator.bench.own_cell import free_port
+from services.operator.bench.stopping import end_with_parent
 
 READY_S = 30.0
 PROBE_S = 0.01
@@ -29,6 +30,7 @@ QUIET_S = 3.0  # after the last that was heard, no more is waited for; a listene
 def listen(endpoint: str, asked: Connection) -> None:
     """The child: listens by every way, and answers each `(way, last number)` with what it heard, number and time, ns,
     and with the CPU time that it has used so far, s."""
+    end_with_parent()
     with ExitStack() as stack:
         heard: dict[str, dict[int, int]] = {}
         for name, way in installed_ways().items():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
-import signal
 import time
 from collections import Counter
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -20,6 +19,7 @@ from services.operator.bench.bar import Bar
 from services.operator.bench.fuzz.decoding import Decoded, Share, ShareDone, decode_share, kinds, shares
 from services.operator.bench.fuzz.rests_on import drawn_by
 from services.operator.bench.local_executor import usable_cores
+from services.operator.bench.stopping import end_with_parent
 
 SHARE = 2000
 
@@ -38,10 +38,6 @@ class AllDecoded:
     def sent(self) -> int:
         """All payloads."""
         return sum(row.sent for row in self.rows.values())
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _decode(share: Share) -> ShareDone:
@@ -73,7 +69,7 @@ def decode_every_key(
         return done, False
     memory: dict[int, float] = {}
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(usable_cores(), context, initializer=_leave_interrupts_to_the_parent)
+    pool = ProcessPoolExecutor(usable_cores(), context, initializer=end_with_parent)
     waiting: set[Future[ShareDone]] = set()
     interrupted = False
     with Bar(console) as progress:
