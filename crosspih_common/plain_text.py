@@ -28,7 +28,8 @@ def is_plain_json(payload: bytes) -> bool:
 
     Nearly all messages are ASCII without an escape, and cost a look at the bytes.
     """
-    if payload.isascii() and not any(one in payload for one in (b"\\u", b"\\b", b"\\f", b"\x7f")):
+    escaped = b"\\" in payload and any(one in payload for one in (b"\\u", b"\\b", b"\\f"))
+    if not escaped and payload.isascii() and b"\x7f" not in payload:
         return True
     try:
         return not any(_is_obeyed(one) and one not in _LINES for text in _texts(json.loads(payload)) for one in text)

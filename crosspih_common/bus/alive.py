@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
 
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, open_zenoh
 from crosspih_common.errors import CrosspihError
@@ -17,18 +19,25 @@ from crosspih_common.keys import alive_key
 ROUTER = "router"  # has no token: without it nobody has
 CONNECT_S = 3.0
 ASK_S = 3.0
+AGAIN_S = 0.1
 ANY_CELL = "*"
 
 
 def why_not_alive(service: str, endpoint: str, asker: str) -> str:
-    """Empty when it lives; else what is wrong, for people."""
+    """Empty when it lives; else what is wrong, for people.
+
+    Asked until there is a yes: a session that was just opened may be answered by its own process alone.
+    """
     try:
         with open_zenoh(endpoint, CONNECT_S, asker) as transport:
             if service == ROUTER:
                 return ""
-            tokens = transport.session.liveliness().get(alive_key(ANY_CELL, service), timeout=ASK_S)
-            if any(token.ok is not None for token in tokens):
-                return ""
+            until, pause = time.monotonic() + ASK_S, threading.Event()
+            while (left_s := until - time.monotonic()) > 0.0:
+                tokens = transport.session.liveliness().get(alive_key(ANY_CELL, service), timeout=left_s)
+                if any(token.ok is not None for token in tokens):
+                    return ""
+                pause.wait(AGAIN_S)
             return f"the router at {endpoint} knows of no {service} that lives"
     except CrosspihError as error:
         return str(error)

@@ -22,6 +22,7 @@ from crosspih_common.keys import CAMERA_ALIVE, CLOCK, author_key
 
 # One for each process: its sessions, the arm's and the camera's own, speak for the same service.
 PROCESS = uuid.uuid4().hex
+NOBODY: frozenset[str] = frozenset()
 # Held by as many as there are: a person may look at the cell from two windows.
 SHARED_NAMES = frozenset(["operator"])
 # A claim and its first sample go through the router side by side.
@@ -72,7 +73,8 @@ class Authors:
         self._transport, self._cell, self._on_forged = transport, cell, on_forged
         self._changed = threading.Condition()
         self._claims: dict[str, dict[str, set[str]]] = {}  # name: process: sessions, in the order of their coming
-        self._rightful: dict[str, frozenset[str]] = {}
+        # name: the sessions that speak for it; looked into at every sample, where a call would cost more than that
+        self.rightful: dict[str, frozenset[str]] = {}
         self._held: dict[tuple[int, str, str], Held] = {}
         self._watch = transport.watch_alive(author_key(cell), self._on_claim)
 
@@ -99,7 +101,7 @@ class Authors:
                     for deliver in held.deliver:
                         deliver()
             # only now: what comes meanwhile waits in `speaks`, and so is not overtaken by what was held
-            self._rightful[name] = holders
+            self.rightful[name] = holders
             self._changed.notify_all()
         for held in forged:
             self._on_forged(held.key, self.forged(held.key, held.names, held.author))
@@ -108,18 +110,11 @@ class Authors:
         processes = list(self._claims[name].values())
         return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
 
-    def rightful(self, names: tuple[str, ...], author: str) -> bool:
-        """Whether a session is known to speak for one of the names: asked of every sample, so no more than that."""
-        rightful = self._rightful
-        if len(names) == 1:  # of nearly all topics
-            return author in rightful.get(names[0], ())
-        return any(author in rightful.get(name, ()) for name in names)
-
     def standing(self, names: tuple[str, ...], author: str) -> Standing:
         """Whether a session speaks for one of the names."""
         claimed = False
         for name in names:
-            holders = self._rightful.get(name)
+            holders = self.rightful.get(name)
             if holders:
                 if author in holders:
                     return Standing.RIGHTFUL

@@ -8,29 +8,27 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
-from crosspih_common.bus.authors import CLAIM_ARRIVES_S, Authors, names_of
+from crosspih_common.bus.authors import CLAIM_ARRIVES_S, Authors
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import (
     MOST_BYTES,
     decode,
     decode_refusal,
-    decoder_of,
     encode_refusal,
     encode_stamped,
     label_of,
-    most_bytes,
-    split_label,
 )
 from crosspih_common.bus.duty import JOB_S, NOW_S, Duty, waiting
 from crosspih_common.bus.latest import Latest
 from crosspih_common.bus.publisher import Publisher
+from crosspih_common.bus.receiving import Receiving
 from crosspih_common.bus.served import SERVER_WAIT_S
-from crosspih_common.bus.traffic import Traffic
-from crosspih_common.bus.transport import Answer, Closeable, Handler, Query, Transport
+from crosspih_common.bus.traffic import Counts, Traffic
+from crosspih_common.bus.transport import Answer, Closeable, Query, Tap, Transport
 from crosspih_common.bus.workers import Lane, Pump
 from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError, NotSent
 from crosspih_common.keys import CLOCK, REFUSAL, Command, Kind, Payload, Qos, Topic, alive_key
-from crosspih_common.messages import CellClock, CommandRefusal, Image, Message
+from crosspih_common.messages import CommandRefusal, Image, Message
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=Message)
@@ -65,6 +63,7 @@ class Bus:
         self._lock = threading.Lock()
         self._closed = False
         self.authors = Authors(transport, cell, self._forged)
+        self._receiving = Receiving(self.authors, self.traffic, self.clock, self._reject)
         self._declared.append(self.authors)
         if claim:
             self._declared.append(self.authors.claim(service))
@@ -132,63 +131,24 @@ class Bus:
         """Call the handler with every sample on the transport's own thread: at once, and so it must return at once."""
         self._listen(topic, handler)
 
-    def tap(self, topic: Topic[Any], handler: Handler, on_refused: Callable[[str], None] = lambda key: None) -> None:
-        """Call with (key, payload, label) of every sample as it travels, undecoded, on the transport's thread.
+    def tap(
+        self,
+        topic: Topic[Any],
+        taker: Callable[[str, Counts], Tap],
+        on_refused: Callable[[str], None] = lambda key: None,
+    ) -> None:
+        """Call with (payload, number) of every sample as it travels, undecoded, on the transport's thread.
 
-        The handler must only enqueue. A sample of another type or version is rejected, as everywhere; `on_refused` is
-        told its key.
+        `taker(key, counts)` gives what is called for a key, which must only enqueue. A sample of another type or
+        version is rejected, as everywhere; `on_refused` is told its key.
         """
-        expected, names = label_of(topic.type), names_of(topic.publisher, topic.path)
-        counted, most = f"{expected} ", most_bytes(topic.type)
-
-        def take(key: str, payload: bytes, label: str) -> None:
-            self.traffic.of(key).received += 1
-            handler(key, payload, label)
-
-        def receive(key: str, payload: bytes, label: str, author: str) -> None:
-            if not label.startswith(counted) and label != expected:
-                name = split_label(label)[0]
-                self._reject(key, f"{key}: got {name[:80] or 'no type name'}, want {expected}")
-                on_refused(key)
-                return
-            if len(payload) > most:
-                self._reject(key, f"{key}: got {len(payload)} bytes, {most} are allowed")
-                return
-            if (
-                not names
-                or self.authors.rightful(names, author)
-                or self.authors.speaks(names, author, id(handler), key, lambda: take(key, payload, label))
-            ):
-                take(key, payload, label)
-
+        receive = self._receiving.tapped(topic, taker, on_refused)
         self._declared.append(
             self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
         )
 
     def _listen(self, topic: Topic[PayloadT], push: Callable[[PayloadT], None]) -> Closeable:
-        names, decode_one = names_of(topic.publisher, topic.path), decoder_of(topic.type)
-        traffic, rightful, observe = self.traffic, self.authors.rightful, self.clock.observe
-        is_tick = topic.type is CellClock
-
-        def take(key: str, value: PayloadT) -> None:
-            traffic.of(key).received += 1
-            if value.stamp_ns >= 0:
-                observe(value.stamp_ns, value.boot_id if is_tick and isinstance(value, CellClock) else None)
-            push(value)
-
-        def receive(key: str, payload: bytes, label: str, author: str) -> None:
-            try:
-                value = decode_one(payload, label, key)
-            except ContractError as error:
-                self._reject(key, str(error))
-                return
-            if (
-                not names
-                or rightful(names, author)
-                or self.authors.speaks(names, author, id(push), key, lambda: take(key, value))
-            ):
-                take(key, value)
-
+        receive = self._receiving.typed(topic, push)
         entry = self._transport.subscribe(topic.key(self.cell), receive, recover=topic.qos is Qos.RECOVER)
         self._declared.append(entry)
         return entry

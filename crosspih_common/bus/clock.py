@@ -13,13 +13,13 @@ class BusClock:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._now_ns = 0
+        self.newest_ns = 0  # to be looked at before a stamp is observed: one that is no newer is no news
         self._tick_ns = 0
         self._boot_id = ""
 
     def now_ns(self) -> int:
         """The newest cell time known here."""
-        return self._now_ns
+        return self.newest_ns
 
     @property
     def boot_id(self) -> str:
@@ -33,14 +33,16 @@ class BusClock:
         service said before the cell was started again is still told to those who come late. Before the first tick
         nothing else moves it: whose stamp that is cannot be told.
         """
-        if boot_id is None and stamp_ns <= self._now_ns:
+        if boot_id is None and stamp_ns <= self.newest_ns:
             return  # no news, as of most samples
+        if boot_id is None and (not self._boot_id or stamp_ns > self._tick_ns + AHEAD_NS):
+            return
         with self._lock:
             if boot_id is not None:
                 if boot_id != self._boot_id:
                     self._boot_id = boot_id
-                    self._now_ns = self._tick_ns = stamp_ns
+                    self.newest_ns = self._tick_ns = stamp_ns
                 self._tick_ns = max(self._tick_ns, stamp_ns)
             elif not self._boot_id or stamp_ns > self._tick_ns + AHEAD_NS:
                 return
-            self._now_ns = max(self._now_ns, stamp_ns)
+            self.newest_ns = max(self.newest_ns, stamp_ns)

@@ -23,6 +23,8 @@ PayloadT = TypeVar("PayloadT", bound="Payload")
 
 SEQ_DIGITS = 16  # below 2**53: exact in every language's JSON
 _HEAD = b'{"stamp_ns":%d,"seq":%d'
+_UNSTAMPED = _HEAD % (-1, -1)
+_UNNUMBERED = b'"seq":-1'
 MOST_BYTES = 4_000_000
 MOST_IMAGE_BYTES = 64_000_000  # 2448 x 2048 in three colours is 15 MB
 
@@ -66,6 +68,28 @@ def encode_stamped(value: Message, stamp_ns: int, seq: int) -> bytes:
     return _HEAD % (stamp_ns, seq) + payload[len(own) :]
 
 
+def stamper_of(kind: type[Any]) -> Callable[[Any, int, int], bytes]:
+    """`encode_stamped` for one type, images among them: what a publisher does with each sample, and so no more than is
+    to be done."""
+    if issubclass(kind, Image):
+        return lambda image, stamp_ns, seq: encode(Image(image.frame, image.pixels, stamp_ns, seq, image.encoding))
+    to_json = kind.__pydantic_serializer__.to_json
+
+    def stamped(value: Any, stamp_ns: int, seq: int) -> bytes:
+        if type(value) is not kind or value.seq != -1:
+            return encode_stamped(value, stamp_ns, seq)
+        payload: bytes = to_json(value)
+        if value.stamp_ns == stamp_ns:
+            return payload.replace(_UNNUMBERED, b'"seq":%d' % seq, 1)  # the first one is its own
+        if payload.startswith(_UNSTAMPED):
+            return _HEAD % (stamp_ns, seq) + payload[len(_UNSTAMPED) :]
+        return encode_stamped(value, stamp_ns, seq)
+
+    # once for all, in place of a look at each
+    begun = encode_stamped if list(kind.model_fields)[:2] != ["stamp_ns", "seq"] else stamped
+    return begun
+
+
 def label_with_seq(kind: type[Any], seq: int) -> str:
     """The label of one sample: type, version and the publisher's count."""
     return f"{label_of(kind)} {seq}"
@@ -73,9 +97,13 @@ def label_with_seq(kind: type[Any], seq: int) -> str:
 
 def split_label(label: str) -> tuple[str, int]:
     """(type/version, seq) of a label; seq is -1 where none travels, or one that no publisher can have reached."""
-    name, _, seq = label.partition(" ")
-    counted = len(seq) <= SEQ_DIGITS and seq.isascii() and seq.isdigit()
-    return name, int(seq) if counted else -1
+    name, _, number = label.partition(" ")
+    return name, number_of(number)
+
+
+def number_of(text: str) -> int:
+    """The number of a label; -1 for what is none, or one that no publisher can have reached."""
+    return int(text) if len(text) <= SEQ_DIGITS and text.isascii() and text.isdigit() else -1
 
 
 def most_bytes(kind: type[Any]) -> int:
@@ -101,6 +129,32 @@ def decoder_of(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
     return decoder
 
 
+def validator_without_text(kind: type[Any]) -> Callable[[bytes], Any] | None:
+    """pydantic-core's own, of a type in which there can be no text: what it lets through needs no look at its strings.
+    None for others."""
+    if issubclass(kind, Image) or not _is_textless(kind.__pydantic_core_schema__):
+        return None
+    validate: Callable[[bytes], Any] = kind.__pydantic_validator__.validate_json
+    return validate
+
+
+_TEXTLESS = frozenset(
+    {"bool", "default", "definition-ref", "definitions", "enum", "float", "function-after", "int", "list", "literal"}
+    | {"model", "model-field", "model-fields", "nullable", "tuple"}
+)
+
+_NO_SCHEMAS = frozenset({"config", "function", "metadata", "serialization"})
+
+
+def _is_textless(schema: Any) -> bool:
+    """Whether a part of a core schema has only such types in it as have no text of their own choice."""
+    if isinstance(schema, dict):
+        if isinstance(kind := schema.get("type"), str) and kind not in _TEXTLESS:
+            return False
+        schema = [part for name, part in schema.items() if name not in _NO_SCHEMAS]
+    return not isinstance(schema, list) or all(map(_is_textless, schema))
+
+
 def _made_decoder(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
     expected, most, is_image = label_of(kind), most_bytes(kind), issubclass(kind, Image)
     counted = f"{expected} "
@@ -119,13 +173,18 @@ def _made_decoder(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
         try:
             value = validate(payload)
         except ValidationError as error:
-            problems = "; ".join(_problem(problem) for problem in error.errors()[:4])
-            raise ContractError(f"{key}: does not validate as {expected}: {problems}") from None
+            raise ContractError(why_invalid(error, expected, key)) from None
         if not is_plain_json(payload):
             raise ContractError(f"{key}: a text of it holds control characters, which a terminal would obey")
         return value
 
     return decode_one
+
+
+def why_invalid(error: ValidationError, expected: str, key: str) -> str:
+    """What is wrong with a payload, field by field, for people."""
+    problems = "; ".join(_problem(problem) for problem in error.errors()[:4])
+    return f"{key}: does not validate as {expected}: {problems}"
 
 
 def _problem(problem: ErrorDetails) -> str:

@@ -32,9 +32,12 @@ class Duty:
         """Whose account it is."""
         self._thread = thread
 
+    def here(self) -> None:
+        """It is that of the thread which calls this, once, before its first job."""
+        _mine.duty = self
+
     def begin(self, longest_s: float) -> None:
         """A job begins."""
-        _mine.duty = self
         now = time.monotonic()
         self._job = now, now + longest_s, longest_s
 

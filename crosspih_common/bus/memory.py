@@ -75,12 +75,18 @@ class MemoryHub:
         with self.lock:
             if keep:
                 self.kept[key] = (payload, label, author)
+            matching = self.handlers_of(key)
+        for handler in matching:
+            handler(key, payload, label, author)
+
+    def handlers_of(self, key: str) -> list[AuthoredHandler]:
+        """What is called with each sample of a key, as the subscriptions stand."""
+        with self.lock:
             matching = self.handlers.get(key)
             if matching is None:
                 matching = [entry.handler for entry in self.subscriptions if entry.pattern.match(key)]
                 self.handlers[key] = matching
-        for handler in matching:
-            handler(key, payload, label, author)
+            return matching
 
     def turn(self, key: str, alive: bool) -> None:
         """A liveliness token comes or goes."""

@@ -6,11 +6,10 @@ import threading
 from typing import Generic, TypeVar
 
 from crosspih_common.bus.clock import BusClock
-from crosspih_common.bus.codec import encode, encode_stamped, label_of
+from crosspih_common.bus.codec import label_of, stamper_of
 from crosspih_common.bus.traffic import Counts
 from crosspih_common.bus.transport import Sender
 from crosspih_common.keys import Payload, Topic
-from crosspih_common.messages import Image
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 
@@ -19,8 +18,9 @@ class Publisher(Generic[PayloadT]):
     """Sends on one key: numbers each sample and stamps it with the cell's clock where it has no stamp yet."""
 
     def __init__(self, topic: Topic[PayloadT], key: str, sender: Sender, clock: BusClock, counts: Counts) -> None:
-        self.key, self._sender, self._clock, self._counts = key, sender, clock, counts
+        self.key, self._put, self._clock, self._counts = key, sender.put, clock, counts
         self._label = label_of(topic.type)
+        self._encode = stamper_of(topic.type)
         self._lock = threading.Lock()
         self._seq = 0
 
@@ -28,12 +28,9 @@ class Publisher(Generic[PayloadT]):
         """Send; the value itself stays as it is. The number and the bytes that it went out with."""
         with self._lock:
             seq = self._seq
-            stamp_ns = value.stamp_ns if value.stamp_ns >= 0 else self._clock.now_ns()
-            if isinstance(value, Image):
-                payload = encode(Image(value.frame, value.pixels, stamp_ns, seq, value.encoding))
-            else:
-                payload = encode_stamped(value, stamp_ns, seq)
-            self._sender.put(payload, f"{self._label} {seq}")
+            stamp_ns = value.stamp_ns
+            payload = self._encode(value, stamp_ns if stamp_ns >= 0 else self._clock.now_ns(), seq)
+            self._put(payload, f"{self._label} {seq}")
             self._seq = seq + 1
             self._counts.out += 1
         return seq, payload

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-Handler = Callable[[str, bytes, str], None]  # key, payload, label
-AuthoredHandler = Callable[[str, bytes, str, str], None]  # and the session it comes from; empty where it does not say
+Tap = Callable[[bytes, int], None]  # payload, number; -1 where none travels
+AuthoredHandler = Callable[
+    [str, bytes, str, str], None
+]  # key, payload, label, session it comes from; empty where it does not say
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,7 @@ class Pump(Generic[ValueT]):
         return True
 
     def _run(self) -> None:
+        self.duty.here()
         while not self._closed.is_set():
             value = self._queue.get()
             if value is _END:
@@ -96,6 +97,7 @@ class Lane:
         return True
 
     def _run(self) -> None:
+        self.duty.here()
         while True:
             job = self._queue.get()
             if job is None:

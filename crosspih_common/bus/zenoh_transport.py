@@ -156,7 +156,12 @@ def _open_session(
 
 def _label(attachment: zenoh.ZBytes | None) -> str:
     """The label beside a payload; what is no UTF-8 is no label of ours, and is rejected as such."""
-    return str(attachment.to_bytes(), "utf-8", "replace") if attachment is not None else ""
+    if attachment is None:
+        return ""
+    try:
+        return attachment.to_string()
+    except ValueError:
+        return str(attachment.to_bytes(), "utf-8", "replace")
 
 
 def _author(info: zenoh.SourceInfo | None) -> str:
@@ -179,11 +184,11 @@ class _ZenohSender(_Declared):
 
     def __init__(self, entity: zenoh.Publisher) -> None:
         super().__init__(entity)
-        self._source = zenoh.SourceInfo(entity.id, 0)
+        self._put, self._source = entity.put, zenoh.SourceInfo(entity.id, 0)
 
     def put(self, payload: bytes, label: str) -> None:
         try:
-            self._entity.put(payload, attachment=label.encode(), source_info=self._source)
+            self._put(payload, attachment=label, source_info=self._source)
         except zenoh.ZError as error:
             raise BusClosed(f"cannot publish: {error}") from None
 
@@ -191,7 +196,7 @@ class _ZenohSender(_Declared):
 class _AdvancedSender(_Declared):
     def put(self, payload: bytes, label: str) -> None:
         try:
-            self._entity.put(payload, attachment=label.encode())
+            self._entity.put(payload, attachment=label)
         except zenoh.ZError as error:
             raise BusClosed(f"cannot publish: {error}") from None
 
@@ -262,9 +267,10 @@ class ZenohTransport:
         one_key = None if "*" in key_expression else key_expression  # then every sample's key is that
 
         def receive(sample: zenoh.Sample) -> None:
+            source = sample.source_info
             handler(
                 one_key or str(sample.key_expr), sample.payload.to_bytes(), _label(sample.attachment),
-                _author(sample.source_info),
+                str(source.source_id.zid) if source is not None else "",
             )  # fmt: skip
 
         if not recover:

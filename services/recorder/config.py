@@ -37,7 +37,7 @@ class RecorderConfig(Section):
     compression: Compression = Compression.ZSTD
     # what waits for the disk, at most; beyond it samples are dropped and counted
     queue_samples: int = Field(default=50_000, ge=1)
-    queue_bytes: int = Field(default=256 << 20, ge=1 << 20)
+    queue_bytes: int = Field(default=256 << 20, ge=1 << 20, description="of samples above 4 KiB: pictures")
     # at a stop: wait until no sample from before it has come for this long, but not longer than the limit
     quiet_s: float = Field(default=0.2, ge=0.0, le=5.0)
     quiet_limit_s: float = Field(default=2.0, ge=0.0, le=30.0)

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -16,11 +16,12 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from crosspih_common.bus.codec import label_of
+from crosspih_common.keys import Topic
 from crosspih_common.recording.parts import part_path
 from crosspih_common.recording.records import sealed
 from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
 from services.recorder.config import Compression, RecorderConfig
-from services.recorder.sample import Sample
+from services.recorder.sample import Sample, Waiting
 from services.recorder.schemas import channel_schema
 
 _COMPRESSION = {
@@ -77,19 +78,22 @@ class RecordingFile:
         self, path: Path, stream: IO[bytes], config: RecorderConfig, metadata: Mapping[str, Mapping[str, str]]
     ) -> None:
         self.path = path
-        self.messages = 0
         self._stream = stream
         self._writer = Writer(stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression])
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
-        self._dirty = True
         self._repeat = RecordBuilder()
         self._flushed_bytes = self._flushed_messages = 0
-        self._unflushed: Counter[str] = Counter()
+        self._unflushed: list[str] = []  # the key of each sample since the last flush
         self._writer.start(profile="", library=LIBRARY)
         for name, entries in metadata.items():
             self._writer.add_metadata(name, sealed(name, entries))
-        self.flush()
+        self._flush()
+
+    @property
+    def messages(self) -> int:
+        """How many samples were added."""
+        return self._flushed_messages + len(self._unflushed)
 
     @property
     def channels(self) -> int:
@@ -102,24 +106,18 @@ class RecordingFile:
 
     def write(self, sample: Sample) -> None:
         """Add a sample to the chunk that is being filled."""
-        channel = self._channels.get(sample.key)
-        if channel is None:
-            channel = self._register(sample)
-        self._unflushed[sample.key] += 1
-        stamp_ns, seq = sample.stamp_ns, sample.seq
-        self._writer.add_message(
-            channel, stamp_ns if stamp_ns > 0 else 0, sample.payload, sample.wall_ns, seq & 0xFFFFFFFF if seq > 0 else 0
-        )
-        self.messages += 1
-        self._dirty = True
+        self.write_all(iter((sample,)))
 
-    def write_all(self, samples: Iterator[Sample]) -> None:
+    def write_all(self, samples: Iterator[Waiting]) -> None:
         """Add samples, until there are no more or one cannot be written."""
+        channels, add, note = self._channels, self._writer.add_message, self._unflushed.append
         for sample in samples:
-            self.write(sample)
+            key, topic, payload, seq, stamp_ns, wall_ns = sample
+            channel = channels.get(key) or self._register(key, topic)
+            note(key)
+            add(channel, stamp_ns if stamp_ns > 0 else 0, payload, wall_ns, seq & 0xFFFFFFFF if seq > 0 else 0)
 
-    def _register(self, sample: Sample) -> int:
-        topic = sample.topic
+    def _register(self, key: str, topic: Topic[Any]) -> int:
         name, encoding, message_encoding, data = channel_schema(topic.type)
         schema = self._schemas.get(topic.type)
         if schema is None:
@@ -132,21 +130,23 @@ class RecordingFile:
             "publisher": topic.publisher,
             "doc": topic.doc,
         }
-        channel = self._writer.register_channel(sample.key, message_encoding, schema, words)
-        Channel(
-            id=channel, topic=sample.key, message_encoding=message_encoding, schema_id=schema, metadata=words
-        ).write(self._repeat)
-        self._channels[sample.key] = channel
+        channel = self._writer.register_channel(key, message_encoding, schema, words)
+        Channel(id=channel, topic=key, message_encoding=message_encoding, schema_id=schema, metadata=words).write(
+            self._repeat
+        )
+        self._channels[key] = channel
         return channel
 
     def flush(self) -> None:
         """Close the chunk and hand everything to the operating system: a kill after this loses none of it."""
-        if self._dirty:
-            self._close_chunk()
-            self._stream.flush()
-            self._flushed_bytes, self._flushed_messages = self._stream.tell(), self.messages
-            self._unflushed.clear()
-            self._dirty = False
+        if self._unflushed:
+            self._flush()
+
+    def _flush(self) -> None:
+        self._close_chunk()
+        self._stream.flush()
+        self._flushed_bytes, self._flushed_messages = self._stream.tell(), self.messages
+        self._unflushed.clear()
 
     def _close_chunk(self) -> None:
         self._writer.flush()  # type: ignore[no-untyped-call]
@@ -176,5 +176,6 @@ class RecordingFile:
                 self.path.unlink()
             else:
                 os.truncate(self.path, self._flushed_bytes)
-        self.messages = self._flushed_messages
-        return self._unflushed
+        lost = Counter(self._unflushed)
+        self._unflushed.clear()
+        return lost

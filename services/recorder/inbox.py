@@ -4,62 +4,82 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections.abc import Callable
 
-from services.recorder.sample import Sample
+from services.recorder.sample import Waiting
+
+SMALL_BYTES = 4096  # below it a sample's size is not counted: the number of samples bounds them
 
 
 class Inbox:
-    """Holds at most so many samples and bytes; a full inbox refuses at once, so that no callback ever waits."""
+    """Holds at most so many samples, and so many bytes of large ones; a full inbox refuses at once, so that no callback
+    ever waits. Small samples come in without a lock, which would cost more than all else that is done here."""
 
     def __init__(self, max_samples: int, max_bytes: int) -> None:
         self._max_samples, self._max_bytes = max_samples, max_bytes
         self._lock = threading.Lock()
-        self._changed = threading.Condition(self._lock)
-        self._waiting: deque[Sample] = deque()
-        self._bytes = 0
-        self._offered = 0
+        self._settling = threading.Condition(self._lock)
+        self._waiting: list[Waiting] = []  # appended to by any thread, emptied by the writer's alone
+        self._large_bytes = 0
+        self._asleep = False
+        self._wake = threading.Event()
+        self._taken = 0
         self._settled = 0
         self._closed = False
 
-    def offer(self, sample: Sample) -> bool:
-        """Enqueue; False when full."""
-        with self._lock:
-            if len(self._waiting) >= self._max_samples or self._bytes + len(sample.payload) > self._max_bytes:
-                return False
-            if not self._waiting:  # the writer waits for nothing else
-                self._changed.notify_all()
-            self._waiting.append(sample)
-            self._bytes += len(sample.payload)
-            self._offered += 1
-        return True
+    def offerer(self) -> Callable[[Waiting, int], bool]:
+        """What enqueues (sample, its bytes), for any thread; False when full. Threads that do so at the same time may
+        each find the last place free."""
+        waiting, append, most = self._waiting, self._waiting.append, self._max_samples
 
-    def take(self, timeout_s: float) -> list[Sample]:
-        """All that waits, oldest first; an empty list at the time-out or when closed. Follow with `settle`."""
-        with self._changed:
-            if not self._waiting and not self._closed:
-                self._changed.wait(timeout_s)
-            batch = list(self._waiting)
-            self._waiting.clear()
-            self._bytes = 0
+        def offer(sample: Waiting, size: int) -> bool:
+            if len(waiting) >= most or (size > SMALL_BYTES and not self._has_room(size)):
+                return False
+            append(sample)
+            if self._asleep:
+                self._wake.set()
+            return True
+
+        return offer
+
+    def _has_room(self, size: int) -> bool:
+        with self._lock:
+            if self._large_bytes + size > self._max_bytes:
+                return False
+            self._large_bytes += size
+            return True
+
+    def take(self, timeout_s: float) -> list[Waiting]:
+        """All that waits, oldest first; none at the time-out or when closed. Follow with `settle`. One thread's."""
+        self._asleep = True  # from now on whoever enqueues wakes it
+        if not self._waiting and not self._closed:
+            self._wake.wait(timeout_s)
+        self._asleep = False
+        self._wake.clear()
+        with self._lock:
+            batch = self._waiting[:]
+            self._taken += len(batch)
+            del self._waiting[: len(batch)]
+            if self._large_bytes:
+                self._large_bytes -= sum(size for sample in batch if (size := len(sample[2])) > SMALL_BYTES)
             return batch
 
     def settle(self, count: int) -> None:
         """Say that so many of the taken samples are dealt with."""
-        with self._changed:
+        with self._settling:
             self._settled += count
-            self._changed.notify_all()
+            self._settling.notify_all()
 
     def drain(self, deadline_s: float) -> bool:
         """Wait until all that was offered before this call is dealt with; False when that takes longer."""
         until = time.monotonic() + deadline_s
-        with self._changed:
-            target = self._offered
+        with self._settling:
+            target = self._taken + len(self._waiting)
             while self._settled < target:
                 left = until - time.monotonic()
                 if left <= 0.0:
                     return False
-                self._changed.wait(left)
+                self._settling.wait(left)
         return True
 
     @property
@@ -69,6 +89,5 @@ class Inbox:
 
     def close(self) -> None:
         """Wake the writer for the last time."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
+        self._closed = True
+        self._wake.set()

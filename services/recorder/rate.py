@@ -23,6 +23,7 @@ from mcap.writer import CompressionType, Writer
 from crosspih_common.bus import Bus
 from crosspih_common.bus.codec import encode, label_with_seq
 from crosspih_common.bus.memory import MemoryHub
+from crosspih_common.bus.transport import AuthoredHandler
 from crosspih_common.keys import CONTACT_WRENCH, JOINT_STATE, WRENCH_RAW, Payload, Topic
 from crosspih_common.messages import ContactWrench, JointState, RawWrenchBatch
 from services.recorder.config import RecorderConfig
@@ -35,6 +36,7 @@ ROUNDS = 5
 STEP_NS = 4_000_000
 JOINT_STATES_A_BATCH = 3  # nearly as in a cell: 250 joint states, 100 raw batches and 100 contact wrenches a second
 
+Heard = tuple[AuthoredHandler, str, bytes, str, str]  # the bus's callback and its arguments
 Sent = tuple[Topic[Any], str, bytes, str, int]  # topic, key, payload, label, stamp
 
 
@@ -95,16 +97,27 @@ class Ours:
             self._authors[name] = transport.author
             self._buses.append(Bus(transport, CELL, name))
 
-    def write(self, sent: Sequence[Sent], pace: Callable[[int], None] = lambda index: None) -> int:
+    def heard(self, sent: Sequence[Sent]) -> list[Heard]:
+        """What the bus calls with each sample when it comes, and with what: the recorder's is the only subscription."""
+        found: list[Heard] = []
+        for topic, key, payload, label, _ in sent:
+            (callback,) = self._hub.handlers_of(key)
+            found.append((callback, key, payload, label, self._authors[topic.publisher]))
+        return found
+
+    def write(self, heard: Sequence[Heard], pace: Callable[[int], None] | None = None) -> int:
         """One recording of all samples; how many of them are not in it. Raises RuntimeError where none can begin."""
         status = self._recorder.start("ours", 0)
         if not status.recording:
             raise RuntimeError(status.trouble)
-        put, authors = self._hub.put, self._authors
-        for index, (topic, key, payload, label, _) in enumerate(sent):
-            pace(index)
-            put(key, payload, label, False, authors[topic.publisher])
-        return len(sent) - self._recorder.stop(0).messages
+        if pace is None:
+            for callback, key, payload, label, author in heard:
+                callback(key, payload, label, author)
+        else:
+            for index, (callback, key, payload, label, author) in enumerate(heard):
+                pace(index)
+                callback(key, payload, label, author)
+        return len(heard) - self._recorder.stop(0).messages
 
     def close(self) -> None:
         """End the writer's thread and the buses."""
@@ -125,9 +138,10 @@ def measure(count: int, rounds: int = ROUNDS) -> dict[str, list[float]]:
     rates: dict[str, list[float]] = {"bare": [], "ours": [], "bare_cpu": [], "ours_cpu": []}
     folder = Path(tempfile.mkdtemp(prefix="crosspih-recorder-"))
     ours = Ours(folder)
+    heard = ours.heard(sent)
     work: dict[str, Callable[[], object]] = {
         "bare": lambda: bare(sent, folder, ours.config),
-        "ours": lambda: ours.write(sent),
+        "ours": lambda: ours.write(heard),
     }
     try:
         for index in range(rounds):
@@ -154,7 +168,7 @@ def paced(count: int, rate_hz: float) -> dict[str, float]:
             time.sleep(ahead_s)
 
     try:
-        lost = ours.write(sent, pace)
+        lost = ours.write(ours.heard(sent), pace)
         return {"lost": lost, "seconds": time.monotonic() - began_s, "samples": count}
     finally:
         ours.close()

@@ -7,6 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from operator import itemgetter
 from typing import Any
 
 from crosspih_common.errors import CommandRefused, ContractError
@@ -17,7 +18,7 @@ from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile
 from services.recorder.inbox import Inbox
 from services.recorder.losses import warnings_of
-from services.recorder.sample import Sample, stamp_of
+from services.recorder.sample import LONGEST_STAMP, STAMP_FIRST, Sample, Waiting, stamp_of
 from services.recorder.tally import Tally
 from services.recorder.tape import DiskFull, Metadata, Tape, why_of
 
@@ -29,6 +30,7 @@ CLOCK_SLACK_NS = 60_000_000
 # what is kept while it is not yet known whether a recording goes on
 UNDECIDED_SAMPLES = 20_000
 
+_key_of = itemgetter(Sample._fields.index("key"))
 Tell = Callable[[str, str], None]
 Look = Callable[[], BrokenOff | bool | None]
 
@@ -56,8 +58,9 @@ class Recorder:
         self._lock = threading.Lock()  # guards the tape and the states
         self._tape: Tape | None = None
         self._states: dict[str, Sample] = {}
+        self._state_keys: set[str] = set()
         self._kinds: dict[str, Kind] = {}
-        self._undecided: deque[Sample] = deque(maxlen=UNDECIDED_SAMPLES)
+        self._undecided: deque[Waiting] = deque(maxlen=UNDECIDED_SAMPLES)
         self._told: set[str] = set()
         self._last = RecordingStatus(recording=False)
         self._stop_stamp_ns: int | None = None
@@ -72,25 +75,48 @@ class Recorder:
 
     # ------------------------------------------------------------------------------------------------------ samples
 
-    def take(self, topic: Topic[Any], key: str, payload: bytes, seq: int) -> bool:
-        """A sample from the bus, on the bus's thread; False when there is no room. Raises ContractError."""
-        now_s = time.monotonic()
-        self._tally.arrived(key, seq, now_s, topic.rate_hz)
-        self._kinds[key] = topic.kind
-        try:
-            stamp_ns = stamp_of(topic, payload)
-        except ContractError:
-            self._tally.count("malformed", key)
-            raise
-        stop_ns = self._stop_stamp_ns
-        if topic.path not in ALWAYS_SPEAKING and (
-            topic.kind is not Kind.STREAM or stop_ns is None or stamp_ns <= stop_ns + CLOCK_SLACK_NS
-        ):
-            self._spoke_at = now_s
-        if self._inbox.offer(Sample(key, topic, payload, seq, stamp_ns, time.time_ns())):
-            return True
-        self._tally.count("overflow", key)
-        return False
+    def taker(
+        self, topic: Topic[Any], key: str, on_full: Callable[[], object], on_malformed: Callable[[str], object]
+    ) -> Callable[[bytes, int], None]:
+        """What takes the samples of one key, (payload, number), on the bus's thread. `on_full` is called where
+        there is no room, `on_malformed` with why something is no sample of the topic.
+
+        What can be known of a key before its samples is known then: the rest is done with each, in one function, for a
+        call costs as much as what it does.
+        """
+        kind, always = topic.kind, topic.path in ALWAYS_SPEAKING
+        tally, account, offer = self._tally, self._tally.account(key, topic.rate_hz), self._inbox.offerer()
+        monotonic, time_ns, begins = time.monotonic, time.time_ns, len(STAMP_FIRST)
+        if kind is Kind.STATE:
+            self._state_keys.add(key)
+        self._kinds[key] = kind
+
+        def take(payload: bytes, seq: int) -> None:
+            now_s = monotonic()
+            line = account.line
+            if line is not None and line.expected == seq:  # as of nearly all
+                account.heard += 1
+                line.expected, line.heard_s = seq + 1, now_s
+            else:
+                account.hear(seq, now_s)
+            ends = payload.find(b",", begins, LONGEST_STAMP)
+            if ends > 0 and (digits := payload[begins:ends]).isdigit() and payload.startswith(STAMP_FIRST):
+                stamp_ns = int(digits)
+            else:
+                try:
+                    stamp_ns = stamp_of(topic, payload)
+                except ContractError as error:
+                    tally.count("malformed", key)
+                    on_malformed(f"{key}: {error}")
+                    return
+            stop_ns = self._stop_stamp_ns
+            if stop_ns is not None and not always and (kind is not Kind.STREAM or stamp_ns <= stop_ns + CLOCK_SLACK_NS):
+                self._spoke_at = now_s
+            if not offer((key, topic, payload, seq, stamp_ns, time_ns()), len(payload)):
+                tally.count("overflow", key)
+                on_full()
+
+        return take
 
     def refused(self, key: str) -> None:
         """A sample that did not get so far: of another type than its key's."""
@@ -110,9 +136,10 @@ class Recorder:
             for code, text in said:
                 self._tell(code, text)
 
-    def _write(self, batch: list[Sample], said: list[tuple[str, str]]) -> None:
+    def _write(self, batch: list[Waiting], said: list[tuple[str, str]]) -> None:
         self._decide(said)
-        self._states.update((sample.key, sample) for sample in batch if sample.topic.kind is Kind.STATE)
+        if not self._state_keys.isdisjoint(map(_key_of, batch)):
+            self._states.update((sample[0], Sample(*sample)) for sample in batch if sample[0] in self._state_keys)
         tape, rest = self._tape, iter(batch)
         if tape is None:
             if self._look is not None:
@@ -121,7 +148,7 @@ class Recorder:
         if tape.file is not None:
             self._attempt(RecordingFile.write_all, said, rest)
         for sample in rest:  # what comes after a sample that could not be written
-            self._tally.count("unwritten", sample.key)
+            self._tally.count("unwritten", _key_of(sample))
 
     def _periodically(self, said: list[tuple[str, str]]) -> None:
         tape = self._tape
@@ -144,7 +171,7 @@ class Recorder:
             self._tape.warnings.append(text)
         said.append((code, text))
 
-    def _attempt(self, work: Callable[..., None], said: list[tuple[str, str]], *arguments: Iterator[Sample]) -> None:
+    def _attempt(self, work: Callable[..., None], said: list[tuple[str, str]], *arguments: Iterator[Waiting]) -> None:
         """Work on the file, if there is one; a file that cannot be written is let go of and reported once."""
         tape = self._tape
         if tape is None or tape.file is None:

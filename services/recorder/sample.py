@@ -14,6 +14,8 @@ from crosspih_common.keys import Topic
 from crosspih_common.messages import Image
 
 # pydantic writes the root's fields first, so that the stamp opens every message
+STAMP_FIRST = b'{"stamp_ns":'
+LONGEST_STAMP = len(STAMP_FIRST) + 19 + 1  # to the comma behind it
 _STAMP_FIRST = re.compile(rb'\s*\{\s*"stamp_ns"\s*:\s*(-?\d{1,19})\s*[,}]')
 
 
@@ -26,6 +28,10 @@ class Sample(NamedTuple):
     seq: int
     stamp_ns: int
     wall_ns: int
+
+
+# As it waits for the writer: a named tuple takes three times as long to be made.
+Waiting = tuple[str, Topic[Any], bytes, int, int, int]
 
 
 def stamp_of(topic: Topic[Any], payload: bytes) -> int:

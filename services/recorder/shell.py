@@ -9,8 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from crosspih_common.bus import Bus
-from crosspih_common.bus.codec import split_label
-from crosspih_common.errors import ContractError
+from crosspih_common.bus.traffic import Counts
+from crosspih_common.bus.transport import Tap
 from crosspih_common.keys import RECORD_START, RECORD_STOP, Topic, topics
 from crosspih_common.messages import RecordingStatus, Severity, StartRecording, StopRecording
 from crosspih_common.service import ServiceContext
@@ -36,20 +36,17 @@ def library_versions() -> dict[str, str]:
 def tap_all(bus: Bus, recorder: Recorder) -> None:
     """Give the recorder every sample of every topic, on the bus's own thread."""
     for topic in topics():
-        bus.tap(topic, _taker(bus, recorder, topic), recorder.refused)
+        bus.tap(topic, _taker_of(bus, recorder, topic), recorder.refused)
 
 
-def _taker(bus: Bus, recorder: Recorder, topic: Topic[Any]) -> Callable[[str, bytes, str], None]:
-    traffic = bus.traffic
+def _taker_of(bus: Bus, recorder: Recorder, topic: Topic[Any]) -> Callable[[str, Counts], Tap]:
+    def taker(key: str, counts: Counts) -> Tap:
+        def on_full() -> None:
+            counts.dropped += 1
 
-    def take(key: str, payload: bytes, label: str) -> None:
-        try:
-            if not recorder.take(topic, key, payload, split_label(label)[1]):
-                traffic.of(key).dropped += 1
-        except ContractError as error:
-            traffic.reject(key, f"{key}: {error}")
+        return recorder.taker(topic, key, on_full, lambda why: bus.traffic.reject(key, why))
 
-    return take
+    return taker
 
 
 class RecorderShell:

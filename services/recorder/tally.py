@@ -11,6 +11,38 @@ from crosspih_common.recording.numbering import Line
 RATE_HZ = 100.0  # of a key of which the table says nothing
 
 
+class Account:
+    """How many samples of one key came, one thread at a time, and what their numbers say. `before`: of `heard`, what
+    came before the recording began."""
+
+    __slots__ = ("_lock", "_rate_hz", "before", "heard", "line")
+
+    def __init__(self, lock: threading.Lock, rate_hz: float) -> None:
+        self._lock, self._rate_hz = lock, rate_hz
+        self.heard = self.before = 0
+        self.line: Line | None = None
+
+    def hear(self, seq: int, now_s: float) -> None:
+        """A sample with this number came; -1 where it has none."""
+        self.heard += 1
+        line = self.line
+        if line is not None and line.expected == seq:  # of nearly all, and nothing that others count with
+            line.expected = seq + 1
+            line.heard_s = now_s
+        elif seq >= 0:
+            with self._lock:
+                if line is None:
+                    self.line = Line(seq + 1, now_s)
+                else:
+                    line.hear(seq, now_s, self._rate_hz)
+
+    def begin(self) -> None:
+        """A recording begins."""
+        self.before = self.heard
+        if self.line is not None:
+            self.line.begin()
+
+
 class Tally:
     """Counts, per key: samples that overflowed here, that the disk did not take (`unwritten`), that never came (`gaps`
     in `seq`), malformed ones and refused ones.
@@ -23,23 +55,19 @@ class Tally:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._lines: dict[str, Line] = {}
-        self._heard: Counter[str] = Counter()
+        self._accounts: dict[str, Account] = {}
         self._counts: dict[str, Counter[str]] = {
             kind: Counter() for kind in self.KINDS if kind not in ("gaps", "restarts", "strays")
         }
 
+    def account(self, key: str, rate_hz: float | None = None) -> Account:
+        """That of one key."""
+        with self._lock:
+            return self._accounts.setdefault(key, Account(self._lock, RATE_HZ if rate_hz is None else rate_hz))
+
     def arrived(self, key: str, seq: int, now_s: float, rate_hz: float | None = None) -> None:
         """A sample with this number came (or was seen to come and then overflowed)."""
-        with self._lock:
-            self._heard[key] += 1
-            if seq < 0:
-                return
-            line = self._lines.get(key)
-            if line is None:
-                self._lines[key] = Line(seq + 1, now_s)
-            else:
-                line.hear(seq, now_s, RATE_HZ if rate_hz is None else rate_hz)
+        self.account(key, rate_hz).hear(seq, now_s)
 
     def count(self, kind: str, key: str, amount: int = 1) -> None:
         """Add to an overflow, unwritten, malformed or refused count."""
@@ -49,20 +77,22 @@ class Tally:
     def begin(self) -> None:
         """A new recording: all counts from zero; the numbers go on."""
         with self._lock:
-            self._heard.clear()
             for counter in self._counts.values():
                 counter.clear()
-            for line in self._lines.values():
-                line.begin()
+            for account in self._accounts.values():
+                account.begin()
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Each kind's counts, key by key, none of zero; and `heard`, how many samples came."""
         with self._lock:
             found = {kind: dict(counter) for kind, counter in self._counts.items()}
-            found["gaps"] = {key: number for key, line in self._lines.items() if (number := line.missing())}
-            found["restarts"] = {key: line.restarts for key, line in self._lines.items() if line.restarts}
-            found["strays"] = {key: line.strays for key, line in self._lines.items() if line.strays}
-            found["heard"] = dict(self._heard)
+            lines = {key: account.line for key, account in self._accounts.items() if account.line is not None}
+            found["gaps"] = {key: number for key, line in lines.items() if (number := line.missing())}
+            found["restarts"] = {key: line.restarts for key, line in lines.items() if line.restarts}
+            found["strays"] = {key: line.strays for key, line in lines.items() if line.strays}
+            found["heard"] = {
+                key: number for key, account in self._accounts.items() if (number := account.heard - account.before)
+            }
             return found
 
     def lost(self) -> dict[str, int]:

@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
+from crosspih_common.bus.codec import label_of
+from crosspih_common.bus.traffic import Counts
+from crosspih_common.bus.transport import Tap
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import DWELL, LOCATE, REFUSAL, Topic
 from crosspih_common.messages import (
@@ -115,12 +118,12 @@ def test_a_refusal_on_the_bus_names_the_request_and_its_answer_is_not_another_on
     recording = Recording(Path("a.mcap"))
 
     def record(topic: Topic[Message]) -> None:
-        def take(key: str, payload: bytes, label: str) -> None:
+        def taker(key: str, counts: Counts) -> Tap:
             samples = recording.samples.setdefault(key, [])
-            number = int(label.split()[1])
-            samples.append(Recorded(key, label, payload, number, 0, len(samples) + 1))
+            label = label_of(topic.type)
+            return lambda payload, number: samples.append(Recorded(key, label, payload, number, 0, len(samples) + 1))
 
-        recorder.tap(topic, take)
+        recorder.tap(topic, taker)
 
     hub = MemoryHub()
     with Bus(hub.transport(), "c", "recorder") as recorder, Bus(hub.transport(), "c", "hardware") as hardware:

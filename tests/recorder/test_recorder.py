@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.writer import Writer
 
 from crosspih_common.bus.codec import encode
 from crosspih_common.errors import CommandRefused, ContractError
@@ -21,9 +22,9 @@ from crosspih_common.recording import RecordingError, parts_of, read_recording
 from services.recorder.broken_off import BrokenOff, broken_off
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile, create_file
-from services.recorder.inbox import Inbox
+from services.recorder.inbox import SMALL_BYTES, Inbox
 from services.recorder.recorder import Recorder
-from services.recorder.sample import Sample, stamp_of
+from services.recorder.sample import Sample, Waiting, stamp_of
 
 KEY = PHASE.key("c")
 
@@ -47,7 +48,11 @@ def calibration(seq: int) -> FtCalibration:
 
 
 def feed(recorder: Recorder, topic: Topic[Any], value: Any) -> bool:
-    return recorder.take(topic, topic.key("c"), encode(value), value.seq)
+    """Whether there was room."""
+    full: list[bool] = []
+    key = topic.key("c")
+    recorder.taker(topic, key, lambda: full.append(True), pytest.fail)(encode(value), value.seq)
+    return not full
 
 
 def make(tmp_path: Path, **settings: Any) -> tuple[Recorder, list[str]]:
@@ -107,11 +112,34 @@ def test_an_overflow_is_counted_and_the_rest_is_recorded(tmp_path: Path) -> None
 def test_a_payload_without_a_stamp_is_refused_and_counted(tmp_path: Path) -> None:
     recorder, _ = make(tmp_path)
     recorder.start("bad", 0)
-    with pytest.raises(ContractError, match="stamp_ns"):
-        recorder.take(PHASE, KEY, b"not json", 0)
+    said: list[str] = []
+    recorder.taker(PHASE, KEY, pytest.fail, said.append)(b"not json", 0)
     status = recorder.stop(0)
     recorder.close()
+    assert len(said) == 1 and said[0].startswith(KEY) and "stamp_ns" in said[0]
     assert status.dropped == {KEY: 1}
+
+
+def test_a_stamp_is_the_same_however_it_is_written(tmp_path: Path) -> None:
+    recorder, failures = make(tmp_path)
+    path = recorder.start("stamps", 0).path
+    said: list[str] = []
+    take = recorder.taker(PHASE, KEY, pytest.fail, said.append)
+    stamps = {
+        b'{"stamp_ns":12,"a":1}': 12, b'{"stamp_ns":13}': 13, b'{"stamp_ns":14 , "a":1}': 14,
+        b' {"stamp_ns" : 15 }': 15, b'{"stamp_ns":-1,"a":1}': 0, b'{"a":7,"stamp_ns":16}': 16,
+        b'{"stamp_ns":%d,"a":1}' % (2**63 - 1): 2**63 - 1,
+    }  # fmt: skip
+    wrong = (
+        b'{"stamp_ns":1_7,"a":1}', b'{"stamp_nz":18,"a":1}', b'{"stamp_ns":"19","a":1}', b'{"stamp_ns":%d}' % 10**25,
+    )  # fmt: skip
+    for seq, payload in enumerate([*stamps, *wrong]):
+        take(payload, seq)
+    dropped = recorder.stop(0).dropped
+    recorder.close()
+    assert not failures
+    assert dropped == {KEY: len(wrong)} and len(said) == len(wrong)
+    assert [sample.stamp_ns for sample in read_recording(path).samples[KEY]] == [*stamps.values()]
 
 
 def test_a_directory_that_cannot_be_made_is_a_refusal(tmp_path: Path) -> None:
@@ -140,11 +168,11 @@ def test_a_full_disk_ends_the_file_and_not_the_recorder(tmp_path: Path, monkeypa
 
     recorder._tell = report
 
-    def no_room(self: RecordingFile, sample: Sample) -> None:
+    def no_room(*sample: object) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(RecordingFile, "write", no_room)
+        patch.setattr(Writer, "add_message", no_room)
         feed(recorder, PHASE, phase(0))
         feed(recorder, PHASE, phase(1))
         assert reported.wait(10.0)
@@ -170,12 +198,11 @@ def test_a_disk_that_was_full_for_a_while_costs_that_while(tmp_path: Path, monke
         feed(recorder, PHASE, phase(seq))
     assert recorder._inbox.drain(10.0)
 
-    def no_room(self: RecordingFile, sample: Sample) -> None:
-        self._unflushed[sample.key] += 1
+    def no_room(*sample: object) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(RecordingFile, "write", no_room)
+        patch.setattr(Writer, "add_message", no_room)
         patch.setattr("services.recorder.tape.shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
         for seq in range(20, 30):
             feed(recorder, PHASE, phase(seq))
@@ -315,12 +342,38 @@ def test_the_stamp_is_read_without_decoding() -> None:
 
 
 def test_an_inbox_is_bounded_in_bytes_too() -> None:
-    inbox = Inbox(1000, 100)
-    sample = Sample("k", PHASE, b"x" * 60, 0, 0, 0)
-    assert inbox.offer(sample)
-    assert not inbox.offer(sample)
-    assert inbox.take(0.0) == [sample]
+    size = 2 * SMALL_BYTES
+    inbox = Inbox(4, 3 * SMALL_BYTES)
+    offer, large, small = inbox.offerer(), ("k", PHASE, b"x" * size, 0, 0, 0), ("k", PHASE, b"x", 0, 0, 0)
+    assert offer(large, size)
+    assert not offer(large, size)
+    assert offer(small, 1) and offer(small, 1) and offer(small, 1)
+    assert not offer(small, 1)  # of these the number is bounded
+    assert inbox.take(0.0) == [large, small, small, small]
     assert not inbox.drain(0.0)
-    inbox.settle(1)
+    inbox.settle(4)
     assert inbox.drain(0.0)
-    assert inbox.offer(sample)
+    assert offer(large, size)
+
+
+def test_an_inbox_keeps_the_order_of_each_thread_and_wakes_who_takes() -> None:
+    inbox, each = Inbox(1_000_000, 1), 5000
+    taken: list[Waiting] = []
+
+    def put(name: str) -> None:
+        offer = inbox.offerer()
+        for seq in range(each):
+            assert offer((name, PHASE, b"", seq, 0, 0), 0)
+
+    threads = [threading.Thread(target=put, args=(name,)) for name in "abc"]
+    for thread in threads:
+        thread.start()
+    while len(taken) < 3 * each:
+        batch = inbox.take(60.0)  # nobody waits so long
+        assert batch
+        inbox.settle(len(batch))
+        taken += batch
+    for thread in threads:
+        thread.join()
+    assert inbox.drain(0.0)
+    assert all([one[3] for one in taken if one[0] == name] == list(range(each)) for name in "abc")

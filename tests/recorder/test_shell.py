@@ -37,7 +37,7 @@ def test_a_recording_over_a_bus_in_memory(tmp_path: Path) -> None:
         Bus(hub.transport(), "m", "vision") as vision,
     ):
         context = ServiceContext("recorder", cell, bus)
-        shell = RecorderShell(context, RecorderConfig(directory=tmp_path / "r", quiet_s=0.01))
+        shell = RecorderShell(context, RecorderConfig(directory=tmp_path / "r", quiet_s=0.01, flush_s=10.0))
         started = planning.call(RECORD_START, StartRecording(name="m"), 10.0)
         planning.publisher(STATUS).publish(status("planning"))
         vision.publisher(STATUS).publish(status("vision"))

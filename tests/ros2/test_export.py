@@ -89,7 +89,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recorder = Recorder(config, lambda: words, lambda code, text: failures.append(text))
     path = Path(recorder.start("one", 0).path)
     for topic, value in said():
-        recorder.take(topic, topic.key("c", "vision"), encode(value), value.seq)
+        recorder.taker(topic, topic.key("c", "vision"), pytest.fail, pytest.fail)(encode(value), value.seq)
     recorder.stop(SECOND)
     recorder.close()
     assert not failures

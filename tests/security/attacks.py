@@ -17,7 +17,7 @@ from crosspih_common.security import Credentials
 from tests.conftest import ServiceProcess
 
 CELL = "secured"
-DEADLINE_S = 30.0
+DEADLINE_S = 120.0  # a service reads its imports for half a minute beside twenty busy processes
 REFUSED_S = 1.5  # an intruder's own patience
 RequestT = TypeVar("RequestT", bound=Message)
 

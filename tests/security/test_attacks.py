@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import queue
+import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta, timezone
@@ -68,6 +70,20 @@ def wait_for_force_torque(secured: Secured) -> None:
         assert ros2.latest(STATUS).wait_for(lambda status: status.service == "force_torque", DEADLINE_S) is not None
 
 
+def sessions_of_the_cell(secured: Secured) -> set[str]:
+    """The router's, force_torque's and the operator's: asked until all are there, for one answer may lack some."""
+    transport = secured.operator._transport
+    assert isinstance(transport, ZenohTransport)
+    until, pause = time.monotonic() + DEADLINE_S, threading.Event()
+    while True:
+        authors = {key.split("/")[-1] for key in transport.living(author_key(CELL))}
+        routers = {str(router) for router in transport.session.info.routers_zid()}
+        if len(found := authors | routers | {transport.author}) >= 3:
+            return found
+        assert time.monotonic() < until, f"authors {authors}, routers {routers}"
+        pause.wait(0.05)
+
+
 # -------------------------------------------------------------------------------------------------------------- links
 
 
@@ -109,11 +125,7 @@ def test_a_peer_that_goes_round_the_router_finds_nobody(secured: Secured) -> Non
     wait_for_force_torque(secured)
     assert listening_ports(secured.force_torque.process.pid) == set()
     assert len(listening_ports(secured.router.process.pid)) == 1
-    transport = secured.operator._transport
-    assert isinstance(transport, ZenohTransport)
-    of_the_cell = {key.split("/")[-1] for key in transport.living(author_key(CELL))}
-    of_the_cell |= {transport.author, *(str(router) for router in transport.session.info.routers_zid())}
-    assert len(of_the_cell) >= 3  # the router, force_torque, the operator
+    of_the_cell = sessions_of_the_cell(secured)
     alone = {"mode": "peer", "connect/endpoints": [], "listen/endpoints": ["tcp/127.0.0.1:0"],
              "scouting/multicast/enabled": True, "scouting/multicast/interface": "lo"}  # fmt: skip
     found: queue.Queue[str] = queue.Queue()
