@@ -12,10 +12,19 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from crosspih_common import messages
-from crosspih_common.bus.codec import decode, encode, encode_stamped, label_of, label_with_seq, split_label
+from crosspih_common.bus.codec import (
+    decode,
+    encode,
+    encode_stamped,
+    label_of,
+    label_with_seq,
+    split_label,
+    stamper_of,
+    validator_without_text,
+)
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import ALL, Topic, commands, topics
-from crosspih_common.messages import ContactState, Dwell, Image, JointKnot, JointState, Message, PoseData
+from crosspih_common.messages import ContactState, Dwell, Image, JointKnot, JointState, Message, PoseData, Severity
 from crosspih_common.messages.images import ENCODINGS
 
 MESSAGES = [
@@ -43,14 +52,45 @@ def test_every_message_begins_with_its_stamp_and_number(kind: type[Message]) -> 
     assert list(kind.model_fields)[:2] == ["stamp_ns", "seq"]
 
 
-@given(st.integers(-1, 2**62), st.integers(-1, 2**53 - 1), st.integers(0, 2**62), st.integers(0, 2**53 - 1))
-def test_stamping_the_bytes_is_stamping_a_copy(own_stamp: int, own_seq: int, stamp: int, seq: int) -> None:
+@given(
+    st.integers(-1, 2**62), st.just(-1) | st.integers(-1, 2**53 - 1), st.integers(0, 2**62) | st.none(),
+    st.integers(0, 2**53 - 1),
+)  # fmt: skip
+def test_stamping_the_bytes_is_stamping_a_copy(own_stamp: int, own_seq: int, stamp: int | None, seq: int) -> None:
+    stamp = max(own_stamp, 0) if stamp is None else stamp  # a publisher leaves a stamp that there is
     for value in (
         Dwell(stamp_ns=own_stamp, seq=own_seq, duration_s=0.5),
         messages.StopMotion(stamp_ns=own_stamp, seq=own_seq),
+        messages.Event(stamp_ns=own_stamp, seq=own_seq, service="a", severity=Severity.INFO, code="b", text='"seq":-1'),
     ):
-        assert encode_stamped(value, stamp, seq) == encode(value.model_copy(update={"stamp_ns": stamp, "seq": seq}))
+        wanted = encode(value.model_copy(update={"stamp_ns": stamp, "seq": seq}))
+        assert encode_stamped(value, stamp, seq) == wanted
+        assert stamper_of(type(value))(value, stamp, seq) == wanted
         assert (value.stamp_ns, value.seq) == (own_stamp, own_seq)
+
+
+def _has_free_text(schema: Any) -> bool:
+    """Of a JSON schema, made by pydantic in another way than what it validates by."""
+    if isinstance(schema, dict):
+        if schema.get("type") == "string" and "enum" not in schema and "const" not in schema:
+            return True
+        if not {"type", "anyOf", "allOf", "$ref", "properties", "enum", "const"} & set(schema) and "title" in schema:
+            return True  # anything at all
+    parts = schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ()
+    return any(map(_has_free_text, parts))
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
+def test_where_no_text_is_looked_at_there_can_be_none(kind: type[Message]) -> None:
+    if validator_without_text(kind) is not None:
+        assert not _has_free_text(kind.model_json_schema())
+
+
+def test_of_which_texts_are_looked_at() -> None:
+    assert (
+        validator_without_text(JointState) is not None and validator_without_text(messages.RawWrenchBatch) is not None
+    )
+    assert validator_without_text(messages.Event) is None and validator_without_text(Image) is None
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
