@@ -29,7 +29,7 @@ from crosspih_common.messages import (
 from tests.conftest import START_S, Router, ServiceProcess
 
 ZEROS = (0.0,) * 6
-DEADLINE_S = 10.0
+DEADLINE_S = 60.0  # a process reads its imports for half a minute beside twenty busy ones
 
 
 def wait_until(condition: Callable[[], bool], what: str, deadline_s: float = DEADLINE_S) -> None:

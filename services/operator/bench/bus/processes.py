@@ -22,7 +22,7 @@ from services.operator.bench.bus.ways import Way, installed_ways
 from services.operator.bench.own_cell import free_port
 from services.operator.bench.stopping import end_with_parent
 
-READY_S = 30.0
+READY_S = 120.0  # it reads its imports for half a minute on a busy machine
 PROBE_S = 0.01
 QUIET_S = 3.0  # after the last that was heard, no more is waited for; a listener that waits for a core is no loss
 
