@@ -8,18 +8,18 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import ROOT
 
-DEADLINE_S = 60.0
+DEADLINE_S = 120.0
 
 
-def _wait_until(condition: object, what: str) -> None:
+def _wait_until(condition: Callable[[], bool], what: str) -> None:
     until, pause = time.monotonic() + DEADLINE_S, threading.Event()
-    assert callable(condition)
     while not condition():
         assert time.monotonic() < until, what
         pause.wait(0.05)
