@@ -23,11 +23,11 @@ from services.vision.stereo import StereoModel
 DEPTHS_M = np.array([0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.018, 0.03])
 # what is seen inside is more than noise from there on, times the noise; plainly more; and share of the step
 SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
-# in a noisy picture the inside is asked again when it is smoothed more, one sd, px. By the first: plainly seen and so
-# much left by the face's plane, it is deep. By the second: more seen than that, times the noise, and less left than
-# NOT_IN_PLANE, it lies in the face's plane
+# the inside is asked again when it is smoothed more, one sd, px. By the first, in a noisy picture: plainly seen and so
+# much left by the face's plane, it is deep. By the second, where more noise is left than that, grey, and little is
+# seen: more seen than that, times the noise, and less left than NOT_IN_PLANE, it lies in the face's plane
 SMOOTHER_PX, SMOOTHER_DEEP = 2.0, 0.8
-SMOOTHEST_PX, SMOOTHEST_NOISES = 3.0, 2.0
+SMOOTHEST_PX, SMOOTHEST_GREY, SMOOTHEST_NOISES = 3.0, 0.8, 2.0
 # a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
 # faintly
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
@@ -77,7 +77,7 @@ EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 class Evidence:
     """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
     the less of both; black: the median grey inside over the face's; deeper: log likelihood of a chamfer that goes down
-    against one that is drawn on the face; chamfered: by the drawing. In a noisy picture, when it is smoothed more:
+    against one that is drawn on the face; chamfered: by the drawing. In pictures that are smoothed more:
     deep_below_noise, what is seen inside plainly does not lie in the face's plane; flat_below_noise, it does."""
 
     inside: Inside
@@ -119,19 +119,19 @@ def evidence_of(
     sizes = hole.inner_rim_m(), DEPTHS_M, (noise[0], noise[1])
     inside = seen_inside(images, stereo, pose, *sizes)
     black = inside.bright / max(float(np.median(fit.steps.face)), 1.0)
+    # walls, background and prints are wide: smoothing takes the noise and leaves them
     deep_below_noise = flat_below_noise = False
     if inside.noisy:
-        # walls, background and prints are wide: smoothing takes the noise and leaves them
         smoother = seen_inside(images, stereo, pose, *sizes, SMOOTHER_PX)
         deep_below_noise = (
             black < BOTTOM_SHARE
             and smoother.structure > PLAIN_NOISES * smoother.noise
-            and smoother.unexplained[0] > SMOOTHER_DEEP * smoother.structure
+            and bool(smoother.unexplained[0] > SMOOTHER_DEEP * smoother.structure)
         )
+    if inside.noise > SMOOTHEST_GREY and _faint(inside):
         smoothest = seen_inside(images, stereo, pose, *sizes, SMOOTHEST_PX)
-        flat_below_noise = bool(
-            smoothest.structure > SMOOTHEST_NOISES * smoothest.noise
-            and smoothest.unexplained[0] < NOT_IN_PLANE * smoothest.structure
+        flat_below_noise = smoothest.structure > SMOOTHEST_NOISES * smoothest.noise and bool(
+            smoothest.unexplained[0] < NOT_IN_PLANE * smoothest.structure
         )
     shade = chamfer_shade(fit, rim, quality.step_grey)
     known = shade[np.isfinite(shade)]
@@ -142,7 +142,11 @@ def evidence_of(
             chamfer = float(min(np.sqrt(np.mean(known**2)), np.sqrt(np.mean((known - 1.0) ** 2))))
         if _depth_by(inside, black, quality) is None:
             deeper = deeper_by(images, rim, stereo, fit, doubts)
-    return Evidence(inside, chamfer, black, deeper, chamfered, bool(deep_below_noise), flat_below_noise)
+    return Evidence(inside, chamfer, black, deeper, chamfered, deep_below_noise, flat_below_noise)
+
+
+def _faint(inside: Inside) -> bool:
+    return inside.structure < FAINT_NOISES * inside.noise
 
 
 def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
@@ -184,7 +188,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     inside = evidence.inside
     depth = _depth_by(inside, evidence.black, quality)
     # what is faintly seen may be noise
-    faint = inside.structure < FAINT_NOISES * inside.noise
+    faint = _faint(inside)
     plain = not (faint and evidence.flat_below_noise)
     if (depth is None and evidence.deep_below_noise) or (depth is not None and np.isinf(depth) and plain):
         return
