@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from crosspih_common.errors import DeviceLost
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import Rows, matrix_of, rows_of
 from crosspih_common.messages import JointState, RawWrenchBatch
 from crosspih_common.messages.base import floats
 from crosspih_common.wrench import Payload, SensorMounting
-from services.hardware.control.cycle import Reading, Reference
+from services.hardware.control.cycle import Reading, Reference, Wrench6
 from services.hardware.control.trail import Trail
 from services.hardware.protocols import JointDevice, WrenchDevice
 
@@ -85,7 +86,7 @@ class Runner:
         self._at_rest = np.zeros(len(self.joints_rad))
         self.speeds_rad_s = self._at_rest
         self.measured_rad, self._measured_rad_s = self.joints_rad, self.speeds_rad_s
-        self.pose_base_peg = self.forward(self.joints_rad)
+        self._rotation_base_peg = rows_of(self.forward(self.joints_rad).rotation)
         self._wrench.read()
         self._raw = np.zeros(6)
         self._tare = Payload.tare(np.zeros(6), self._mounting)
@@ -109,9 +110,22 @@ class Runner:
 
         A reading that is not a number stays one: it then trips the caps.
         """
-        on_peg = self._raw if self._peg_of_raw is None else self._peg_of_raw @ self._raw
-        contact: Array = on_peg - self._load
-        return contact
+        return np.array(self._contact())
+
+    def _contact(self) -> Wrench6:
+        raw = self._raw if self._peg_of_raw is None else self._peg_of_raw @ self._raw
+        fx, fy, fz, mx, my, mz = raw.tolist()
+        ax, ay, az, bx, by, bz = self._load
+        return fx - ax, fy - ay, fz - az, mx - bx, my - by, mz - bz
+
+    def face(self, rotation_base_peg: Array) -> None:
+        """The peg is turned so, (3, 3): a payload that is judged next is judged there."""
+        self._rotation_base_peg = rows_of(rotation_base_peg)
+
+    @property
+    def rotation_base_peg(self) -> Array:
+        """How the peg is turned (3, 3), as last told."""
+        return matrix_of(self._rotation_base_peg)
 
     def use_payload(self, payload: Payload | None) -> None:
         """From now on contact is what this leaves; with None what is felt before a motion is no contact."""
@@ -125,7 +139,7 @@ class Runner:
             self._reload()
 
     def _reload(self) -> None:
-        self._load = (self.payload or self._tare).load(self.pose_base_peg.rotation)
+        self._load = (self.payload or self._tare).load_of(self._rotation_base_peg)
 
     def _remember_joints(self) -> None:
         self._joint_state = JointState(
@@ -165,8 +179,8 @@ class Runner:
             self.trail.follow(reference.joints_rad)
         self.joints_rad, self.speeds_rad_s = reference.joints_rad, reference.speeds_rad_s
         self.measured_rad, self._measured_rad_s = state.positions_rad, state.speeds_rad_s
-        if reference.pose_base_peg is not None:
-            self.pose_base_peg = reference.pose_base_peg
+        if reference.rotation_base_peg is not None:
+            self._rotation_base_peg = reference.rotation_base_peg
             self._reload()
         count = len(samples.wrenches)
         if count:
@@ -179,12 +193,11 @@ class Runner:
                 self.last_samples.extend(samples.wrenches)
         else:
             self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
-        contact = self.last_contact()
+        contact = self._contact()
         self._publish(before_ns, samples.stamps_ns, samples.wrenches)
-        force, moment = contact[:3], contact[3:]
-        return Reading(
-            samples.wrenches, self._raw, contact, sqrt(force @ force), sqrt(moment @ moment), state.positions_rad
-        )
+        fx, fy, fz, mx, my, mz = contact
+        force_n, moment_nm = sqrt(fx * fx + fy * fy + fz * fz), sqrt(mx * mx + my * my + mz * mz)
+        return Reading(samples.wrenches, self._raw, contact, force_n, moment_nm, state.positions_rad)
 
     def _publish(self, before_ns: int, stamps_ns: NDArray[np.int64], samples: Array) -> None:
         now = self.now_ns
