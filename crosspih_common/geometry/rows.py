@@ -25,7 +25,7 @@ def turned(rows: Rows, x: float, y: float, z: float) -> Rows:
     """A rotation `rotation_base_b` after a small turn by a rotation vector (x, y, z), rad, of the base frame.
 
     Rodrigues' formula, R = I + a S + b S^2 with a = sin(t) / t and b = (1 - cos(t)) / t^2 by their series, which are
-    exact to 1e-13 for turns up to 0.01 rad (Murray, Li, Sastry, "A Mathematical Introduction to Robotic Manipulation",
+    exact to 1e-12 for turns up to 0.01 rad (Murray, Li, Sastry, "A Mathematical Introduction to Robotic Manipulation",
     section 2.2).
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows
