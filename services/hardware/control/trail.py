@@ -73,5 +73,6 @@ def _turned(joints_rad: list[float], last_rad: list[float], before_rad: list[flo
 
     In plain floats: of so few, several times sooner than by NumPy.
     """
-    left = sum(map(abs, map(sub, joints_rad, before_rad)))
-    return left <= 0.5 * sum(map(abs, map(sub, last_rad, before_rad)))
+    left: float = sum(map(abs, map(sub, joints_rad, before_rad)))
+    step: float = sum(map(abs, map(sub, last_rad, before_rad)))
+    return left <= 0.5 * step
