@@ -10,7 +10,7 @@ A single solve works on plain floats, because a controller calls it at every ste
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos, atan2, cos, hypot, isfinite, pi, sin
+from math import acos, atan2, cos, hypot, isfinite, pi, remainder, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,8 @@ from crosspih_common.arm.kinematics import ArmModel
 from crosspih_common.geometry.pose import Array, Pose
 
 Joints = tuple[float, float, float, float, float, float]
+Shoulder = tuple[float, float, float]
+Hand = tuple[float, float, float, float, float, float, float]
 
 _TURN = 2.0 * pi
 _SINGULAR_SINE = 1e-10  # below this sine of joint 5 the error of choosing joint 4 freely stays under 1e-10
@@ -75,66 +77,134 @@ def _geometry(arm: ArmModel) -> _Geometry:
 def _rows(pose: Pose) -> tuple[list[list[float]], list[float]]:
     rows: list[list[float]] = pose.rotation.tolist()
     position: list[float] = pose.translation_m.tolist()
-    if not all(isfinite(value) for row in rows for value in row) or not all(isfinite(value) for value in position):
-        raise Unreachable("pose_base_flange holds a number that is not finite")
     (a, b, c), (d, e, f), (g, h, i) = rows
     crooked = max(
         abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0), abs(c * c + f * f + i * i - 1.0),
         abs(a * b + d * e + g * h), abs(a * c + d * f + g * i), abs(b * c + e * f + h * i),
     )  # fmt: skip
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    # all nine are in the determinant: it is finite where they are
+    if not (isfinite(determinant) and isfinite(sum(position))):
+        raise Unreachable("pose_base_flange holds a number that is not finite, or one beyond all reach")
     if crooked > 1e-6 or determinant < 0.0:
         raise Unreachable("pose_base_flange.rotation is not a proper rotation; build it with Pose.from_matrix")
     return rows, position
 
 
-def _arm_branches(geometry: _Geometry, wrist: tuple[float, float, float], seed1: float) -> list[tuple[float, ...]]:
-    """(q1, t2, t3) of every shoulder and elbow that puts the wrist centre there, DH angles, offsets included."""
+def _shoulders(geometry: _Geometry, wrist: tuple[float, float, float], seed1: float) -> tuple[Shoulder, Shoulder]:
+    """(t1, along, down) of both shoulders: where the wrist centre is in the plane of frame 1, x outward, y downward."""
     x, y, z = wrist
-    radius = hypot(x, y)
+    radius, down = hypot(x, y), geometry.d1 - z
     ahead = atan2(y, x) if radius > 1e-12 else seed1 + geometry.offsets[0]
-    branches: list[tuple[float, ...]] = []
-    for t1, along in ((ahead, radius - geometry.a1), (ahead + pi, -radius - geometry.a1)):
-        # Frame 1 has x outward and y downward, so the target in its plane is (along, d1 - z).
-        u, v = along, geometry.d1 - z
-        cosine = (u * u + v * v - geometry.a2**2 - geometry.forearm**2) / (2.0 * geometry.a2 * geometry.forearm)
-        if abs(cosine) > 1.0 + 1e-12:
-            continue
-        bend = acos(max(-1.0, min(1.0, cosine)))
-        for elbow in (bend, -bend) if bend > 1e-12 else (bend,):
-            reach = geometry.forearm * sin(elbow)
-            t2 = atan2(v, u) - atan2(reach, geometry.a2 + geometry.forearm * cos(elbow))
-            branches.append((t1, t2, elbow - geometry.forearm_angle))
+    return (ahead, radius - geometry.a1, down), (ahead + pi, -radius - geometry.a1, down)
+
+
+def _bend(geometry: _Geometry, along: float, down: float) -> float | None:
+    """How far the elbow is bent, 0 to pi, one way or the other; None where the wrist centre is out of reach."""
+    a2, forearm = geometry.a2, geometry.forearm
+    cosine = (along * along + down * down - a2**2 - forearm**2) / (2.0 * a2 * forearm)
+    if abs(cosine) > 1.0 + 1e-12:
+        return None
+    return acos(max(-1.0, min(1.0, cosine)))
+
+
+def _arm(geometry: _Geometry, shoulder: Shoulder, elbow: float) -> tuple[float, float, float]:
+    """(t1, t2, t3), DH angles, offsets included, with the elbow bent so."""
+    t1, along, down = shoulder
+    reach = geometry.forearm * sin(elbow)
+    t2 = atan2(down, along) - atan2(reach, geometry.a2 + geometry.forearm * cos(elbow))
+    return t1, t2, elbow - geometry.forearm_angle
+
+
+def _arm_branches(
+    geometry: _Geometry, wrist: tuple[float, float, float], seed1: float
+) -> list[tuple[float, float, float]]:
+    """(t1, t2, t3) of every shoulder and elbow that puts the wrist centre there."""
+    branches = []
+    for shoulder in _shoulders(geometry, wrist, seed1):
+        bend = _bend(geometry, *shoulder[1:])
+        if bend is not None:
+            branches += [_arm(geometry, shoulder, elbow) for elbow in ((bend, -bend) if bend > 1e-12 else (bend,))]
     return branches
+
+
+def _in_forearm(rows: list[list[float]], t1: float, t23: float) -> Hand:
+    """The flange's rotation in frame 3, given the arm's angles: its first two rows, and the last entry of its third."""
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows
+    c1, s1, c, s = cos(t1), sin(t1), cos(t23), sin(t23)
+    # Columns of frame 3 in the base: x3 = (c1 c, s1 c, -s), y3 = (s1, -c1, 0), z3 = (-c1 s, -s1 s, -c).
+    x, y = c1 * c, s1 * c
+    return (
+        x * r00 + y * r10 - s * r20, x * r01 + y * r11 - s * r21, x * r02 + y * r12 - s * r22,
+        s1 * r00 - c1 * r10, s1 * r01 - c1 * r11, s1 * r02 - c1 * r12,
+        -c1 * s * r02 - s1 * s * r12 - c * r22,
+    )  # fmt: skip
+
+
+def _wrist(hand: Hand, t4: float) -> tuple[float, float, float]:
+    """(t4, t5, t6) with joint 4 there."""
+    m00, m01, m02, m10, m11, m12, m22 = hand
+    c4, s4 = cos(t4), sin(t4)
+    t5 = atan2(-(c4 * m02 + s4 * m12), m22)
+    # From the row that joint 5 leaves alone: exact also where joints 4 and 6 nearly share an axis.
+    return t4, t5, atan2(c4 * m10 - s4 * m00, c4 * m11 - s4 * m01)
 
 
 def _wrist_branches(
     rows: list[list[float]], t1: float, t23: float, seed4: float
 ) -> list[tuple[float, float, float, float]]:
     """(t4, t5, t6, abs(sin t5)) of both wrists, given the rotation and the arm's angles."""
-    c1, s1, c, s = cos(t1), sin(t1), cos(t23), sin(t23)
-    # Columns of frame 3 in the base: x3 = (c1 c, s1 c, -s), y3 = (s1, -c1, 0), z3 = (-c1 s, -s1 s, -c).
-    m = [
-        [c1 * c * rows[0][k] + s1 * c * rows[1][k] - s * rows[2][k] for k in range(3)],
-        [s1 * rows[0][k] - c1 * rows[1][k] for k in range(3)],
-        [-c1 * s * rows[0][k] - s1 * s * rows[1][k] - c * rows[2][k] for k in range(3)],
-    ]
-    sine = hypot(m[0][2], m[1][2])
-    choices = (seed4,) if sine < _SINGULAR_SINE else (atan2(-m[1][2], -m[0][2]), atan2(m[1][2], m[0][2]))
-    wrists = []
-    for t4 in choices:
-        c4, s4 = cos(t4), sin(t4)
-        t5 = atan2(-(c4 * m[0][2] + s4 * m[1][2]), m[2][2])
-        # From the row that joint 5 leaves alone: exact also where joints 4 and 6 nearly share an axis.
-        t6 = atan2(c4 * m[1][0] - s4 * m[0][0], c4 * m[1][1] - s4 * m[0][1])
-        wrists.append((t4, t5, t6, sine))
-    return wrists
+    hand = _in_forearm(rows, t1, t23)
+    _, _, m02, _, _, m12, _ = hand
+    sine = hypot(m02, m12)
+    choices = (seed4,) if sine < _SINGULAR_SINE else (atan2(-m12, -m02), atan2(m12, m02))
+    return [(*_wrist(hand, t4), sine) for t4 in choices]
+
+
+def _wrist_centre(geometry: _Geometry, rows: list[list[float]], position: list[float]) -> tuple[float, float, float]:
+    (x, y, z), d6 = position, geometry.d6
+    return x - d6 * rows[0][2], y - d6 * rows[1][2], z - d6 * rows[2][2]
+
+
+def _branch_of(geometry: _Geometry, pose: Pose, seed: Joints) -> list[float] | None:
+    """The joints (6,) of the branch that a seed is on; None where another may be nearer, or a joint is at its limits.
+
+    Another shoulder or wrist has joint 1 or 4 half a turn from this one's, another elbow has joint 3 twice the bend
+    from it: within half of the least of these no other branch is as near.
+    """
+    rows, position = _rows(pose)
+    o1, o2, o3, o4, o5, o6 = geometry.offsets
+    ahead, behind = _shoulders(geometry, _wrist_centre(geometry, rows, position), seed[0])
+    shoulder = ahead if abs(remainder(ahead[0] - o1 - seed[0], _TURN)) < 0.5 * pi else behind
+    bend = _bend(geometry, *shoulder[1:])
+    if bend is None:
+        return None
+    seed_bend = remainder(seed[2] + o3 + geometry.forearm_angle, _TURN)
+    t1, t2, t3 = _arm(geometry, shoulder, bend if seed_bend >= 0.0 else -bend)
+    hand = _in_forearm(rows, t1, t2 + t3)
+    _, _, m02, _, _, m12, _ = hand
+    if hypot(m02, m12) < _SINGULAR_SINE:
+        return None
+    t4 = atan2(-m12, -m02)
+    if abs(remainder(t4 - o4 - seed[3], _TURN)) >= 0.5 * pi:
+        t4 = atan2(m12, m02)
+    t4, t5, t6 = _wrist(hand, t4)
+    chosen, squared = [], 0.0
+    for value, wanted, low, high in zip(
+        (t1 - o1, t2 - o2, t3 - o3, t4 - o4, t5 - o5, t6 - o6), seed, geometry.lower, geometry.upper, strict=True
+    ):
+        angle = value + _TURN * round((wanted - value) / _TURN)
+        if not low - _LIMIT_SLACK_RAD <= angle <= high + _LIMIT_SLACK_RAD:
+            return None
+        squared += (angle - wanted) ** 2
+        chosen.append(angle)
+    return chosen if squared < (0.5 * min(bend, pi - bend, 0.5 * pi)) ** 2 else None
 
 
 def _branches(geometry: _Geometry, pose: Pose, seed: Joints) -> list[tuple[Joints, float]]:
     """Every branch before limits: (joint angles, abs(sin of joint 5))."""
-    rows, (x, y, z) = _rows(pose)
-    wrist = (x - geometry.d6 * rows[0][2], y - geometry.d6 * rows[1][2], z - geometry.d6 * rows[2][2])
+    rows, position = _rows(pose)
+    wrist = _wrist_centre(geometry, rows, position)
     arms = _arm_branches(geometry, wrist, seed[0])
     if not arms:
         raise Unreachable(_out_of_reach(geometry, wrist))
@@ -247,8 +317,13 @@ class ClosedForm:
         return np.array(best)
 
     def follow(self, pose_base_flange: Pose, seed_joints_rad: ArrayLike) -> Array:
-        """As `nearest`: all branches are known at no cost."""
-        return self.nearest(pose_base_flange, seed_joints_rad)
+        """As `nearest`, and the same to the bit: where a pose is close to the seed's own one branch of eight is enough.
+
+        A controller asks for it every few milliseconds.
+        """
+        seed = _checked_seed(seed_joints_rad)
+        joints = _branch_of(self._geometry, pose_base_flange, seed)
+        return self.nearest(pose_base_flange, seed) if joints is None else np.array(joints)
 
     def singular(self, joints_rad: ArrayLike) -> str:
         """Whether the wrist is nearly singular, in words; empty where it is not."""
@@ -258,6 +333,6 @@ class ClosedForm:
 
 def _checked_seed(seed_joints_rad: ArrayLike) -> Joints:
     seed = np.asarray(seed_joints_rad, float)
-    if seed.shape != (6,) or not np.all(np.isfinite(seed)):
+    if seed.shape != (6,) or not isfinite(sum(seed.tolist())):
         raise ValueError(f"seed_joints_rad wants six finite angles, got {seed!r}")
     return _six(seed)

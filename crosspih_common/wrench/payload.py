@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import Rows
 from crosspih_common.geometry.wrench import skew
 from crosspih_common.messages import SetPayload
 from crosspih_common.wrench.mounting import SensorMounting
@@ -33,6 +34,7 @@ class Payload:
     _sensor_of_force: Array = field(init=False, repr=False)
     _peg_of_force: Array = field(init=False, repr=False)
     _peg_of_bias: Array = field(init=False, repr=False)
+    _plain: tuple[list[float], list[list[float]]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name, shape in (("bias", 6), ("weight_base_n", 3), ("centroid_sensor_m", 3)):
@@ -46,6 +48,9 @@ class Payload:
         object.__setattr__(self, "_sensor_of_force", of_force)
         object.__setattr__(self, "_peg_of_force", to_peg @ of_force @ self.mounting.pose_peg_sensor.rotation.T)
         object.__setattr__(self, "_peg_of_bias", to_peg @ self.bias)
+        # each number of `load` with what one newton of weight along x, y and z of the peg frame adds to it
+        table = np.column_stack([self._peg_of_bias, self._peg_of_force])
+        object.__setattr__(self, "_plain", (self.weight_base_n.tolist(), table.tolist()))
 
     @classmethod
     def from_command(cls, command: SetPayload, mounting: SensorMounting | None = None) -> Payload:
@@ -86,6 +91,15 @@ class Payload:
         """What is not contact (..., 6), peg frame, N and Nm, at orientations of the peg frame (..., 3, 3)."""
         force = self.weight_base_n @ np.asarray(rotation_base_peg, dtype=float)
         return np.asarray(self._peg_of_bias + force @ self._peg_of_force.T, dtype=float)
+
+    def load_of(self, rotation_base_peg: Rows) -> list[float]:
+        """`load` (6,) at one orientation, row by row, in plain floats: for a loop that turns in every cycle."""
+        (lx, ly, lz), table = self._plain
+        r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_base_peg
+        fx = lx * r00 + ly * r10 + lz * r20
+        fy = lx * r01 + ly * r11 + lz * r21
+        fz = lx * r02 + ly * r12 + lz * r22
+        return [bias + a * fx + b * fy + c * fz for bias, a, b, c in table]
 
     def on_peg(self, raw: ArrayLike) -> Array:
         """Raw readings (..., 6) as wrenches on the peg, peg frame, N and Nm; `load` still in them.

@@ -76,19 +76,22 @@ def watch_onset(
     ).tolist()
     hold_samples = settings.hold_samples(period_s)
     events: list[ContactEvent] = []
-    for stamp, wrench, value in zip(stamps, samples, level, strict=True):
-        against = value < settings.release_ratio if state.in_contact else value > 1.0
+    in_contact, run = state.in_contact, state.run_samples
+    run_stamp_ns, run_wrench = state.run_stamp_ns, state.run_wrench
+    for index, value in enumerate(level):
+        against = value < settings.release_ratio if in_contact else value > 1.0
         if not against:
-            state = replace(state, run_samples=0)
+            run = 0
             continue
-        if state.run_samples == 0:
-            state = replace(state, run_stamp_ns=stamp, run_wrench=tuple(wrench.tolist()))
-        state = replace(state, run_samples=state.run_samples + 1)
-        if state.run_samples >= hold_samples:
-            change = ContactChange.ENDED if state.in_contact else ContactChange.BEGAN
-            events.append(ContactEvent(change, state.run_stamp_ns, state.run_wrench))
-            state = replace(state, in_contact=not state.in_contact, run_samples=0)
-    return state, events
+        if run == 0:
+            run_stamp_ns, run_wrench = stamps[index], tuple(samples[index].tolist())
+        run += 1
+        if run >= hold_samples:
+            events.append(
+                ContactEvent(ContactChange.ENDED if in_contact else ContactChange.BEGAN, run_stamp_ns, run_wrench)
+            )
+            in_contact, run = not in_contact, 0
+    return OnsetState(in_contact, run, run_stamp_ns, run_wrench), events
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +152,13 @@ def watch_free_air(
             np.linalg.norm(kept[:, :3], axis=1) / settings.force_limit_n,
             np.linalg.norm(kept[:, 3:], axis=1) / settings.moment_limit_nm,
         )
-        mean, count = np.asarray(state.mean), state.samples
-        for wrench in kept[level <= settings.gate_ratio]:
+        # in plain floats: of six numbers, sample after sample, a call of NumPy costs more than the sums
+        mean, count = list(state.mean), state.samples
+        for wrench in kept[level <= settings.gate_ratio].tolist():
             count += 1
-            mean = mean + (wrench - mean) / min(count, enough)
-        state = replace(state, mean=tuple(mean.tolist()), samples=count)
+            share = min(count, enough)
+            mean = [was + (felt - was) / share for was, felt in zip(mean, wrench, strict=True)]
+        state = replace(state, mean=tuple(mean), samples=count)
     return state, _report(state, settings, enough)
 
 

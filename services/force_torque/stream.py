@@ -58,7 +58,9 @@ class WrenchStream:
     """Batches in, wrenches out. A calibration may come from another thread."""
 
     def __init__(self, workcell: Workcell, config: ForceTorqueConfig, judge: Judge) -> None:
-        self._workcell, self._config, self._judge = workcell, config, judge
+        self._arm, self._pose_flange_peg = workcell.arm(), workcell.pose_flange_peg()
+        self._config, self._judge = config, judge
+        self._stands: tuple[tuple[float, ...], Pose] = (), Pose.identity()
         self._lock = threading.Lock()
         self._pipeline = Pipeline(
             payload=Payload(np.zeros(6), np.zeros(3), np.zeros(3), workcell.sensor_mounting()),
@@ -120,7 +122,7 @@ class WrenchStream:
 
     def _take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> Told:
         newest = states[-1]
-        pose_base_peg = self._workcell.pose_base_peg(newest.joints_rad)
+        pose_base_peg = self._pose_base_peg(newest.joints_rad)
         result = step(
             self._pipeline,
             np.asarray(batch.samples),
@@ -156,6 +158,14 @@ class WrenchStream:
             memory=self._memory(stamp_ns),
         )
         return Told(wrench, state, result.events, drift)
+
+    def _pose_base_peg(self, joints_rad: tuple[float, ...]) -> Pose:
+        """Of an arm that stands it is reckoned once."""
+        known, pose = self._stands
+        if known != joints_rad:
+            pose = self._arm.pose_base_flange(joints_rad) @ self._pose_flange_peg
+            self._stands = joints_rad, pose
+        return pose
 
     def _may_touch(self, pose_base_peg: Pose) -> bool:
         """Whether the peg's tip is so far in that it may touch the hole's part, wherever within its range that is."""

@@ -19,8 +19,11 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, ResetCell, SimulationTruth
 from crosspih_common.messages.images import Pixels
 
+# The two readings are made anew in every cycle, and nobody writes to them; to freeze a dataclass makes each field of it
+# several times as dear.
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(slots=True, eq=False)
 class JointReading:
     """The encoders in one cycle: positions (n,), rad, and speeds (n,), rad/s."""
 
@@ -29,7 +32,7 @@ class JointReading:
     speeds_rad_s: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class WrenchSamples:
     """What the sensor gave since the last read, oldest first: stamps (m,), ns, and raw wrenches (m, 6), N and Nm.
 

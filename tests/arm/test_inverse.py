@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.arm import ArmModel, xb4
+from crosspih_common.arm.closed_form import ClosedForm
 from crosspih_common.arm.inverse import BranchJump, Unreachable, inverse, nearest, track
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -60,6 +62,34 @@ def test_nearest_to_the_joints_themselves_gives_the_pose_with_the_least_motion(j
     found = nearest(ARM, pose, joints)
     assert same_pose(ARM.pose_base_flange(found), pose)
     assert np.linalg.norm(found - joints) <= min(np.linalg.norm(q - joints) for q in inverse(ARM, pose)) + 1e-12
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(joint_vectors, st.tuples(*[st.floats(-1.0, 1.0)] * 6), st.sampled_from([1e-9, 1e-4, 1e-2, 0.3, 3.0]))
+def test_following_is_nearest_to_the_bit(joints: Array, offset: tuple[float, ...], size_rad: float) -> None:
+    """By the one branch of the seed's where that is enough, by all eight where not: as far off and at the limits."""
+    pose, seed, solver = ARM.pose_base_flange(joints), joints + size_rad * np.array(offset), ClosedForm(ARM)
+    try:
+        wanted = solver.nearest(pose, seed)
+    except Unreachable as error:
+        with pytest.raises(Unreachable, match=re.escape(str(error))):
+            solver.follow(pose, seed)
+    else:
+        assert np.array_equal(solver.follow(pose, seed), wanted)
+
+
+STRETCHED = np.array([0.2, 0.0, -np.arctan2(0.280, 0.025), 0.0, 0.5, 0.0])
+
+
+@pytest.mark.parametrize("singular", [STRETCHED, np.array([0.2, 0.3, 0.1, 0.7, 0.0, -0.2])], ids=["elbow", "wrist"])
+@pytest.mark.parametrize("size_rad", [1e-9, 1e-6, 1e-3, 0.1])
+def test_following_beside_a_singularity_is_still_the_nearest(singular: Array, size_rad: float) -> None:
+    """Where two branches meet, the other one may be the nearer."""
+    solver, rng = ClosedForm(ARM), np.random.default_rng(3)
+    for _ in range(30):
+        joints = singular + size_rad * rng.normal(size=6)
+        pose, seed = ARM.pose_base_flange(joints), joints + 3.0 * size_rad * rng.normal(size=6)
+        assert np.array_equal(solver.follow(pose, seed), solver.nearest(pose, seed))
 
 
 def test_random_joints_come_back_and_all_solutions_are_distinct() -> None:

@@ -55,7 +55,7 @@ def backed_off(runner: Runner, force_n: Callable[[float], float]) -> tuple[float
         force = force_n(along(runner))
         largest = max(largest, force)
         try:
-            reference = steps.send(Reading(np.zeros((1, 6)), np.zeros(6), np.zeros(6), force, 0.0, HOME))
+            reference = steps.send(Reading(np.zeros((1, 6)), np.zeros(6), (0.0,) * 6, force, 0.0, HOME))
         except StopIteration:
             return along(runner), largest
 

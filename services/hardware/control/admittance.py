@@ -1,28 +1,24 @@
-"""The admittance move: push along a direction, yield to lateral force and to moment (Seraji 1994; Villani and De
-Schutter, "Force Control", Springer Handbook of Robotics, section 9.2).
+"""The admittance move: push along a direction, yield to lateral force and to moment by `AdmittanceLaw`, and go along a
+search path where there is one.
 
-The contact wrench, filtered at 100 Hz, is turned into velocity about a centre near the rim:
-
-    v_lateral = F_lateral / D,   w = M_centre / D_r,   v_axial = v (1 - load / F_max)
-
-each clipped, plus the speeds of a search path where there is one. The load is the axial force, or a share of |F| when
-the peg leans on a wall, or of |M|: a wedged peg can carry far more than its axial force says. A load beyond F_max lets
-the peg come back.
+The contact wrench is filtered at 100 Hz first. In plain floats, as the law itself: the joints alone are arrays.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from math import sqrt
+from math import exp, pi, sqrt
 
 import numpy as np
 
 from crosspih_common.arm import ArmModel
-from crosspih_common.arm.inverse import InverseError, nearest
-from crosspih_common.geometry import Pose, skew
+from crosspih_common.arm.inverse import InverseError, solver
+from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import matrix_of, rows_of, turned
 from crosspih_common.messages import AdmittanceMove, StopReason
-from services.hardware.control.cycle import Reading, Reference, finite_difference_speed
+from services.hardware.control.admittance_law import AdmittanceLaw
+from services.hardware.control.cycle import Reading, Reference
 from services.hardware.control.motions import Ending, Steps, cycles
 from services.hardware.control.runner import Runner
 from services.hardware.control.search_path import SearchPath
@@ -30,7 +26,6 @@ from services.hardware.control.search_path import SearchPath
 FILTER_HZ = 100.0
 STALL_SHARE = 0.02
 _RAMP_M_S2 = 0.5
-_MOMENT_LOAD_NM = 4.0
 _EXACT_S = 0.005
 _JACOBIAN_S = 0.05
 
@@ -44,59 +39,69 @@ class Admittance:
     ) -> None:  # fmt: skip
         self._arm = arm
         self._pose_flange_peg = pose_flange_peg
-        self._peg_to_flange = pose_flange_peg.inverse()
         self._start = start
-        self._direction = direction_base
+        self._law = AdmittanceLaw.of(command, direction_base.tolist())
         self._command = command
         self._search, self._period_s = search, period_s
         self.travel_m = 0.0
 
     def steps(self, runner: Runner) -> Steps:
         """Until seated, stalled, at the end of the search path or out of time."""
-        command, direction, search, period_s = self._command, self._direction, self._search, self._period_s
+        command, law, search, period_s = self._command, self._law, self._search, self._period_s
+        solve, peg_to_flange = solver(self._arm), self._pose_flange_peg.inverse()
         exact_every, jacobian_every = cycles(_EXACT_S, period_s), cycles(_JACOBIAN_S, period_s)
-        smoothing = 1.0 - np.exp(-2.0 * np.pi * FILTER_HZ * period_s)
-        centre_peg = np.asarray(command.centre_peg_m, float)
-        pose = self._start
-        begin = centre = pose.apply(centre_peg)
-        joints = runner.joints_rad
-        wrench = np.zeros(6)
+        smoothing = 1.0 - exp(-2.0 * pi * FILTER_HZ * period_s)
+        path_m_s, path_rad_s = search.velocity_m_s.tolist(), search.turn_rad_s.tolist()
+        dx, dy, dz = law.direction
+        # of the base frame: how the peg is turned, the peg frame's origin (x, y, z), the centre (cx, cy, cz)
+        rotation = rows_of(self._start.rotation)
+        x, y, z = self._start.translation_m.tolist()
+        px, py, pz = law.centre_m
+        bx, by, bz = cx, cy, cz = self._start.apply(law.centre_m).tolist()
+        wrench = [0.0] * 6
         speed = 0.0
+        joints = runner.joints_rad
+        to_joints: Array = np.eye(len(joints), 6)
         window = cycles(command.stall_s, period_s)
         progress: deque[float] = deque([0.0], maxlen=window)
-        to_joints: Array = np.eye(len(joints), 6)
         for index in range(cycles(command.timeout_s, period_s)):
-            before = pose
-            axial_speed, lateral, turn = self._velocities(wrench, pose)
+            axial_m_s, (vx, vy, vz), (wx, wy, wz) = law.yielding(wrench, rotation)
             if search.steps:
                 if index >= search.steps:
                     return Ending(StopReason.COMPLETED, "the search path is at its end")
-                lateral = lateral + search.velocity_m_s[index]
-                turn = turn + search.turn_rad_s[index]
+                (along_x, along_y, along_z), (turn_x, turn_y, turn_z) = path_m_s[index], path_rad_s[index]
+                vx, vy, vz = vx + along_x, vy + along_y, vz + along_z
+                wx, wy, wz = wx + turn_x, wy + turn_y, wz + turn_z
             # gather speed gently, give way at once
-            speed = min(axial_speed, speed + _RAMP_M_S2 * period_s)
-            centre = centre + (direction * speed + lateral) * period_s
-            # At 0.05 rad/s a step turns 5e-5 rad: the second order is exact to 1e-14.
-            spin = skew(turn * period_s)
-            rotation = pose.rotation + spin @ (pose.rotation + 0.5 * spin @ pose.rotation)
-            pose = Pose(rotation, centre - rotation @ centre_peg)
+            speed = min(axial_m_s, speed + _RAMP_M_S2 * period_s)
+            cx += (dx * speed + vx) * period_s
+            cy += (dy * speed + vy) * period_s
+            cz += (dz * speed + vz) * period_s
+            rotation = turned(rotation, wx * period_s, wy * period_s, wz * period_s)
+            before_x, before_y, before_z = x, y, z
+            r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+            x = cx - (r00 * px + r01 * py + r02 * pz)
+            y = cy - (r10 * px + r11 * py + r12 * pz)
+            z = cz - (r20 * px + r21 * py + r22 * pz)
             # The closed form every 5 ms, the Jacobian in between: nanometres apart, at a third of the time.
             if index % jacobian_every == 0:
                 to_joints = np.asarray(np.linalg.pinv(self._arm.jacobian(joints, self._pose_flange_peg)), dtype=float)
             if index % exact_every == 0:
                 try:
-                    following = nearest(self._arm, pose @ self._peg_to_flange, joints)
+                    following = solve.follow(Pose(matrix_of(rotation), np.array((x, y, z))) @ peg_to_flange, joints)
                 except InverseError as error:
                     return Ending(StopReason.STALLED, f"yielding led out of reach: {error}")
+                step = following - joints
             else:
-                moved = pose.translation_m - before.translation_m
-                following = joints + to_joints @ np.concatenate([moved, turn * period_s])
-            tip_speed = abs(speed) + sqrt(lateral @ lateral)
-            speeds = finite_difference_speed(joints, following, period_s)
-            reading: Reading = yield Reference(following, speeds, pose, tip_speed_m_s=tip_speed)
+                step = to_joints @ np.array(
+                    (x - before_x, y - before_y, z - before_z, wx * period_s, wy * period_s, wz * period_s)
+                )
+                following = joints + step
+            tip_m_s = abs(speed) + sqrt(vx * vx + vy * vy + vz * vz)
+            reading: Reading = yield Reference(following, step / period_s, rotation, tip_speed_m_s=tip_m_s)
             joints = following
-            wrench = wrench + smoothing * (reading.contact - wrench)
-            self.travel_m = float((centre - begin) @ direction)
+            wrench = [was + smoothing * (felt - was) for was, felt in zip(wrench, reading.contact, strict=True)]
+            self.travel_m = (cx - bx) * dx + (cy - by) * dy + (cz - bz) * dz
             if self.travel_m >= command.travel_m:
                 return Ending(StopReason.SEATED)
             if (
@@ -111,26 +116,3 @@ class Admittance:
                 )
             progress.append(self.travel_m)
         return Ending(StopReason.TIMED_OUT, f"{self.travel_m * 1e3:.2f} mm in {command.timeout_s:g} s")
-
-    def _velocities(self, wrench: Array, pose: Pose) -> tuple[float, Array, Array]:
-        command, direction = self._command, self._direction
-        force = pose.rotation @ wrench[:3]
-        fx, fy, fz, _, _, _ = wrench.tolist()
-        x, y, z = command.centre_peg_m
-        # the moment about the centre: M - c x F
-        about = wrench[3:] - np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
-        axial = float(-force @ direction)
-        across = force + direction * axial
-        lateral = _clip(across / command.lateral_damping_n_s_m, command.lateral_speed_limit_m_s)
-        turn = _clip(pose.rotation @ about / command.rotational_damping_nm_s_rad, command.rotational_speed_limit_rad_s)
-        load = max(
-            axial / command.axial_force_n,
-            0.5 * sqrt(force @ force) / command.axial_force_n,
-            sqrt(about @ about) / _MOMENT_LOAD_NM,
-        )
-        return command.speed_m_s * min(1.0, max(-1.0, 1.0 - load)), lateral, turn
-
-
-def _clip(vector: Array, length: float) -> Array:
-    size = sqrt(vector @ vector)
-    return vector if size <= length else vector * (length / size)

@@ -235,7 +235,7 @@ class ArmController:
             mean, sd = (
                 mean_and_sd(np.array(runner.last_samples)) if runner.last_samples else (np.zeros(6), np.full(6, np.inf))
             )
-            why = judge_payload(payload, mean, sd, runner.pose_base_peg.rotation, self._payload_limits)
+            why = judge_payload(payload, mean, sd, runner.rotation_base_peg, self._payload_limits)
             if why is not None:
                 raise CommandRefused(IMPLAUSIBLE, why)
             runner.use_payload(payload)
@@ -375,7 +375,7 @@ class ArmController:
     def _done(self, ending: Ending, travel_m: float | None, notes: list[str]) -> MotionOutcome:
         runner, execution = self._runner, self._execution
         pose = runner.forward(runner.measured_rad)
-        runner.pose_base_peg = pose
+        runner.face(pose.rotation)
         if travel_m is None:
             travel_m = pose.distance_to_m(runner.forward(self._start_joints))
         runner.speeds_rad_s = np.zeros(len(runner.joints_rad))

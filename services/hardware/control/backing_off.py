@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import rows_of
 from services.hardware.control.cycle import Reading, Reference, finite_difference_speed
 from services.hardware.control.runner import Runner
 
@@ -90,4 +91,4 @@ def _step(before_rad: Array, target_rad: Array, budget_rad: float) -> Array:
 
 def _towards(runner: Runner, target_rad: Array) -> Reference:
     speeds = finite_difference_speed(runner.joints_rad, target_rad, runner.period_s)
-    return Reference(target_rad, speeds, runner.forward(target_rad), retracing=True)
+    return Reference(target_rad, speeds, rows_of(runner.forward(target_rad).rotation), retracing=True)

@@ -6,28 +6,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import Rows
+
+Wrench6 = tuple[float, float, float, float, float, float]
+
+# Both are made anew in every cycle, and nobody writes to them; to freeze a dataclass makes each field of it several
+# times as dear.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Reference:
-    """Where the joints are to be in a cycle. Arrays (n,); a `pose_base_peg` of None keeps the last known."""
+    """Where the joints are to be in a cycle. Arrays (n,); a `rotation_base_peg` of None keeps the last known."""
 
     joints_rad: Array
     speeds_rad_s: Array
-    pose_base_peg: Pose | None = None
+    rotation_base_peg: Rows | None = None
     retracing: bool = False  # the way back is not a way that was come
     tip_speed_m_s: float = 0.0  # of a motion that may touch: what it would still press if it were told to stop now
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Reading:
-    """What is known after a cycle: the samples (m, 6) that came in it, their mean and what of it is contact, (6,)."""
+    """What is known after a cycle: the samples (m, 6) that came in it, their mean (6,) and what of it is contact, six
+    plain floats."""
 
     samples: Array
     raw: Array
-    contact: Array
+    contact: Wrench6
     force_n: float
     moment_nm: float
     joints_rad: Array  # (n,), as the encoders say

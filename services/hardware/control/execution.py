@@ -64,8 +64,10 @@ class Execution:
         self._effort.restart()
 
     def _felt(self, reading: Reading) -> None:
-        self.peak_force_n = max(self.peak_force_n, reading.force_n)
-        self.peak_moment_nm = max(self.peak_moment_nm, reading.moment_nm)
+        if reading.force_n > self.peak_force_n:
+            self.peak_force_n = reading.force_n
+        if reading.moment_nm > self.peak_moment_nm:
+            self.peak_moment_nm = reading.moment_nm
 
     def over_caps(self, reading: Reading, adds_n: float = 0.0) -> Ending | None:
         """What ends a motion that feels this, and whose speed will still add a force."""

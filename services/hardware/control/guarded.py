@@ -7,11 +7,13 @@ air.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from math import sqrt
 
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import Rows, rows_of
 from crosspih_common.messages import GuardedMove, StopReason
 from services.hardware.control.cycle import Reading, Reference
 from services.hardware.control.motions import Ending, Steps, cycles
@@ -45,11 +47,13 @@ class Guarded:
         self.observed_joints_rad: Array | None = None
         self.observed_travel_m: float | None = None
         self._speed = 0.0
+        # kept all along: the first reference says it, the others keep it
+        self._orientation: Rows | None = rows_of(path.pose_at(0.0).rotation)
 
     def steps(self, runner: Runner) -> Steps:
         """Free air, approach, creep, retreat."""
         free: list[Array] = []
-        felt: list[Array] = []
+        felt: list[Sequence[float]] = []
         skip, count = cycles(FREE_SKIP_S, self._period_s), cycles(FREE_S, self._period_s)
         for index in range(skip + count):
             reading = yield runner.still()
@@ -57,10 +61,10 @@ class Guarded:
                 free.append(reading.raw)
                 felt.append(reading.contact)
         self.free_raw = np.mean(free, axis=0)
-        offset = np.mean(felt, axis=0)
+        offset: list[float] = np.mean(felt, axis=0).tolist()
         if runner.payload is not None and self._over(offset):
             # It touches already: the tare would hide that.
-            offset = np.zeros(6)
+            offset = [0.0] * 6
         touched = yield from self._approach(runner, offset)
         if not touched:
             return Ending(StopReason.TRAVEL_LIMIT, f"nothing felt within {self._command.travel_limit_m * 1e3:.1f} mm")
@@ -68,20 +72,21 @@ class Guarded:
         yield from self._retreat(runner)
         return Ending(StopReason.CONTACT)
 
-    def _over(self, contact: Array) -> bool:
-        force, moment = contact[:3], contact[3:]
-        return bool(
-            force @ force >= self._command.force_threshold_n**2
-            or moment @ moment >= self._command.moment_threshold_nm**2
+    def _over(self, contact: Sequence[float]) -> bool:
+        fx, fy, fz, mx, my, mz = contact
+        return (
+            fx * fx + fy * fy + fz * fz >= self._command.force_threshold_n**2
+            or mx * mx + my * my + mz * mz >= self._command.moment_threshold_nm**2
         )
 
     def _go(self, speed: float) -> Reference:
         self._speed = speed
         self.travel_m += speed * self._period_s
-        joints, slope, _ = self._path.at(self.travel_m)
-        return Reference(joints, slope * speed, self._path.pose_at(self.travel_m), tip_speed_m_s=speed)
+        joints, slope = self._path.at(self.travel_m)
+        orientation, self._orientation = self._orientation, None
+        return Reference(joints, slope * speed, orientation, tip_speed_m_s=speed)
 
-    def _approach(self, runner: Runner, offset: Array) -> Generator[Reference, Reading, bool]:
+    def _approach(self, runner: Runner, offset: list[float]) -> Generator[Reference, Reading, bool]:
         command = self._command
         ramp = ramp_m_s2(command.speed_m_s)
         travels, contacts = [], []
@@ -89,9 +94,9 @@ class Guarded:
             left = command.travel_limit_m - self.travel_m
             if left < 1e-6:
                 return False
-            speed = min(command.speed_m_s, self._speed + ramp * self._period_s, max(2e-4, np.sqrt(2.0 * ramp * left)))
-            reading: Reading = yield self._go(float(min(speed, left / self._period_s)))
-            contact = reading.contact - offset
+            speed = min(command.speed_m_s, self._speed + ramp * self._period_s, max(2e-4, sqrt(2.0 * ramp * left)))
+            reading: Reading = yield self._go(min(speed, left / self._period_s))
+            contact = [felt - free for felt, free in zip(reading.contact, offset, strict=True)]
             travels.append(self.travel_m)
             contacts.append(contact)
             if self._over(contact):
@@ -121,13 +126,13 @@ class Guarded:
         speed = 0.0
         while left > 1e-9:
             speed = min(
-                _RETREAT_M_S, speed + _RETREAT_M_S2 * self._period_s, max(2e-4, np.sqrt(2.0 * _RETREAT_M_S2 * left))
+                _RETREAT_M_S, speed + _RETREAT_M_S2 * self._period_s, max(2e-4, sqrt(2.0 * _RETREAT_M_S2 * left))
             )
             speed = min(speed, left / self._period_s)
             left -= speed * self._period_s
             s = there - min(self._command.retreat_m, there) + left
-            joints, slope, _ = self._path.at(s)
-            yield Reference(joints, -slope * speed, self._path.pose_at(s))
+            joints, slope = self._path.at(s)
+            yield Reference(joints, -slope * speed)
 
 
 def onset(travels_m: Array, contacts: Array, period_s: float) -> float:

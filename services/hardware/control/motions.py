@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import rows_of
 from crosspih_common.messages import StopReason
 from services.hardware.control.cycle import Reading, Reference
 from services.hardware.control.pace import Pace
@@ -49,16 +50,17 @@ class Along:
     def steps(self, runner: Runner) -> Steps:
         """From rest to rest."""
         period_s = runner.period_s
-        at_s, rates, touching = self._pace.samples(self._path.duration_s, period_s)
+        at_s, *at_each = self._pace.samples(self._path.duration_s, period_s)
+        rates, touching = (values.tolist() for values in at_each)
         pose_every = max(1, round(POSE_S / period_s))
         last = len(at_s) - 1
-        for index, (joints, speeds, pose) in enumerate(self._path.samples(at_s)):
+        for index, (joints, speeds) in enumerate(self._path.samples(at_s)):
             turned = index % pose_every == 0 or index == last
             rate = rates[index]
             yield Reference(
                 joints,
                 speeds if rate == 1.0 else speeds * rate,
-                (pose or runner.forward(joints)) if turned else None,
+                rows_of(runner.forward(joints).rotation) if turned else None,
                 tip_speed_m_s=touching[index],
             )
         for _ in range(cycles(SETTLE_S, period_s)):
@@ -96,4 +98,4 @@ def brake(runner: Runner, limits_rad_s2: Array) -> Generator[Reference, Reading,
     for index in range(1, count + 1):
         slower = speeds * (1.0 - index / count)
         joints = runner.joints_rad + slower * period_s
-        yield Reference(joints, slower, runner.forward(joints))
+        yield Reference(joints, slower, rows_of(runner.forward(joints).rotation))

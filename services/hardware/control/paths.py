@@ -55,8 +55,8 @@ class TimedPath(Protocol):
     def duration_s(self) -> float:
         """From its start to its end."""
 
-    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array, Pose | None]]:
-        """Joints (n,), their speeds (n,) and, where it is known, `pose_base_peg`, at each of some times (k,), s."""
+    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array]]:
+        """Joints (n,) and their speeds (n,) at each of some times (k,), s."""
 
 
 class JointTrajectory:
@@ -118,10 +118,9 @@ class JointTrajectory:
         """Joints (k, n) at times (k,) from the first knot, s."""
         return np.asarray(self._position(times_s))
 
-    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array, Pose | None]]:
-        """As TimedPath; poses are left to forward kinematics."""
-        for joints, speeds in zip(self._position(times_s), self._speed(times_s), strict=True):
-            yield joints, speeds, None
+    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array]]:
+        """As TimedPath."""
+        return zip(self._position(times_s), self._speed(times_s), strict=True)
 
 
 class StraightPath:
@@ -155,16 +154,23 @@ class StraightPath:
         curve = np.abs(spline(grid, 2)).max(axis=0)
         self._limits, self._slope, self._curve = arm.limits, slope, curve
 
-    def at(self, s: float) -> tuple[Array, Array, Array]:
-        """Joints and their first and second derivative by s, each (6,)."""
+    def at(self, s: float) -> tuple[Array, Array]:
+        """Joints and their derivative by s, each (n,)."""
         index = min(self._last, max(0, int(s / self._spacing)))
         t = s - index * self._spacing
         a, b, c, d = self._coefficients[index]
-        return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c, 6.0 * a * t + 2.0 * b
+        return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c
+
+    def at_all(self, s: Array) -> tuple[Array, Array]:
+        """The same (k, n) at places (k,)."""
+        index = np.clip((s / self._spacing).astype(int), 0, self._last)
+        t = (s - index * self._spacing)[:, None]
+        a, b, c, d = self._coefficients[index].swapaxes(0, 1)
+        return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c
 
     def joints(self, count: int) -> Array:
         """Joints (count, n) at places evenly along the way."""
-        return np.array([self.at(float(s))[0] for s in np.linspace(0.0, self.length, count)])
+        return self.at_all(np.linspace(0.0, self.length, count))[0]
 
     def check_speed(self, rate: float) -> None:
         """Refuse a rate of s (1/s) that some joint could not follow somewhere on the way."""
@@ -200,15 +206,14 @@ class LineInTime:
 
     def positions(self, times_s: Array) -> Array:
         """Joints (k, n) at times (k,), s."""
-        return np.array([self._path.at(float(s))[0] for s in self._places(times_s)])
+        return self._path.at_all(self._places(times_s))[0]
 
-    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array, Pose | None]]:
+    def samples(self, times_s: Array) -> Iterator[tuple[Array, Array]]:
         """As TimedPath."""
         x = times_s / self.duration_s
         rates = self._path.length * 30.0 * x * x * (1.0 - x) ** 2 / self.duration_s
-        for s, rate in zip(self._places(times_s).tolist(), rates.tolist(), strict=True):
-            joints, slope, _ = self._path.at(s)
-            yield joints, slope * rate, self._path.pose_at(s)
+        joints, slopes = self._path.at_all(self._places(times_s))
+        return zip(joints, slopes * rates[:, None], strict=True)
 
 
 def line(

@@ -11,15 +11,14 @@ from collections.abc import Callable
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crosspih_common.errors import DeviceLost
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rows import matrix_of, rows_of
 from crosspih_common.messages import JointState, RawWrenchBatch
-from crosspih_common.messages.base import floats
 from crosspih_common.wrench import Payload, SensorMounting
-from services.hardware.control.cycle import Reading, Reference
+from services.hardware.control.cycle import Reading, Reference, Wrench6
 from services.hardware.control.trail import Trail
 from services.hardware.protocols import JointDevice, WrenchDevice
 
@@ -39,6 +38,7 @@ class Runner:
         self.model = joints.model
         self.period_s = joints.period_s
         self._period_ns = round(joints.period_s * 1e9)
+        self._still: Reference | None = None
         self._sample_ns = round(wrench.period_s * 1e9)
         self._pose_flange_peg = pose_flange_peg
         self._tick_listeners: list[Callable[[int], object]] = []
@@ -54,7 +54,7 @@ class Runner:
         self.last_samples: deque[Array] = deque(maxlen=max(2, round(LAST_S / wrench.period_s)))
         self.trail = Trail()
         self._lost = False
-        self._batch: list[Array] = []
+        self._batch: list[list[float]] = []
         self._batch_ns = 0
         self.restart()
 
@@ -85,7 +85,7 @@ class Runner:
         self._at_rest = np.zeros(len(self.joints_rad))
         self.speeds_rad_s = self._at_rest
         self.measured_rad, self._measured_rad_s = self.joints_rad, self.speeds_rad_s
-        self.pose_base_peg = self.forward(self.joints_rad)
+        self._rotation_base_peg = rows_of(self.forward(self.joints_rad).rotation)
         self._wrench.read()
         self._raw = np.zeros(6)
         self._tare = Payload.tare(np.zeros(6), self._mounting)
@@ -109,9 +109,22 @@ class Runner:
 
         A reading that is not a number stays one: it then trips the caps.
         """
-        on_peg = self._raw if self._peg_of_raw is None else self._peg_of_raw @ self._raw
-        contact: Array = on_peg - self._load
-        return contact
+        return np.array(self._contact(self._raw.tolist()))
+
+    def _contact(self, raw: list[float]) -> Wrench6:
+        on_peg = raw if self._peg_of_raw is None else (self._peg_of_raw @ raw).tolist()
+        fx, fy, fz, mx, my, mz = on_peg
+        ax, ay, az, bx, by, bz = self._load
+        return fx - ax, fy - ay, fz - az, mx - bx, my - by, mz - bz
+
+    def face(self, rotation_base_peg: Array) -> None:
+        """The peg is turned so, (3, 3): a payload that is judged next is judged there."""
+        self._rotation_base_peg = rows_of(rotation_base_peg)
+
+    @property
+    def rotation_base_peg(self) -> Array:
+        """How the peg is turned (3, 3), as last told."""
+        return matrix_of(self._rotation_base_peg)
 
     def use_payload(self, payload: Payload | None) -> None:
         """From now on contact is what this leaves; with None what is felt before a motion is no contact."""
@@ -125,16 +138,21 @@ class Runner:
             self._reload()
 
     def _reload(self) -> None:
-        self._load = (self.payload or self._tare).load(self.pose_base_peg.rotation)
+        self._load = (self.payload or self._tare).load_of(self._rotation_base_peg)
 
     def _remember_joints(self) -> None:
         self._joint_state = JointState(
-            stamp_ns=self.now_ns, joints_rad=floats(self.measured_rad), speeds_rad_s=floats(self._measured_rad_s)
+            stamp_ns=self.now_ns,
+            joints_rad=tuple(self.measured_rad.tolist()),
+            speeds_rad_s=tuple(self._measured_rad_s.tolist()),
         )
 
     def still(self) -> Reference:
         """Stay where the reference is."""
-        return Reference(self.joints_rad, self._at_rest)
+        still = self._still
+        if still is None or still.joints_rad is not self.joints_rad:
+            still = self._still = Reference(self.joints_rad, self._at_rest)
+        return still
 
     def recover(self) -> None:
         """After a device was lost: from where the arm stands now, which need not be where it was told to go.
@@ -158,58 +176,59 @@ class Runner:
             raise
         samples = self._wrench.read()
         before_ns, self.now_ns = self.now_ns, state.stamp_ns
-        gap = round((self.now_ns - before_ns) / self._period_ns)
-        if gap > 1:
-            self.missed_cycles += gap - 1
+        if self.now_ns - before_ns != self._period_ns:
+            self.missed_cycles += max(0, round((self.now_ns - before_ns) / self._period_ns) - 1)
         if not reference.retracing and reference.joints_rad is not self.joints_rad:
             self.trail.follow(reference.joints_rad)
         self.joints_rad, self.speeds_rad_s = reference.joints_rad, reference.speeds_rad_s
         self.measured_rad, self._measured_rad_s = state.positions_rad, state.speeds_rad_s
-        if reference.pose_base_peg is not None:
-            self.pose_base_peg = reference.pose_base_peg
+        if reference.rotation_base_peg is not None:
+            self._rotation_base_peg = reference.rotation_base_peg
             self._reload()
-        count = len(samples.wrenches)
-        if count:
+        rows: list[list[float]] = samples.wrenches.tolist()
+        if len(rows) == 1:
             self.sensor_silent_s = 0.0
-            if count == 1:
-                self._raw = samples.wrenches[0]
-                self.last_samples.append(self._raw)
-            else:
+            self._raw = samples.wrenches[0]
+            self.last_samples.append(self._raw)
+            contact = self._contact(rows[0])
+        else:
+            if rows:
+                self.sensor_silent_s = 0.0
                 self._raw = samples.wrenches.mean(axis=0)
                 self.last_samples.extend(samples.wrenches)
-        else:
-            self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
-        contact = self.last_contact()
-        self._publish(before_ns, samples.stamps_ns, samples.wrenches)
-        force, moment = contact[:3], contact[3:]
-        return Reading(
-            samples.wrenches, self._raw, contact, sqrt(force @ force), sqrt(moment @ moment), state.positions_rad
-        )
+            else:
+                self.sensor_silent_s += (self.now_ns - before_ns) * 1e-9
+            contact = self._contact(self._raw.tolist())
+        self._publish(before_ns, samples.stamps_ns.tolist(), rows)
+        fx, fy, fz, mx, my, mz = contact
+        force_n, moment_nm = sqrt(fx * fx + fy * fy + fz * fz), sqrt(mx * mx + my * my + mz * mz)
+        return Reading(samples.wrenches, self._raw, contact, force_n, moment_nm, state.positions_rad)
 
-    def _publish(self, before_ns: int, stamps_ns: NDArray[np.int64], samples: Array) -> None:
+    def _publish(self, before_ns: int, stamps_ns: list[int], samples: list[list[float]]) -> None:
         now = self.now_ns
         if now // JOINT_STATE_NS != before_ns // JOINT_STATE_NS:
             self._remember_joints()
             for on_state in self._joint_listeners:
                 on_state(self._joint_state)
         if self._batch_listeners:
-            for stamp_ns, sample in zip(stamps_ns.tolist(), samples, strict=True):
+            for stamp_ns, sample in zip(stamps_ns, samples, strict=True):
                 self._add_to_batch(stamp_ns, sample)
         if now // TICK_NS != before_ns // TICK_NS:
             for on_tick in self._tick_listeners:
                 on_tick(now)
 
-    def _add_to_batch(self, stamp_ns: int, sample: Array) -> None:
-        if self._batch and stamp_ns - self._batch_ns > (len(self._batch) + 1) * self._sample_ns:
+    def _add_to_batch(self, stamp_ns: int, sample: list[float]) -> None:
+        batch = self._batch
+        if batch and stamp_ns - self._batch_ns > (len(batch) + 1) * self._sample_ns:
             self._send_batch()  # samples are missing, and a batch has none that are
-        if not self._batch:
+        if not batch:
             self._batch_ns = stamp_ns
-        self._batch.append(sample)
+        batch.append(sample)
         if stamp_ns - self._batch_ns + self._sample_ns >= BATCH_NS:
             self._send_batch()
 
     def _send_batch(self) -> None:
-        rows = tuple(tuple(row.tolist()) for row in self._batch)
+        rows = tuple(map(tuple, self._batch))
         self._batch.clear()
         batch = RawWrenchBatch(stamp_ns=self._batch_ns, period_ns=self._sample_ns, samples=rows)
         for on_batch in self._batch_listeners:

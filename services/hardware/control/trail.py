@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from operator import sub
 
 import numpy as np
 
@@ -26,10 +27,12 @@ class Trail:
 
     def follow(self, joints_rad: Array) -> None:
         """The arm goes here."""
-        points = self._points
-        while len(points) > 1 and _turned(joints_rad, points[-1], points[-2]):
+        points, now = self._points, joints_rad.tolist()
+        last: list[float] = points[-1].tolist()
+        while len(points) > 1 and _turned(now, last, points[-2].tolist()):
             points.pop()
-        if np.abs(joints_rad - points[-1]).max() >= TRAIL_STEP_RAD:
+            last = points[-1].tolist()
+        if max(map(abs, map(sub, now, last))) >= TRAIL_STEP_RAD:
             points.append(joints_rad)
 
     def __bool__(self) -> bool:
@@ -65,13 +68,11 @@ class Trail:
         return joints_rad
 
 
-def _turned(joints_rad: Array, last_rad: Array, before_rad: Array) -> bool:
+def _turned(joints_rad: list[float], last_rad: list[float], before_rad: list[float]) -> bool:
     """Whether these joints (n,) are back half the way from the last point to the one before it.
 
-    Summed as plain floats: of so few, several times sooner than by NumPy.
+    In plain floats: of so few, several times sooner than by NumPy.
     """
-    left, step = 0.0, 0.0
-    for now, last, before in zip(joints_rad.tolist(), last_rad.tolist(), before_rad.tolist(), strict=True):
-        left += abs(now - before)
-        step += abs(last - before)
-    return left <= step * 0.5
+    left: float = sum(map(abs, map(sub, joints_rad, before_rad)))
+    step: float = sum(map(abs, map(sub, last_rad, before_rad)))
+    return left <= 0.5 * step
