@@ -41,6 +41,7 @@ NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 # What ends the wait for an answer is ours, so that a late one is told from none: Zenoh's own timeout comes after it.
 # Until then Zenoh holds half a kilobyte of each query, answered or not (tests/bus/measure_query_memory.py).
 PAST_DEADLINE_S = 5.0
+CLOSE_S = 5.0  # a session closes in milliseconds
 LIVING_S = 5.0  # a router answers within milliseconds which tokens there are
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
@@ -380,6 +381,13 @@ def _close_all() -> None:
         transport.close()
 
 
+def close_all() -> None:
+    """Close every session of this process that is open; waits CLOSE_S at most."""
+    closer = threading.Thread(target=_close_all, name="zenoh-close", daemon=True)
+    closer.start()
+    closer.join(CLOSE_S)
+
+
 def _close_when_main_ends() -> None:
     # Zenoh's callback threads are joined before atexit functions run, and they end only with their session: so the
     # sessions are closed by a daemon that waits for the main thread.
@@ -387,7 +395,12 @@ def _close_when_main_ends() -> None:
     _close_all()
 
 
+def _wait_until_closed() -> None:
+    if not threading.main_thread().is_alive():  # it lives where `end_process` calls this, which has closed all
+        _closer.join(CLOSE_S)
+
+
 _closer = threading.Thread(target=_close_when_main_ends, name="zenoh-close", daemon=True)
 _closer.start()
 # and the interpreter must not go on to its end while a session is still closing
-atexit.register(_closer.join, 5.0)
+atexit.register(_wait_until_closed)

@@ -257,15 +257,17 @@ def test_no_router_says_how_to_start_one() -> None:
 
 FORGETFUL = """
 import sys
-from crosspih_common.bus import Bus, open_zenoh
+from crosspih_common.bus import Bus, open_zenoh, zenoh_transport
 from crosspih_common.keys import JOINT_STATE
+from crosspih_common.service.ending import end_process
+zenoh_transport.CLOSE_S = 1e3  # nothing may wait as long as it is allowed to
 bus = Bus(open_zenoh(sys.argv[1]), "c", "vision")
 bus.subscribe(JOINT_STATE, print)
 {end}
 """
 
 
-@pytest.mark.parametrize(("end", "status"), [("", 0), ("raise SystemExit(3)", 3), ("1/0", 1)])
+@pytest.mark.parametrize(("end", "status"), [("", 0), ("raise SystemExit(3)", 3), ("1/0", 1), ("end_process(3)", 3)])
 def test_a_forgotten_close_does_not_hang_the_exit(endpoint: str, end: str, status: int) -> None:
     code = FORGETFUL.format(end=end)
     done = subprocess.run([sys.executable, "-c", code, endpoint], timeout=DEADLINE_S, capture_output=True, check=False)
