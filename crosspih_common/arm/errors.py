@@ -7,6 +7,9 @@
 
 from __future__ import annotations
 
+WITHOUT_PIN = "an arm that is no XB4 needs the package pin: make env installs it, or pip install 'crosspih[arms]'"
+"""What is said where Pinocchio is not installed."""
+
 
 class InverseError(ValueError):
     """Inverse kinematics could not answer."""

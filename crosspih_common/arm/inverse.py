@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crosspih_common.arm.closed_form import ClosedForm
-from crosspih_common.arm.errors import BranchJump, InverseError, Unreachable
+from crosspih_common.arm.errors import WITHOUT_PIN, BranchJump, InverseError, Unreachable
 from crosspih_common.arm.kinematics import ArmModel
+from crosspih_common.errors import ConfigError
 from crosspih_common.geometry.pose import Array, Pose
 
 
@@ -41,14 +42,17 @@ class InverseKinematics(Protocol):
 
 @lru_cache(maxsize=16)
 def solver(arm: ArmModel) -> InverseKinematics:
-    """The inverse kinematics of an arm. Raises ImportError where it needs `pin` and that is not installed."""
+    """The inverse kinematics of an arm. Raises ConfigError where it needs `pin` and that is not installed."""
     try:
         return ClosedForm(arm)
     except ValueError:
-        # pin is an extra: a service that only ever meets an XB4 runs without it
+        pass
+    # pin is an extra: who only ever meets an XB4 runs without it
+    try:
         from crosspih_common.arm.numerical import Numerical
-
-        return Numerical(arm)
+    except ImportError as error:
+        raise ConfigError(f"cell.arm: {arm.name}: {WITHOUT_PIN} ({error})") from None
+    return Numerical(arm)
 
 
 def inverse(arm: ArmModel, pose_base_flange: Pose) -> list[Array]:

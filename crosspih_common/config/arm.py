@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from crosspih_common.arm import NAMED_ARMS, ArmModel, JointLimits, named_arm
+from crosspih_common.arm.errors import WITHOUT_PIN
 from crosspih_common.config.placement import Placement
 from crosspih_common.config.section import Section
 from crosspih_common.messages.base import Joints
@@ -93,8 +94,10 @@ def _arm(section: ArmSection) -> ArmModel:
     changed = {name: np.asarray(value) for name in LIMITS if (value := getattr(section, name)) is not None}
     if section.urdf is not None:
         # pin is an extra: an arm without a URDF file is made without it
-        from crosspih_common.arm.urdf import arm_from_urdf
-
+        try:
+            from crosspih_common.arm.urdf import arm_from_urdf
+        except ImportError as error:
+            raise ValueError(f"{WITHOUT_PIN} ({error})") from None
         return arm_from_urdf(section.urdf, section.base_link, section.tip_link, changed, radii)
     if section.dh is not None:
         limits = JointLimits(**changed)

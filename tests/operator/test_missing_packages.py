@@ -5,9 +5,14 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from crosspih_common.arm import ur5e, xb4
+from crosspih_common.arm.inverse import solver
+from crosspih_common.config.arm import ArmSection
+from crosspih_common.errors import ConfigError
 from crosspih_common.modules import ALL_PACKAGES, not_installed
 
 
@@ -35,3 +40,17 @@ def test_a_training_without_torch_ends_with_the_mend() -> None:
 def test_a_module_of_ours_that_is_not_there_is_a_defect_and_no_missing_package() -> None:
     with pytest.raises(ModuleNotFoundError):
         not_installed(ModuleNotFoundError("gone", name="services.nobody"))
+
+
+def test_an_arm_that_needs_pinocchio_says_so_and_the_xb4_does_not(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for module in ("numerical", "urdf"):
+        monkeypatch.setitem(sys.modules, f"crosspih_common.arm.{module}", None)
+    made = solver.__wrapped__  # whatever a test before this one has left in the cache
+    assert made(xb4()).singular([0.1, 0.5, 0.6, 0.1, 0.7, 0.1]) == ""
+    mend = r"needs the package pin: make env installs it, or pip install 'crosspih\[arms\]'"
+    with pytest.raises(ConfigError, match=rf"cell\.arm: ur5e: .*{mend}"):
+        made(ur5e())
+    with pytest.raises(ValueError, match=mend):
+        ArmSection(urdf=str(tmp_path / "arm.urdf"))

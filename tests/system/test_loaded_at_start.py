@@ -69,7 +69,18 @@ def test_a_command_loads_what_its_answer_needs(command: str) -> None:
 def test_an_assembly_and_its_page_need_no_package_that_set_up_leaves_out() -> None:
     """`make assemble` installs the extra `run` alone."""
     code = "import services.operator.assemble, services.operator.report.page, services.operator.report.figure"
-    left_out = ("torch", "safetensors", "pyarrow", "ezdxf", "cryptography", "rosbags", "pymodbus", "serial", "ray")
+    left_out = (
+        "torch",
+        "safetensors",
+        "pinocchio",
+        "pyarrow",
+        "ezdxf",
+        "cryptography",
+        "rosbags",
+        "pymodbus",
+        "serial",
+        "ray",
+    )
     assert _loaded(code, left_out) == "loaded []"
 
 

@@ -107,7 +107,7 @@ def arm(text: str) -> dict[str, Any]:
             section = section["arm"]
     try:
         ArmSection.model_validate(section)
-    except (ValidationError, ImportError) as error:
+    except ValidationError as error:
         raise Refused(f"{text}: {why(error)}") from None
     assert isinstance(section, dict)
     return section
