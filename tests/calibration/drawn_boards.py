@@ -7,6 +7,7 @@ undistortPoints) is met with the board's plane, and the sheet is looked up there
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -111,20 +112,27 @@ def _sheet(board: Board) -> NDArray[np.float32]:
     return sheet
 
 
-def draw(rng: np.random.Generator, pose_left_board: Pose, of: Scene, side: int, board: Board) -> NDArray[np.uint8]:
-    """The picture of one camera, with blur and noise."""
-    camera = of.cameras[side]
-    pose = _to(of, side) @ pose_left_board
+@lru_cache(maxsize=2)  # of a pair's cameras, which every picture of a scene is drawn for; 65 MB each
+def _rays(fx_px: float, fy_px: float, cx_px: float, cy_px: float, *distortion: float) -> Array:
+    """Of every sub-pixel, (n, 3), z = 1."""
     steps = (np.arange(FINE) + 0.5) / FINE - 0.5
     u = (np.arange(SIZE[0])[:, None] + steps).ravel()
     v = (np.arange(SIZE[1])[:, None] + steps).ravel()
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
-    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1.0]])
-    slopes = np.asarray(cv2.undistortPoints(pixels, matrix, camera.distortion if camera.distortion.size else None))
-    rays = np.column_stack([slopes.reshape(-1, 2), np.ones(len(pixels))]) @ pose.rotation
+    matrix = np.array([[fx_px, 0, cx_px], [0, fy_px, cy_px], [0, 0, 1.0]])
+    slopes = np.asarray(cv2.undistortPoints(pixels, matrix, np.array(distortion) if distortion else None))
+    return np.column_stack([slopes.reshape(-1, 2), np.ones(len(pixels))])
+
+
+def draw(rng: np.random.Generator, pose_left_board: Pose, of: Scene, side: int, board: Board) -> NDArray[np.uint8]:
+    """The picture of one camera, with blur and noise."""
+    camera = of.cameras[side]
+    pose = _to(of, side) @ pose_left_board
+    rays = _rays(*(float(x) for x in (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *camera.distortion)))
+    rays = rays @ pose.rotation
     eye: Array = -pose.rotation.T @ pose.translation_m
     at = eye[:2] - rays[:, :2] * (eye[2] / rays[:, 2])[:, None]
-    where = ((at + AROUND_M) / TEXEL_M - 0.5).astype(np.float32).reshape(len(v), len(u), 2)
+    where = ((at + AROUND_M) / TEXEL_M - 0.5).astype(np.float32).reshape(FINE * SIZE[1], FINE * SIZE[0], 2)
     seen = cv2.remap(
         _sheet(board), where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=90.0
     )
