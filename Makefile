@@ -5,14 +5,14 @@
 #   TORCH_INDEX_URL=...  an index with torch's CPU build, for machines whose package index has only the CUDA build
 #                        (on Linux several gigabytes larger); where no index has it torch is left out
 #   TORCH=any            take the larger build then
-#   WORKERS=3            of the tests, for more than two cores: one starts processes, the others compute behind it
+#   WORKERS=2            of the tests: one starts processes, the others compute in what it leaves of the cores
 
 PYTHON ?=
 VENV ?= .venv
 TORCH_INDEX_URL ?=
 TORCH ?=
 SEED ?=
-WORKERS ?= 2
+WORKERS ?= 3
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -40,7 +40,7 @@ up: env-run ## start the system and show what it writes; Ctrl-C stops it
 results: env ## every table and figure of docs/results.md; hours, and a stopped run goes on where it was
 	@$(BIN)/crosspih results $(ARGS)
 
-test: env ## run the tests in two workers; ARGS='-n 0 tests/bus' runs one folder in this process
+test: env ## run the tests in three workers; ARGS='-n 0 tests/bus' runs one folder in this process
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 lint: env ## style and common errors
