@@ -15,8 +15,8 @@ from crosspih_common.bus import Bus
 from crosspih_common.config import Workcell
 from crosspih_common.contacts import ArmEdges
 from crosspih_common.geometry.pose import Array
-from crosspih_common.keys import CALIBRATE_FT, CLASSIFY, RESET
-from crosspih_common.messages import CalibrateFt, ClassifyContacts, ContactClassifier, ResetCell, SimulationTruth
+from crosspih_common.keys import CLASSIFY, RESET
+from crosspih_common.messages import ClassifyContacts, ContactClassifier, ResetCell, SimulationTruth
 from crosspih_common.shapes import CrossPeg
 from services.operator.bench.contact_states.aiming import pattern_of, predict_pushes
 from services.operator.bench.contact_states.collecting import Contact, stiffness_condition
@@ -131,7 +131,6 @@ class InMemorySession:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     cell = CellInMemory(tmp_path_factory.mktemp("cell"), with_inference=False)
     try:
-        cell.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=0.1), 120.0)
         yield cast(Session, InMemorySession(cell.bus))
     finally:
         cell.close()

@@ -36,9 +36,7 @@ class MemorySession(Session):
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     cell = CellInMemory(tmp_path_factory.mktemp("cell"), with_inference=False)
-    session = MemorySession(cell)
-    session.calibrate_ft(0.25)
-    yield session
+    yield MemorySession(cell)
     cell.close()
 
 

@@ -3,8 +3,10 @@ noise, so that a test decides how good it is."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +17,12 @@ from crosspih_common.config import PegDrawing, load_cell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.keys import ASSEMBLE, LOCATE, PHASE, RESET, TRUTH
+from crosspih_common.keys import ASSEMBLE, CALIBRATE_FT, LOCATE, PHASE, RESET, TRUTH
 from crosspih_common.messages import (
     Assemble,
     AssemblyPhase,
     AssemblyResult,
+    CalibrateFt,
     HoleEstimate,
     LocateHole,
     PoseData,
@@ -44,12 +47,26 @@ from services.planning.shell import PlanningShell
 
 # one standard deviation of the played vision: m and rad, in the hole frame
 VISION_SD = np.array([5e-5, 5e-5, 1.5e-4, 3e-3, 3e-3, 5e-4])
+CALIBRATION = "ft.yaml"
+
+
+@lru_cache(maxsize=2)
+def _calibration(peg: PegDrawing | None) -> bytes:
+    """The file of a calibration, made once a process: it takes as long as an assembly."""
+    with tempfile.TemporaryDirectory() as folder:
+        cell = CellInMemory(Path(folder), with_inference=False, peg=peg, calibrated=False)
+        try:
+            cell.bus.call(CALIBRATE_FT, CalibrateFt(), 300.0)
+        finally:
+            cell.close()
+        return (Path(folder) / CALIBRATION).read_bytes()
 
 
 class CellInMemory:
     """A cell; `vision_scale` multiplies the played vision's error, None makes it refuse.
 
-    `vision_lie` (6,), m and rad in the hole frame, is an error on top that vision does not tell.
+    `vision_lie` (6,), m and rad in the hole frame, is an error on top that vision does not tell. Its force/torque
+    sensor is calibrated already, unless `calibrated` is False; a folder's own calibration goes before that.
     """
 
     def __init__(
@@ -62,7 +79,11 @@ class CellInMemory:
         peg: PegDrawing | None = None,
         simulated: SimulatedConfig | None = None,
         limits: LimitsConfig | None = None,
+        calibrated: bool = True,
     ) -> None:
+        file = folder / CALIBRATION
+        if calibrated and not file.exists():
+            file.write_bytes(_calibration(peg))
         planning = planning or PlanningConfig(service_patience_s=0.5)
         self.hub = MemoryHub()
         self.cell = load_cell("deploy/cells/default.yaml")
@@ -82,7 +103,7 @@ class CellInMemory:
         self.planning = PlanningShell(self.context("planning"), planning)
         self._shells: list[Closeable] = [
             HardwareShell(open_cell(self.cell.workcell, settings, False), hardware),
-            ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(folder / "ft.yaml"))),
+            ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(file))),
             self.planning,
         ]
         if with_inference:

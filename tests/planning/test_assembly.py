@@ -24,7 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def shared(folder: Path) -> Iterator[CellInMemory]:
-    cell = CellInMemory(folder)
+    cell = CellInMemory(folder, calibrated=False)
     yield cell
     cell.close()
 

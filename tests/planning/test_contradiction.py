@@ -113,7 +113,7 @@ def test_an_assembly_tells_when_vision_and_touch_contradict(tmp_path: Path) -> N
 def test_an_inverted_sensor_is_refused_before_it_can_mislead(tmp_path: Path) -> None:
     """It was once called a success, T2 half a degree off: its weight points up, and the calibration sees that."""
     truth = TruthConfig(ft_factors=(-1.0,) * 6)
-    cell = CellInMemory(tmp_path, simulated=SimulatedConfig(truth=truth))
+    cell = CellInMemory(tmp_path, simulated=SimulatedConfig(truth=truth), calibrated=False)
     try:
         cell.reset(1)
         result = cell.assemble()

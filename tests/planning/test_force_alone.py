@@ -22,7 +22,6 @@ from tests.planning.cell_in_memory import CellInMemory
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One calibration file for all tests: the first assembly makes it."""
     return tmp_path_factory.mktemp("cell")
 
 

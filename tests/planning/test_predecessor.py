@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from crosspih_common.keys import CALIBRATE_FT, EVENTS, LEASE, LEASE_TAKE, WITHDRAW
-from crosspih_common.messages import CalibrateFt, LeaseState, Severity, TakeLease, Withdraw
+from crosspih_common.keys import EVENTS, LEASE, LEASE_TAKE, WITHDRAW
+from crosspih_common.messages import LeaseState, Severity, TakeLease, Withdraw
 from services.planning.config import PlanningConfig
 from services.planning.predecessor import left_in_the_middle
 from services.planning.shell import PlanningShell
@@ -20,7 +20,6 @@ DEADLINE_S = 30.0
 @pytest.fixture
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CellInMemory]:
     cell = CellInMemory(tmp_path_factory.mktemp("cell"))
-    cell.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=0.1), 120.0)
     yield cell
     cell.close()
 

@@ -12,10 +12,9 @@ from crosspih_common.bus import Bus
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.holding import hold_arm
-from crosspih_common.keys import CALIBRATE_FT, CLOCK, LEASE, MOVE_LINEAR, WITHDRAW, WRENCH_RAW
+from crosspih_common.keys import CLOCK, LEASE, MOVE_LINEAR, WITHDRAW, WRENCH_RAW
 from crosspih_common.messages import (
     AssemblyResult,
-    CalibrateFt,
     CellClock,
     Failure,
     MoveLinear,
@@ -35,7 +34,6 @@ from tests.planning.cell_in_memory import CellInMemory
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CellInMemory]:
     cell = CellInMemory(tmp_path_factory.mktemp("cell"))
-    cell.bus.call(CALIBRATE_FT, CalibrateFt(samples_s=0.1), 120.0)
     yield cell
     cell.close()
 

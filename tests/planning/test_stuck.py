@@ -18,7 +18,9 @@ from tests.planning.cell_in_memory import CellInMemory
 def rough(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CellInMemory]:
     """Friction 0.3, three times what the drawing has: ends 54 mm apart clamp one another down to 16 mm."""
     pytest.importorskip("pybullet", reason="whether a peg wedges is chance: these seeds do in PyBullet")
-    cell = CellInMemory(tmp_path_factory.mktemp("rough"), simulated=SimulatedConfig(friction_coefficient=0.3))
+    cell = CellInMemory(
+        tmp_path_factory.mktemp("rough"), simulated=SimulatedConfig(friction_coefficient=0.3), calibrated=False
+    )
     yield cell
     cell.close()
 

@@ -96,9 +96,10 @@ import sys
 from crosspih_common.config import Section
 from crosspih_common.keys import LOCATE
 from crosspih_common.service import run_service
+from crosspih_common.service.ending import end_process
 def dies(request): raise SystemExit
 def build(context, config): context.bus.serve(LOCATE, dies)
-sys.exit(run_service("vision", Section, build, sys.argv[1:]))
+end_process(run_service("vision", Section, build, sys.argv[1:]))
 """
 
 
