@@ -120,10 +120,9 @@ else
 fi
 : >"$log"
 
-# Installs "$@"; the whole of what pip says is in the log. Bytecode is not made of all that comes, of which most is never
-# loaded, but once of what an assembly loads, below: a quarter of the time and a tenth of the room.
+# Installs "$@"; the whole of what pip says is in the log.
 install() {
-    "$VENV/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-compile --retries 2 \
+    "$VENV/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --retries 2 \
         --constraint deploy/constraints.txt ${TORCH_INDEX_URL:+--extra-index-url "$TORCH_INDEX_URL"} "$@" \
         >>"$log" 2>&1
 }
@@ -167,11 +166,6 @@ elif [ "$extra" = torchless,dev ]; then
     say "torch is left out: no CPU build at the configured package indexes; what uses trained networks wants" \
         "make env TORCH_INDEX_URL=(PyTorch's CPU index), or TORCH=any for the default build with gigabytes of CUDA"
 fi
-# else eight processes that start at once would each compile the same
-"$VENV/bin/python" -c 'from importlib import import_module as load
-for name in "hardware", "vision", "force_torque", "inference", "planning", "recorder", "router", "operator":
-    load(f"services.{name}.__main__")
-load("services.operator.report.page")' >>"$log" 2>&1 || true
 "$VENV/bin/python" -c 'import pybullet' >/dev/null 2>&1 ||
     say "MuJoCo simulates the cell: there is no ready-made PyBullet for Python $(version_of "$VENV/bin/python") here"
 printf '%s\n' "$PARTS" >"$has"
