@@ -128,7 +128,8 @@ def evidence_of(
             and smoother.structure > PLAIN_NOISES * smoother.noise
             and bool(smoother.unexplained[0] > SMOOTHER_DEEP * smoother.structure)
         )
-    if inside.noise > SMOOTHEST_GREY and _faint(inside):
+    # what is blacker than nearly all ink is none, whatever of the rim's own step reaches in
+    if inside.noise > SMOOTHEST_GREY and _faint(inside) and black > BLACK_SHARES[1]:
         smoothest = seen_inside(images, stereo, pose, *sizes, SMOOTHEST_PX)
         flat_below_noise = smoothest.structure > SMOOTHEST_NOISES * smoothest.noise and bool(
             smoothest.unexplained[0] < NOT_IN_PLANE * smoothest.structure
