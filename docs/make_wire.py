@@ -64,7 +64,7 @@ NUMBERS: dict[str, list[tuple[str, str, float]]] = {
     ],
     "filter_hz": [("control/admittance", "FILTER_HZ", 1)],
     "ramp_m_s2": [("control/admittance", "_RAMP_M_S2", 1)],
-    "moment_load_nm": [("control/admittance", "_MOMENT_LOAD_NM", 1)],
+    "moment_load_nm": [("control/admittance_law", "_MOMENT_LOAD_NM", 1)],
     "stall_percent": [("control/admittance", "STALL_SHARE", 100)],
 }
 

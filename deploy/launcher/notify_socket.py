@@ -10,6 +10,7 @@ from pathlib import Path
 
 # sockaddr_un holds 108 bytes on Linux and 104 on macOS, the closing zero included.
 _LONGEST_PATH_B = 100
+_NAME_B = 64  # of a service
 _DATAGRAM_B = 8192
 
 
@@ -17,14 +18,27 @@ class NotifyFolder:
     """Where the sockets lie: ``preferred``, or a private temporary folder if its path is too long for a socket."""
 
     def __init__(self, preferred: Path) -> None:
-        room = _LONGEST_PATH_B - len(".sock") - 64
-        self._temporary = len(str(preferred.resolve()).encode()) > room
-        self.path = Path(tempfile.mkdtemp(prefix="crosspih-")) if self._temporary else preferred.resolve()
+        self._temporary = not _has_room(preferred.resolve())
+        self.path = _temporary_folder() if self._temporary else preferred.resolve()
         self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def remove(self) -> None:
         """Remove the folder and what is left in it."""
         shutil.rmtree(self.path, ignore_errors=True)
+
+
+def _has_room(folder: Path) -> bool:
+    """Whether a socket of any service's name fits in."""
+    return len(str(folder).encode()) <= _LONGEST_PATH_B - len(".sock") - _NAME_B
+
+
+def _temporary_folder() -> Path:
+    """The user's own one may be too deep as well: then the system's."""
+    made = Path(tempfile.mkdtemp(prefix="crosspih-"))
+    if not _has_room(made) and Path("/tmp").is_dir():
+        made.rmdir()
+        made = Path(tempfile.mkdtemp(prefix="crosspih-", dir="/tmp"))
+    return made
 
 
 class NotifySocket:

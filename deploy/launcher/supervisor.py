@@ -167,7 +167,7 @@ class Supervisor:
             try:
                 self._listen(unit).drain()
             except OSError as error:
-                self._say(unit, f"cannot start: {error.strerror} ({self._notify_folder.path})")
+                self._say(unit, f"cannot start: {error.strerror or error} ({self._notify_folder.path})")
                 return 127, 0.0
         environment = child_environment(service, os.environ, unit.notify.path if unit.notify else None)
         try:
@@ -175,7 +175,7 @@ class Supervisor:
                 service.command, environment, unit.working_dir, lambda text: self._log(unit, text)
             )
         except OSError as error:
-            self._say(unit, f"cannot start: {error.strerror} ({error.filename or service.command[0]})")
+            self._say(unit, f"cannot start: {error.strerror or error} ({error.filename or service.command[0]})")
             return 127, 0.0
         self._guard.watch(process.pid)
         unit.process = process

@@ -45,9 +45,9 @@ def listen(endpoint: str, asked: Connection) -> None:
                 if len(times) != known:
                     known, quiet_at = len(times), time.monotonic() + QUIET_S
                 pause.wait(PROBE_S)
-            cpu_s = time.process_time()
-            asked.send((dict(times), cpu_s))
-            times.clear()
+            cpu_s, told = time.process_time(), dict(times)
+            times.clear()  # before the answer: at once upon it the next samples come
+            asked.send((told, cpu_s))
 
 
 def _noted(times: dict[int, int]) -> Callable[[int], None]:
