@@ -18,6 +18,11 @@ from tests.conftest import ROOT
 DEADLINE_S = 120.0
 
 
+def _hears_interrupts() -> None:
+    """A bench that is started in the background of a script hears no Ctrl-C, and what the tests are run by may be."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def _wait_until(condition: Callable[[], bool], what: str) -> None:
     until, pause = time.monotonic() + DEADLINE_S, threading.Event()
     while not condition():
@@ -68,6 +73,7 @@ def test_its_workers_and_their_stacks_end_with_it(signals: tuple[signal.Signals,
         [sys.executable, "-m", "services.operator", *arguments],
         env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path)},
         cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        preexec_fn=_hears_interrupts,
     )  # fmt: skip
     started: dict[int, str] = {}
 
