@@ -265,7 +265,7 @@ def test_a_full_disk_at_the_state_file_ends_no_stack(stacks: Stacks) -> None:
     assert stacks.row("killed").pid == killed and is_alive(other)
     (folder / "state.new").unlink()
     wait_until(lambda: stacks.row("killed").pid not in (None, killed), "the state is written again")
-    assert "the state is written again" in log.read_text()
+    wait_until(lambda: "the state is written again" in log.read_text(), "the stack says so once it is")
     assert log.read_text().count("No space left") == 1
 
 
