@@ -57,6 +57,8 @@ from crosspih_common.messages import (
     MotionOutcome,
     MoveLinear,
     NextTouch,
+    PauseAccepted,
+    PauseAssembly,
     PayloadAccepted,
     PoseErrorEstimate,
     RawWrenchBatch,
@@ -320,6 +322,9 @@ ADVISE_INSERTION = Command(
 ASSEMBLE = Command("planning/assemble", Assemble, AssemblyResult, "planning", ("operator", "ros2"), "one assembly")
 ABORT = Command(
     "planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator", "ros2"), "end it, peg backed off"
+)
+PAUSE = Command(
+    "planning/pause", PauseAssembly, PauseAccepted, "planning", ("operator",), "hold before the next motion, or go on"
 )
 CALIBRATE_FT = Command(
     "planning/calibrate_ft",

@@ -77,6 +77,19 @@ class AbortAccepted(Message):
     was_running: bool
 
 
+class PauseAssembly(Message):
+    """Hold the running assembly before its next motion, or let it go on. The motion under way is finished."""
+
+    paused: bool = Field(default=True, description="False: go on")
+
+
+class PauseAccepted(Message):
+    """What became of it."""
+
+    was_running: bool = Field(description="False: nothing runs, and the next assembly begins unpaused")
+    paused: bool
+
+
 class AssemblyPhase(Message):
     """A step of the running assembly, in words for people and with its numbers for programs."""
 

@@ -24,6 +24,17 @@ COMMANDS = {
         "Take a seated peg straight out along its own axis, slowly; stop where it resists (status 1).",
         by_cell=True,
     ),
+    "pause": OnDemand(
+        f"{_HERE}.interrupting:pause",
+        "Hold the running assembly: the motion under way is finished, and the arm then stays where it is.",
+        by_cell=True,
+    ),
+    "resume": OnDemand(f"{_HERE}.interrupting:resume", "Let a paused assembly go on.", by_cell=True),
+    "stop": OnDemand(
+        f"{_HERE}.interrupting:stop",
+        "Stop the arm at once and end the running assembly; the peg is then backed off.",
+        by_cell=True,
+    ),
     "bench": OnDemand(f"{_HERE}.bench.commands:app", "Measured distributions over seeds that anyone can repeat."),
     "cell": OnDemand(f"{_HERE}.cell_commands:app", "The cell itself."),
     "peg": OnDemand(f"{_HERE}.peg_check.command:peg_app", "Pegs from drawings."),

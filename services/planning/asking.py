@@ -36,13 +36,15 @@ BACKING_OFF_PATIENCE = 3.0  # times the patience
 
 
 class BusPorts:
-    """The ports over the bus. Counts the wall time in which the hardware was at work, so that thinking is the rest."""
+    """The ports over the bus. Counts the wall time in which the hardware was at work, and in which somebody had it
+    paused, so that thinking is the rest.
+    """
 
     def __init__(self, shell: PlanningShell, config: PlanningConfig, lease: ArmLease) -> None:
         self._shell, self._config, self._bus, self._lease = shell, config, shell.bus, lease
         self._heed_abort = True
         self._boot_id: str | None = None
-        self.hardware_wall_s = 0.0
+        self.hardware_wall_s = self.paused_wall_s = 0.0
 
     def look(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
         """See Ports."""
@@ -64,6 +66,10 @@ class BusPorts:
         while True:
             if self._heed_abort and self._shell.abort.is_set():
                 raise AssemblyFailed(Failure.ABORTED, "somebody ended the assembly")
+            if moves and self._heed_abort:
+                self.paused_wall_s += self._shell.pause.wait_to_go_on(self._shell.abort.is_set, self.tell_event)
+                if self._shell.abort.is_set():
+                    continue
             if moves:
                 self._require_same_cell()
             started = time.monotonic()

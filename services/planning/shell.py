@@ -20,6 +20,7 @@ from crosspih_common.keys import (
     CLOCK,
     FT_CALIBRATION,
     LEASE,
+    PAUSE,
     PHASE,
     STOP,
     TOUCH,
@@ -33,6 +34,8 @@ from crosspih_common.messages import (
     CalibrateFt,
     Failure,
     FtCalibration,
+    PauseAccepted,
+    PauseAssembly,
     PoseData,
     StopMotion,
     Withdraw,
@@ -45,6 +48,7 @@ from services.planning.calibrating import calibrate
 from services.planning.config import PlanningConfig
 from services.planning.leaving import home
 from services.planning.missed import MissedServices
+from services.planning.pausing import Pause
 from services.planning.ports import AssemblyFailed
 from services.planning.predecessor import HELD, HELD_S, Predecessor
 from services.planning.result import result_of
@@ -59,6 +63,7 @@ class PlanningShell:
         self.context, self._config = context, config
         self.bus: Bus = context.bus
         self.abort = threading.Event()
+        self.pause = Pause()
         self.closing = threading.Event()
         self._running = False
         self.has_held = False  # the arm, since it was started
@@ -74,6 +79,7 @@ class PlanningShell:
         self.bus.serve(CALIBRATE_FT, self._calibrate, refuse_when_busy=True)
         self.bus.serve(WITHDRAW, self._withdraw, refuse_when_busy=True)
         self.bus.serve(ABORT, self._abort, lane=NOW_LANE)
+        self.bus.serve(PAUSE, self._pause, lane=NOW_LANE)
         self.lease_state = self.bus.latest(LEASE)
         self._predecessor = Predecessor(self, config)
 
@@ -110,6 +116,7 @@ class PlanningShell:
                         Failure.SERVICE_LOST.value, f"hardware: the arm cannot be held: {error}"
                     ) from None
                 self.closing.wait(RETRY_S)
+        self.pause.ask(False)
         self._running = True
         try:
             with self.missed.told():
@@ -132,7 +139,7 @@ class PlanningShell:
         self._last_hole = done.run.believed
         if done.final is not None:
             self._last_hole = done.final.pose_base_hole.pose()
-        thinking_s = max(time.monotonic() - started - ports.hardware_wall_s, 0.0)
+        thinking_s = max(time.monotonic() - started - ports.hardware_wall_s - ports.paused_wall_s, 0.0)
         return result_of(request, done, thinking_s)
 
     def _calibrate(self, request: CalibrateFt) -> FtCalibration:
@@ -175,6 +182,12 @@ class PlanningShell:
             except BusError as error:
                 raise CommandRefused("stop", f"the arm could not be told to stop: {error}") from None
         return AbortAccepted(was_running=was_running)
+
+    def _pause(self, request: PauseAssembly) -> PauseAccepted:
+        if not self._running:
+            return PauseAccepted(was_running=False, paused=False)
+        self.pause.ask(request.paused)
+        return PauseAccepted(was_running=True, paused=request.paused)
 
     def close(self) -> None:
         """End a running assembly."""

@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosspih_common.keys import ABORT
-from crosspih_common.messages import AbortAssembly, AssemblyPhase, AssemblyResult, Failure, Phase
+from crosspih_common.keys import ABORT, EVENTS, PAUSE
+from crosspih_common.messages import (
+    AbortAssembly,
+    AssemblyPhase,
+    AssemblyResult,
+    Event,
+    Failure,
+    PauseAssembly,
+    Phase,
+)
 from services.hardware.control.config import LimitsConfig
 from services.operator.scoring import insertion_depth_m, pose_error
 from services.planning.config import PlanningConfig
@@ -134,15 +142,33 @@ def test_a_cap_that_stops_the_pressing_leaves_the_peg_in(folder: Path) -> None:
         cell.close()
 
 
-def test_abort_ends_with_the_peg_backed_off(cell: CellInMemory) -> None:
+def test_a_pause_holds_the_arm_and_an_abort_ends_it_with_the_peg_backed_off(cell: CellInMemory) -> None:
+    """Paused before the approach, and gone on with; paused again in the bore, and ended while paused."""
     cell.reset(7)
+    assert not cell.bus.call(PAUSE, PauseAssembly(), 5.0).was_running
+    told: list[str] = []
+    clocks: list[int] = []
 
-    def end_it(phase: AssemblyPhase) -> None:
-        if phase.phase is Phase.SEATED:
+    def pause(phase: AssemblyPhase) -> None:
+        if phase.phase in (Phase.APPROACHING, Phase.SEATED) and len(told) in (0, 2):
+            accepted = cell.bus.call(PAUSE, PauseAssembly(), 5.0)
+            assert accepted.was_running and accepted.paused
+
+    def answer(event: Event) -> None:
+        if event.code not in ("paused", "resumed"):
+            return
+        told.append(event.code)
+        clocks.append(cell.truth().stamp_ns)
+        if told == ["paused"]:
+            cell.bus.call(PAUSE, PauseAssembly(paused=False), 5.0)
+        elif told == ["paused", "resumed", "paused"]:
             cell.bus.call(ABORT, AbortAssembly(), 5.0)
 
-    cell.on_phase = end_it
+    cell.on_phase = pause
+    cell.bus.subscribe(EVENTS, answer)
     result = cell.assemble()
+    assert told == ["paused", "resumed", "paused"]
+    assert clocks[0] == clocks[1]  # the cell stood still meanwhile
     assert result.failure is Failure.ABORTED
     assert_backed_off(cell, result)
 
