@@ -27,9 +27,9 @@ from crosspih_common.bus.zenoh_transport import ALIVE_BEATS, ALIVE_LEASE_MS, DEF
 from crosspih_common.messages import GuardedMove, Message
 from crosspih_common.messages.images import ENCODINGS
 from crosspih_common.refusals import REFUSALS
+from services.operator.assembly.session import NEEDED
+from services.operator.contract.keys_table import HEADINGS, rows
 from services.operator.contract.schema import image_proto, types
-from services.operator.keys_table import HEADINGS, rows
-from services.operator.session import NEEDED
 from services.planning.config import PlanningConfig
 from services.vision.config import VisionConfig
 

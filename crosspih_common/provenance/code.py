@@ -13,7 +13,13 @@ import crosspih_common
 # what only starts, shows, keeps or counts has no say in how a trial ends
 _NO_SAY = ("operator", "recorder", "router")
 # of the operator's own: what asks for a trial, in which cell, and what scores it
-_SCORED_BY = ("scoring.py", "challenge_score.py", "session.py", "asked.py", "bench/own_cell.py")
+_SCORED_BY = (
+    "scoring/score.py",
+    "scoring/challenge_score.py",
+    "assembly/session.py",
+    "assembly/asked.py",
+    "bench/cells/own_cell.py",
+)
 _LIBRARIES = ("numpy", "scipy", "pybullet", "mujoco", "opencv-python-headless", "torch", "pin", "coal", "shapely")
 
 

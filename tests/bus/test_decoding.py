@@ -21,7 +21,7 @@ from crosspih_common.messages import (
     PosePrior,
     floats,
 )
-from services.operator.bench.fuzz.decoding import decode_all, kinds
+from services.operator.bench.reliability.fuzz.decoding import decode_all, kinds
 
 POSE = {"position_m": [0.0, 0.0, 0.1], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
 

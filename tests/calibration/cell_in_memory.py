@@ -17,7 +17,7 @@ from services.force_torque.shell import ForceTorqueShell
 from services.hardware.config import HardwareConfig
 from services.hardware.hosting import open_cell
 from services.hardware.shells.hardware import HardwareShell
-from services.operator.session import Session
+from services.operator.assembly.session import Session
 from services.planning.config import PlanningConfig
 from services.planning.shell import PlanningShell
 from services.recorder.config import RecorderConfig

@@ -14,12 +14,12 @@ from crosspih_common.calibration.stiffness import fit_stiffness
 from crosspih_common.calibration.tcp import fit_tip
 from crosspih_common.config import CellFile
 from crosspih_common.config.cell import cell_of_text
-from services.operator.bench.calibrations_scored import hidden, pushes_scored
+from services.operator.bench.calibrations.scored import hidden, pushes_scored
 from services.operator.calibrate.settings import stiffness_settings, tcp_settings
 from tests.calibration.synthetic_presses import WORKCELL, Machine, Rig
 
 # the package names the command like its module
-calibrations: Any = importlib.import_module("services.operator.bench.calibrations")
+calibrations: Any = importlib.import_module("services.operator.bench.calibrations.command")
 CONTENT: dict[str, Any] = {"cell": {"name": "bench"}}
 
 

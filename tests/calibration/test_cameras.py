@@ -20,7 +20,7 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
 from crosspih_common.messages import CameraCalibration, Image, StereoPair
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 from services.vision.calibration.boards import Board
 from services.vision.calibration.coverage import missing_parts, missing_poses, parts_seen
 from services.vision.calibration.hand_eye import CameraDoubt, calibrate_hand_eye, missing_turns, park_martin

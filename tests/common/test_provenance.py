@@ -23,12 +23,12 @@ from crosspih_common.provenance import (
 )
 from services.inference.estimator.__main__ import trials
 from services.inference.estimator.coverage import TouchRecord
-from services.operator.bench.calibrations import ABOUT, MADE_BY, PUSHES, check_free, check_kept, taken_with
-from services.operator.bench.fuzz.rests_on import part_key
-from services.operator.bench.matrix import command as matrix
-from services.operator.bench.matrix.plan import Case, Ending
+from services.operator.bench.calibrations.command import ABOUT, MADE_BY, PUSHES, check_free, check_kept, taken_with
+from services.operator.bench.cells.trials import TrialJob, trial_key
 from services.operator.bench.protocols.walked import check_walk, note_walk
-from services.operator.bench.trials import TrialJob, trial_key
+from services.operator.bench.reliability.fuzz.rests_on import part_key
+from services.operator.bench.reliability.matrix import command as matrix
+from services.operator.bench.reliability.matrix.plan import Case, Ending
 from services.operator.dataset.collect import cell_sha256
 
 

@@ -18,6 +18,8 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import CLASSIFY, RESET
 from crosspih_common.messages import ClassifyContacts, ContactClassifier, ResetCell, SimulationTruth
 from crosspih_common.shapes import CrossPeg
+from services.operator.assembly.payload import ready_arm
+from services.operator.assembly.session import Session
 from services.operator.bench.contact_states.aiming import pattern_of, predict_pushes
 from services.operator.bench.contact_states.collecting import Contact, stiffness_condition
 from services.operator.bench.contact_states.judged import Judged, Verdict
@@ -35,8 +37,6 @@ from services.operator.bench.contact_states.plan import (
 from services.operator.bench.contact_states.pushing import PushResult, PushTask, make_push
 from services.operator.bench.contact_states.summary import NAMES, confusion, reliability, summarise
 from services.operator.bench.contact_states.tables import print_tables
-from services.operator.payload import ready_arm
-from services.operator.session import Session
 from tests.planning.cell_in_memory import CellInMemory
 
 AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

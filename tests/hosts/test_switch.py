@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.operator.bench.hosts.switch import DESTINATION, Switch, packed
+from services.operator.bench.reliability.hosts.switch import DESTINATION, Switch, packed
 
 A, B = packed("10.77.0.1"), packed("10.77.0.2")
 

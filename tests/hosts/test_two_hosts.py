@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from crosspih_common.modules import module_command
-from services.operator.bench.hosts.network import Network, why_not
-from services.operator.bench.hosts.stacks import Host, Stacks
+from services.operator.bench.reliability.hosts.network import Network, why_not
+from services.operator.bench.reliability.hosts.stacks import Host, Stacks
 
 HERE = Host("here", "10.77.1.1", ("router",))
 THERE = Host("there", "10.77.1.2", ("router", "recorder"), ("here",))

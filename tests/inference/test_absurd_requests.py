@@ -19,7 +19,7 @@ from crosspih_common.messages import AdviseInsertion, EstimateSeated, PoseData, 
 from crosspih_common.service.lifecycle import ServiceContext
 from services.inference.config import InferenceConfig
 from services.inference.shell import InferenceShell
-from services.operator.bench.fuzz.payloads import PayloadMaker, Sort
+from services.operator.bench.reliability.fuzz.payloads import PayloadMaker, Sort
 
 
 @pytest.fixture(scope="module")

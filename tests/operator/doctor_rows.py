@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from crosspih_common.config import CellFile, cell_of_text
-from services.operator.rows import Row, Verdict
+from services.operator.cli.rows import Row, Verdict
 
 NOW = datetime(2026, 3, 1, tzinfo=timezone.utc)
 ROOT = Path(__file__).resolve().parents[2]

@@ -24,8 +24,8 @@ from crosspih_common.messages import (
     Withdraw,
     WithdrawResult,
 )
-from services.operator import asked
-from services.operator.asked import ask_assembly
+from services.operator.assembly import asked
+from services.operator.assembly.asked import ask_assembly
 
 DEADLINE_S = 10.0
 REQUEST = Assemble(strategy=Strategy.FUSED, assembly_id="a")

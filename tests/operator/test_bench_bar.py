@@ -7,9 +7,9 @@ import threading
 
 from rich.console import Console
 
-from services.operator.bench.bar import Bar
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.progress import CellsProgress
+from services.operator.bench.cells.bar import Bar
+from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.progress import CellsProgress
 
 DEADLINE_S = 20.0
 

@@ -9,9 +9,17 @@ import pytest
 
 from crosspih_common.errors import NoService
 from crosspih_common.messages import Failure
-from services.operator.bench.busy import NO_RESULT, BusyResult, Ended, assemble_once, busy_processes, ended, table_of
-from services.operator.scoring import TrialFigures
-from services.operator.session import Session
+from services.operator.assembly.session import Session
+from services.operator.bench.reliability.busy import (
+    NO_RESULT,
+    BusyResult,
+    Ended,
+    assemble_once,
+    busy_processes,
+    ended,
+    table_of,
+)
+from services.operator.scoring.score import TrialFigures
 
 UNKNOWN = (
     "vision_error_mm", "vision_error_deg", "vision_tilt_deg", "vision_depth_mm", "final_error_mm", "final_error_deg",

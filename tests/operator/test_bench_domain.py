@@ -8,13 +8,13 @@ import pytest
 
 from crosspih_common.config import Workcell, load_cell
 from services.hardware.config import HardwareConfig
-from services.operator.bench.conditions import cell_content
+from services.operator.bench.cells.conditions import cell_content
+from services.operator.bench.cells.trials import TrialJob
 from services.operator.bench.contact_states.plan import lateral_stiffness_n_m
-from services.operator.bench.domain import boxes_of
-from services.operator.bench.domain_map import draw_map
-from services.operator.bench.factors import SIMULATED_DEFAULTS, Factor, factors
-from services.operator.bench.trials import TrialJob
-from services.operator.scoring import TrialFigures
+from services.operator.bench.domain.command import boxes_of
+from services.operator.bench.domain.factors import SIMULATED_DEFAULTS, Factor, factors
+from services.operator.bench.domain.heat_map import draw_map
+from services.operator.scoring.score import TrialFigures
 
 CELL = load_cell("deploy/cells/default.yaml")
 FACTORS = factors(CELL.workcell, CELL.sections["hardware"])

@@ -10,12 +10,12 @@ import pytest
 from rich.console import Console
 
 from crosspih_common.provenance import ResultStore
-from services.operator.bench.fuzz import rests_on
-from services.operator.bench.fuzz.attacking import AFTERWARDS, Part, parts
-from services.operator.bench.fuzz.decoding import Decoded, decode_share, kinds, shares
-from services.operator.bench.fuzz.decoding_all import AllDecoded, decode_every_key, share_key
-from services.operator.bench.fuzz.rests_on import part_key, services_behind
-from services.operator.bench.fuzz.tables import Attacked, markdown, part_rows, summary
+from services.operator.bench.reliability.fuzz import rests_on
+from services.operator.bench.reliability.fuzz.attacking import AFTERWARDS, Part, parts
+from services.operator.bench.reliability.fuzz.decoding import Decoded, decode_share, kinds, shares
+from services.operator.bench.reliability.fuzz.decoding_all import AllDecoded, decode_every_key, share_key
+from services.operator.bench.reliability.fuzz.rests_on import part_key, services_behind
+from services.operator.bench.reliability.fuzz.tables import Attacked, markdown, part_rows, summary
 
 
 def test_shares_hold_every_payload_once_and_all_keys_come_first() -> None:

@@ -9,9 +9,9 @@ from hypothesis import strategies as some
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import AssemblyPhase, Failure, Phase
-from services.operator.bench.kills.judging import Limits, Observed, complaints, stopped_after_s
-from services.operator.bench.kills.options import chosen
-from services.operator.bench.kills.plan import PHASES, SERVICES, Case, Ending, begins, cases, ripe
+from services.operator.bench.reliability.kills.judging import Limits, Observed, complaints, stopped_after_s
+from services.operator.bench.reliability.kills.options import chosen
+from services.operator.bench.reliability.kills.plan import PHASES, SERVICES, Case, Ending, begins, cases, ripe
 
 LIMITS = Limits(force_cap_n=60.0, holder_timeout_s=0.1)
 PERIOD_NS = 4_000_000

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Phase, Strategy
 from crosspih_common.provenance import ResultStore
-from services.operator.__main__ import app
-from services.operator.bench.matrix.command import case_key
-from services.operator.bench.matrix.judging import Seen, Tape, complaints, lost, outcome
-from services.operator.bench.matrix.page import BEGIN, END, Row, section, write_section
-from services.operator.bench.matrix.plan import PHASES, VICTIMS, Case, Ending, cases
+from services.operator.bench.reliability.matrix.command import case_key
+from services.operator.bench.reliability.matrix.judging import Seen, Tape, complaints, lost, outcome
+from services.operator.bench.reliability.matrix.page import BEGIN, END, Row, section, write_section
+from services.operator.bench.reliability.matrix.plan import PHASES, VICTIMS, Case, Ending, cases
+from services.operator.cli.commands import app
 
 TAPE = Tape(parts=1, gap_s=0.05, missing=0, finished=True)
 INSERTED = Seen(signalled=True, result_s=20.0, inserted=True, status=0, healthy_s=2.0, tape=TAPE, tip_before_m=-0.05)

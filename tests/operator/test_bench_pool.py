@@ -15,13 +15,14 @@ from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.provenance import ResultStore, code_version
-from services.operator.bench.conditions import cell_content
-from services.operator.bench.local_executor import LocalExecutor
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.pool import HOPELESS, TRIES, ExecutorName, open_executor, run_in_cells
-from services.operator.bench.progress import CellsProgress
-from services.operator.bench.ray_executor import RayExecutor
-from services.operator.bench.trials import (
+from services.operator.assembly.session import Session
+from services.operator.bench.cells.conditions import cell_content
+from services.operator.bench.cells.local_executor import LocalExecutor
+from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.pool import HOPELESS, TRIES, ExecutorName, open_executor, run_in_cells
+from services.operator.bench.cells.progress import CellsProgress
+from services.operator.bench.cells.ray_executor import RayExecutor
+from services.operator.bench.cells.trials import (
     WALL_FIGURES,
     TrialJob,
     base_cell_text,
@@ -29,8 +30,7 @@ from services.operator.bench.trials import (
     trial_key,
     trial_task,
 )
-from services.operator.bench.worker import Outcome
-from services.operator.session import Session
+from services.operator.bench.cells.worker import Outcome
 
 SILENT = CellsProgress(None)
 

@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.operator.bench.processes import Held, held_by
-from services.operator.bench.soak.measuring import Figures, complaints, grown, size_mb
-from services.operator.bench.soak.trend import growth
+from services.operator.bench.cells.processes import Held, held_by
+from services.operator.bench.reliability.soak.measuring import Figures, complaints, grown, size_mb
+from services.operator.bench.reliability.soak.trend import growth
 
 MINUTE_S = 60.0
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.provenance import ResultStore, SourceWatch, code_version, folder_version, hash_sources, result_key
-from services.operator.bench.conditions import Condition, cell_content, condition_of, merged
-from services.operator.bench.trials import TrialJob, trial_key
+from services.operator.bench.cells.conditions import Condition, cell_content, condition_of, merged
+from services.operator.bench.cells.trials import TrialJob, trial_key
 
 NAMES = st.sampled_from(["a", "b", "c"])
 TREES = st.recursive(
@@ -108,10 +108,10 @@ def test_a_store_that_cannot_be_is_refused_by_name(tmp_path: Path) -> None:
 
 
 def _tree(root: Path, code: str) -> Path:
-    for folder in ("crosspih_common", "services/hardware", "services/operator"):
+    for folder in ("crosspih_common", "services/hardware", "services/operator/scoring", "services/operator/assembly"):
         (root / folder).mkdir(parents=True, exist_ok=True)
     (root / "crosspih_common/a.py").write_text(code, encoding="utf-8")
-    for name in ("scoring", "session", "show"):
+    for name in ("scoring/score", "assembly/session", "assembly/show"):
         (root / f"services/operator/{name}.py").write_text("x = 1\n", encoding="utf-8")
     return root
 
@@ -119,9 +119,9 @@ def _tree(root: Path, code: str) -> Path:
 def test_the_code_version_is_of_what_the_code_does(tmp_path: Path) -> None:
     version = hash_sources(_tree(tmp_path, 'def f():\n    """One."""\n    return 1\n'))
     assert version == hash_sources(_tree(tmp_path, 'def f():\n    """Two."""\n\n    return 1  # why\n'))
-    (tmp_path / "services/operator/show.py").write_text("x = 2\n", encoding="utf-8")
+    (tmp_path / "services/operator/assembly/show.py").write_text("x = 2\n", encoding="utf-8")
     assert version == hash_sources(tmp_path)
-    (tmp_path / "services/operator/scoring.py").write_text("x = 2\n", encoding="utf-8")
+    (tmp_path / "services/operator/scoring/score.py").write_text("x = 2\n", encoding="utf-8")
     assert version != hash_sources(tmp_path)
     assert version != hash_sources(_tree(tmp_path, "def f():\n    return 2\n"))
 

@@ -13,9 +13,9 @@ import pytest
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import CLOCK, DWELL
 from crosspih_common.messages import Dwell
-from services.operator.cell_check.first import FILE, check_before_first
-from services.operator.cell_check.measuring import Manner, check_cell
-from services.operator.rows import Verdict, table_of, wrong_ones
+from services.operator.cell.check.first import FILE, check_before_first
+from services.operator.cell.check.measuring import Manner, check_cell
+from services.operator.cli.rows import Verdict, table_of, wrong_ones
 from tests.operator.mistaken_cells import (
     cell_with,
     deaf,

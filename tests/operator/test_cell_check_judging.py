@@ -25,12 +25,12 @@ from crosspih_common.messages import (
     StereoPair,
     StopReason,
 )
-from services.operator.cell_check import gravity, images, presence, streams
-from services.operator.cell_check.commands import Answer, check_refused, check_stop
-from services.operator.cell_check.gravity import Reading, felt_weight
-from services.operator.cell_check.measuring import tilt_axes
-from services.operator.cell_check.provoking import beyond
-from services.operator.rows import Row, Verdict
+from services.operator.cell.check import gravity, images, presence, streams
+from services.operator.cell.check.gravity import Reading, felt_weight
+from services.operator.cell.check.measuring import tilt_axes
+from services.operator.cell.check.provoking import beyond
+from services.operator.cell.check.refused import Answer, check_refused, check_stop
+from services.operator.cli.rows import Row, Verdict
 
 WORKCELL = Workcell()
 TILTS = ((0.0, 0.0), (0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3))

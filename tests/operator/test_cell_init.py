@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from crosspih_common.config import cell_of_text, load_cell
-from services.operator.__main__ import app
-from services.operator.cell_init import command
-from services.operator.cell_init.answers import Refused
-from services.operator.cell_init.questions import Question, questions
-from services.operator.cell_init.writing import cell_text
-from services.operator.drivers import installed_drivers
+from services.operator.cell.drivers import installed_drivers
+from services.operator.cell.init import command
+from services.operator.cell.init.answers import Refused
+from services.operator.cell.init.questions import Question, questions
+from services.operator.cell.init.writing import cell_text
+from services.operator.cli.commands import app
 
 ROOT = Path(__file__).resolve().parents[2]
 DH = """

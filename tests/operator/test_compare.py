@@ -13,24 +13,24 @@ from rich.console import Console
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Strategy
-from services.operator.bench.assembly import figures_table
-from services.operator.bench.busy import BusyResult, ended
-from services.operator.bench.busy import table_of as busy_table
-from services.operator.bench.compare import CONDITIONS, STRATEGIES, Vision
-from services.operator.bench.compare_figure import save_figure
-from services.operator.bench.compare_table import compare_table
-from services.operator.bench.comparison import Comparison, compare_strategies
-from services.operator.bench.domain import DomainResult, boxes_of
-from services.operator.bench.domain import table_of as domain_table
-from services.operator.bench.factors import Factor, Level
+from services.operator.assembly.show import summary
+from services.operator.bench.assembly.command import figures_table
+from services.operator.bench.cells.trials import TrialJob
+from services.operator.bench.compare.command import CONDITIONS, STRATEGIES, Vision
+from services.operator.bench.compare.comparison import Comparison, compare_strategies
+from services.operator.bench.compare.figure import save_figure
+from services.operator.bench.compare.table import compare_table
+from services.operator.bench.domain.command import DomainResult, boxes_of
+from services.operator.bench.domain.command import table_of as domain_table
+from services.operator.bench.domain.factors import Factor, Level
 from services.operator.bench.protocols.assembling import ProtocolResult, ProtocolTrial
 from services.operator.bench.protocols.assembling import table_of as protocols_table
-from services.operator.bench.refine import compared_table
-from services.operator.bench.trials import TrialJob
-from services.operator.challenge_score import MOST, challenge_score
-from services.operator.scoring import TrialFigures
-from services.operator.show import summary
-from services.operator.statistics import Sight, sight_row, summarise
+from services.operator.bench.refine.command import compared_table
+from services.operator.bench.reliability.busy import BusyResult, ended
+from services.operator.bench.reliability.busy import table_of as busy_table
+from services.operator.scoring.challenge_score import MOST, challenge_score
+from services.operator.scoring.score import TrialFigures
+from services.operator.scoring.statistics import Sight, sight_row, summarise
 
 
 def scored(**changed: object) -> float:

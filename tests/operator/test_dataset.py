@@ -15,14 +15,14 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from crosspih_common.datasets import read_contacts
-from services.operator.__main__ import app
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.worker import Outcome
+from services.operator.assembly.payload import ready_arm
+from services.operator.assembly.session import Session
+from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.worker import Outcome
+from services.operator.cli.commands import app
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contact
-from services.operator.dataset.inference_process import ToolFailed, run_tool
-from services.operator.payload import ready_arm
-from services.operator.session import Session
-from services.operator.training_report import render_training
+from services.operator.other_services.inference_process import ToolFailed, run_tool
+from services.operator.training.page import render_training
 from tests.planning.cell_in_memory import CellInMemory
 
 

@@ -18,8 +18,7 @@ from crosspih_common.geometry import Pose
 from services.hardware.config import hardware_of
 from services.hardware.peers.following import FollowingCamera
 from services.hardware.peers.seen import Seen
-from services.operator.__main__ import app
-from services.operator.bench.conditions import merged
+from services.operator.bench.cells.conditions import merged
 from services.operator.bench.protocols.assembling import calibrated_cell
 from services.operator.bench.protocols.board import put_board
 from services.operator.bench.protocols.day import LEFT_OUT, PAGE
@@ -37,11 +36,12 @@ from services.operator.bench.protocols.plants import (
     base_content,
 )
 from services.operator.bench.protocols.scoring_day import camera_rows, tool_rows, true_tool, truth_lines
-from services.operator.cell_init.command import asked, given_answers
-from services.operator.cell_init.questions import questions
-from services.operator.cell_init.writing import cell_text
+from services.operator.cell.init.command import asked, given_answers
+from services.operator.cell.init.questions import questions
+from services.operator.cell.init.writing import cell_text
+from services.operator.cli.commands import app
+from services.operator.cli.rows import Verdict
 from services.operator.doctor.calibrations import camera_rows as doctor_rows
-from services.operator.rows import Verdict
 
 STEPS = steps_of(PAGE.read_text(encoding="utf-8"))
 DRIVERS: list[dict[str, Any]] = [

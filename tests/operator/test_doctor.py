@@ -21,7 +21,8 @@ from crosspih_common.messages import (
     PoseData,
 )
 from services.hardware.control.config import LimitsConfig
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
+from services.operator.cli.rows import Row, Verdict, looked
 from services.operator.doctor import (
     addresses,
     clocks,
@@ -33,7 +34,6 @@ from services.operator.doctor import (
     sections,
     software,
 )
-from services.operator.rows import Row, Verdict, looked
 from services.planning.config import PlanningConfig
 from tests.operator.doctor_rows import ROOT, every_bad_row_has_a_mend, verdicts
 

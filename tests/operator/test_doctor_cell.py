@@ -18,13 +18,13 @@ from crosspih_common.messages import (
     Strategy,
 )
 from services.force_torque.calibration_file import CalibrationFile, save_calibration
+from services.operator.cli.rows import Verdict
 from services.operator.doctor import (
     calibrations,
     devices,
     drawing,
 )
 from services.operator.doctor.weights import weight_rows
-from services.operator.rows import Verdict
 from tests.operator.doctor_rows import NOW, cell_of, every_bad_row_has_a_mend, verdicts
 
 # --------------------------------------------------------------------------------------------------------- calibrations

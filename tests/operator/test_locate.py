@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.camera import SimulatedScene
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 
 WORKCELL = Workcell()
 CELL = "deploy/cells/default.yaml"

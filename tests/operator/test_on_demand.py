@@ -8,10 +8,10 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from services.operator.__main__ import COMMANDS, app
 from services.operator.bench.commands import COMMANDS as BENCHES
-from services.operator.cell_commands import COMMANDS as OF_A_CELL
-from services.operator.on_demand import OnDemand
+from services.operator.cell.commands import COMMANDS as OF_A_CELL
+from services.operator.cli.commands import COMMANDS, app
+from services.operator.cli.on_demand import OnDemand
 
 ALL = [(name, entry) for table in (COMMANDS, BENCHES, OF_A_CELL) for name, entry in table.items()]
 HEAVY = ("numpy", "scipy", "pydantic", "zenoh", "yaml")
@@ -28,7 +28,7 @@ def test_the_list_says_what_the_commands_own_help_says(name: str, entry: OnDeman
 def test_help_is_printed_by_typer_alone() -> None:
     program = (
         "import sys\n"
-        "from services.operator.__main__ import app\n"
+        "from services.operator.cli.commands import app\n"
         "try:\n    app(['--help'])\n"
         "except SystemExit:\n    pass\n"
         f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, PoseData, SimulationTruth, Strategy
+from services.operator.contract.keys_table import markdown
 from services.operator.dataset.contact import draw_pose_peg_hole, start_pose_hole_peg
-from services.operator.keys_table import markdown
-from services.operator.scoring import TrialFigures, insertion_depth_m, pose_error, score
-from services.operator.statistics import summarise, wilson95
+from services.operator.scoring.score import TrialFigures, insertion_depth_m, pose_error, score
+from services.operator.scoring.statistics import summarise, wilson95
 
 HOLE = Workcell().hole_prior.pose_base_hole()
 

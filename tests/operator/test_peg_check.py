@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="60mm" viewBox="0 0 60 60">'
 FIELDS = ["area_mm2", "width_mm", "height_mm", "corners", "symmetry", "left_out", "refusal"]

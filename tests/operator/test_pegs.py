@@ -14,11 +14,11 @@ from crosspih_common.config.cell import content_alone
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, Failure, PoseData, PosePrior, Strategy
-from services.operator.bench.conditions import Condition, cell_content
-from services.operator.bench.swap import Trials, swapped
-from services.operator.bench.trials import TrialJob, base_cell_text
-from services.operator.pegs import cell_with_peg, content_with_peg
-from services.operator.scoring import TrialFigures, pose_error, score
+from services.operator.assembly.pegs import cell_with_peg, content_with_peg
+from services.operator.bench.assembly.swap import Trials, swapped
+from services.operator.bench.cells.conditions import Condition, cell_content
+from services.operator.bench.cells.trials import TrialJob, base_cell_text
+from services.operator.scoring.score import TrialFigures, pose_error, score
 
 HOLE = Workcell().hole_prior.pose_base_hole()
 CELL = "cell: {name: left, peg: {half_width_m: 0.008}}\nhardware: {simulated: {seed: 3}}\nvision:\n"

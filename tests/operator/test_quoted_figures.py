@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from services.operator.__main__ import app
-from services.operator.bench.compare import POOR
-from services.operator.bench.trials import WALL_FIGURES
+from services.operator.bench.cells.trials import WALL_FIGURES
+from services.operator.bench.compare.command import POOR
+from services.operator.cli.commands import app
 from services.operator.results.page import sections_of
 
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d*\.?\d+(?![\w])")

@@ -16,9 +16,9 @@ from crosspih_common.keys import CLOCK, PHASE
 from crosspih_common.messages import AssemblyPhase, CellClock, Event, Phase, Severity
 from crosspih_common.recording import read_recording
 from crosspih_common.service.lifecycle import ServiceContext
-from services.operator import recorded
-from services.operator.new_events import only_new
-from services.operator.recorded import Recorded
+from services.operator.assembly import recorded
+from services.operator.assembly.new_events import only_new
+from services.operator.assembly.recorded import Recorded
 from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
 

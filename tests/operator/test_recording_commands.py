@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from crosspih_common.keys import ANNOTATED_LEFT, CONTACT_WRENCH, PHASE, TRUTH
 from crosspih_common.recording import read_recording
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 from tests.recorder.synthetic import STEPS, write_assembly
 
 

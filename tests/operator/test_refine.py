@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from crosspih_common.config import Workcell
-from services.operator.__main__ import app
-from services.operator.bench.refined_cell import refined_content, refined_table
+from services.operator.calibrate.refined_cell import refined_content, refined_table
+from services.operator.cli.commands import app
 
 TRUTH = {"taper_slope_factor": 1.01, "clearance_offset_m": 5e-5, "ft_shift_m": [1e-4, 0.0, 0.0]}
 BASE: dict[str, Any] = {"cell": {"name": "cell1"}, "hardware": {"simulated": {"truth": TRUTH}}}

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from crosspih_common.geometry import Pose
-from services.operator.repeatability import repeatability
+from services.operator.scoring.repeatability import repeatability
 
 HOLE = Pose.from_rotvec([0.1, -2.0, 0.3], [0.4, -0.3, 0.2])
 

@@ -23,9 +23,9 @@ from crosspih_common.messages import (
 )
 from crosspih_common.recording import Recorded, Recording
 from crosspih_common.recording.comparing import differences
-from services.operator.__main__ import app
-from services.operator.replay.answers import stored_cell
-from services.operator.replay.asked import asked_of
+from services.operator.cli.commands import app
+from services.operator.recordings.replay.answers import stored_cell
+from services.operator.recordings.replay.asked import asked_of
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile, create_file
 from services.recorder.sample import Sample

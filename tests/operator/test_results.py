@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.modules import module_command
-from services.operator.__main__ import app
-from services.operator.results.cli import entries_named
+from services.operator.cli.commands import app
+from services.operator.results.command import entries_named
 from services.operator.results.page import Sections, duration, make_page, when
 from services.operator.results.plan import Entry, arguments, load_plan
 from services.operator.results.printed import Printed

@@ -16,7 +16,7 @@ from crosspih_common.bus.codec import decode, encode, label_of
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import commands, topics
 from crosspih_common.messages import Image, Message
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 from services.operator.contract.schema import INDEX, image_proto, index, message_schema, schema_file, types
 
 MESSAGES: list[type[Message]] = [kind for kind in types() if issubclass(kind, Message)]

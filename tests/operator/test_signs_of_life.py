@@ -7,7 +7,7 @@ import pytest
 from deploy.launcher.conditions import Phase
 from deploy.launcher.health import Health
 from deploy.launcher.state import ServiceState, StackState
-from services.operator.signs_of_life import SILENT, noted, with_clock
+from services.operator.cli.ps import SILENT, noted, with_clock
 
 
 def row(service: str, phase: Phase = Phase.RUNNING, health: Health = Health.HEALTHY) -> ServiceState:

@@ -10,13 +10,13 @@ import pytest
 from crosspih_common.errors import CrosspihError
 from services.hardware.drivers.simulated.engines.registry import installed_engines
 from services.hardware.rate import measure_engine
-from services.operator.bench import startup
-from services.operator.bench.bus.command import measured
-from services.operator.bench.bus.figures import Turn, figures_of, turn_of
-from services.operator.bench.bus.ways import PAYLOAD_BYTES, RAW, installed_ways, message, number_of, plain
-from services.operator.bench.recorder import result_of as recorder_result
-from services.operator.bench.where_time_goes import Account, cpu_of
-from services.operator.bench.where_time_goes import result_of as trials_result
+from services.operator.bench.speed import startup
+from services.operator.bench.speed.bus.command import measured
+from services.operator.bench.speed.bus.figures import Turn, figures_of, turn_of
+from services.operator.bench.speed.bus.ways import PAYLOAD_BYTES, RAW, installed_ways, message, number_of, plain
+from services.operator.bench.speed.recorder import result_of as recorder_result
+from services.operator.bench.speed.where_time_goes import Account, cpu_of
+from services.operator.bench.speed.where_time_goes import result_of as trials_result
 from services.recorder.rate import measure, paced
 
 

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 from crosspih_common.config import load_cell
 from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.security import CERTIFICATES
-from services.operator.__main__ import app
-from services.operator.bench.conditions import Condition, cell_content
-from services.operator.bench.trials import base_cell_text
-from services.operator.stack import refused_at_once
-from services.operator.which_cell import cell_path, using_cell
+from services.operator.assembly.stack import refused_at_once
+from services.operator.bench.cells.conditions import Condition, cell_content
+from services.operator.bench.cells.trials import base_cell_text
+from services.operator.cell.which_cell import cell_path, using_cell
+from services.operator.cli.commands import app
 
 
 def test_a_named_file_counts_while_it_is_used(monkeypatch: pytest.MonkeyPatch) -> None:

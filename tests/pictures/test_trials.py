@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from crosspih_common.errors import CrosspihError
+from services.operator.bench.cells.trials import TrialJob
 from services.operator.bench.pictures.trials import with_pictures
-from services.operator.bench.trials import TrialJob
 
 SET = Path("tests/pictures/set")
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from crosspih_common.config.drawing import PegDrawing
 from crosspih_common.messages import AssemblyResult, Strategy
-from services.operator.scoring import pose_error
+from services.operator.scoring.score import pose_error
 from tests.planning.cell_in_memory import CellInMemory
 
 

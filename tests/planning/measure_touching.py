@@ -33,7 +33,7 @@ from crosspih_common.messages import (
 )
 from services.inference.config import InferenceConfig
 from services.inference.shell import InferenceShell
-from services.operator.scoring import PoseError, pose_error
+from services.operator.scoring.score import PoseError, pose_error
 from tests.planning.cell_in_memory import VISION_SD, CellInMemory
 
 FORCE_ALONE_SD = np.array([3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05])

@@ -19,7 +19,7 @@ from crosspih_common.messages import (
     Phase,
 )
 from services.hardware.control.config import LimitsConfig
-from services.operator.scoring import insertion_depth_m, pose_error
+from services.operator.scoring.score import insertion_depth_m, pose_error
 from services.planning.config import PlanningConfig
 from tests.planning.cell_in_memory import CellInMemory
 

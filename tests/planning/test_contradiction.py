@@ -13,8 +13,8 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Failure
 from services.hardware.drivers.simulated.config import SimulatedConfig, TruthConfig
-from services.operator.scoring import score
-from services.operator.show import summary
+from services.operator.assembly.show import summary
+from services.operator.scoring.score import score
 from services.planning.contradiction import BOUND, contradiction, nearest_turn, squared_distance
 from tests.planning.cell_in_memory import CellInMemory
 

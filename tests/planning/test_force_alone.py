@@ -10,7 +10,7 @@ import pytest
 
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import BoreContact, Failure, PoseData, PosePrior, Strategy, floats
-from services.operator.scoring import insertion_depth_m, pose_error
+from services.operator.scoring.score import insertion_depth_m, pose_error
 from services.planning.asking import BusPorts
 from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig

@@ -8,7 +8,7 @@ import pytest
 
 from crosspih_common.config import PegDrawing
 from crosspih_common.messages import AssemblyResult, Failure, Phase, PosePrior, SimulationTruth, Strategy
-from services.operator.scoring import score
+from services.operator.scoring.score import score
 from tests.planning.cell_in_memory import CellInMemory
 
 SEED = 5

@@ -24,7 +24,7 @@ from crosspih_common.messages import (
     Strategy,
     Withdraw,
 )
-from services.operator.scoring import insertion_depth_m
+from services.operator.scoring.score import insertion_depth_m
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies import STRATEGIES

@@ -15,7 +15,7 @@ from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.keys import ASSEMBLE
 from crosspih_common.messages import Assemble, AssemblyResult, ContactState, Failure, PoseData, Strategy, Touch, floats
 from services.hardware.control.search_path import SearchPath
-from services.operator.scoring import insertion_depth_m
+from services.operator.scoring.score import insertion_depth_m
 from services.planning.strategies import STRATEGIES
 from services.planning.strategies.moves import SEARCH_S, room_m
 from services.planning.strategies.spiral import SETTLE_S, archimedean

@@ -9,7 +9,7 @@ import pytest
 
 from crosspih_common.messages import Phase
 from services.hardware.drivers.simulated.config import SimulatedConfig
-from services.operator.scoring import score
+from services.operator.scoring.score import score
 from services.planning.config import PlanningConfig
 from tests.planning.cell_in_memory import CellInMemory
 

@@ -24,7 +24,7 @@ from crosspih_common.messages import AssemblyPhase, Event, Phase, ServiceState, 
 from crosspih_common.recording import RecordingError, read_recording
 from crosspih_common.recording.records import Attachment, Malformed, metadata_of, seal_of, sealed
 from crosspih_common.recording.scanning import DEFINITIONS, repeated_definitions, scanning
-from services.operator.recording.making import recover
+from services.operator.recordings.making import recover
 from services.recorder.config import Compression, RecorderConfig
 from services.recorder.file import RecordingFile
 from services.recorder.sample import Sample

@@ -11,7 +11,7 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from services.operator.report import make_report
-from services.operator.report.cli import report
+from services.operator.report.command import report
 from services.operator.report.figure import draw_figure
 from services.operator.report.page import number
 from tests.recorder.synthetic import SyntheticRecording, result, write_assembly

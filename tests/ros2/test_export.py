@@ -26,7 +26,7 @@ from crosspih_common.messages import (
     ServiceState,
     ServiceStatus,
 )
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 from services.recorder.config import RecorderConfig
 from services.recorder.recorder import Recorder
 

@@ -29,7 +29,7 @@ from crosspih_common.keys import (
 )
 from crosspih_common.security import CERTIFICATES, Credentials, credentials_from_environment, open_to_whom
 from crosspih_common.security.access import SERVICES, access_control, allowed
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 from services.operator.security.issuing import issue_all
 from services.operator.security.looking import look
 from services.router.refusals_log import ACCESS_REFUSED, LINK_REFUSED, RefusalsLog, Refused

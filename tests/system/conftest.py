@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.operator.session import Session
+from services.operator.assembly.session import Session
 from tests.system.running_cell import RunningCell
 
 

@@ -18,7 +18,7 @@ from crosspih_common.messages import AssemblyPhase
 from deploy.launcher import StackRequest, StackState, StateDirectory, is_up, start_stack, stop_stack
 from deploy.launcher.health import Health
 from deploy.launcher.state import ServiceState
-from services.operator.session import NEEDED, Session
+from services.operator.assembly.session import NEEDED, Session
 from tests.deploy.harness import is_alive
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,10 +12,10 @@ import pytest
 
 from crosspih_common.messages import PosePrior, Strategy
 from crosspih_common.modules import module_command
-from services.operator.as_bench import watch_command
-from services.operator.bench.conditions import condition_of
-from services.operator.bench.trials import WALL_FIGURES, TrialJob
-from services.operator.scoring import TrialFigures
+from services.operator.assembly.as_bench import watch_command
+from services.operator.bench.cells.conditions import condition_of
+from services.operator.bench.cells.trials import WALL_FIGURES, TrialJob
+from services.operator.scoring.score import TrialFigures
 
 SETTING = "hardware.simulated.friction_coefficient=0.2"
 

@@ -111,7 +111,7 @@ def test_torch_is_imported_by_inference_only() -> None:
 def test_ros_is_spoken_by_the_bridge_the_driver_and_the_export_only() -> None:
     """Nothing of ROS 2 reaches planning, control or the arm but through these."""
     hardware = "services/hardware/drivers/ros2", "services/hardware/peers/ros2"
-    speaking = "crosspih_common/ros2", "services/ros2", "services/operator/export", *hardware
+    speaking = "crosspih_common/ros2", "services/ros2", "services/operator/recordings/export", *hardware
     settings = ROOT / "services" / "hardware" / "config.py"  # knows the driver's section
     for path in PRODUCT:
         if any(path.is_relative_to(ROOT / where) for where in speaking):

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from crosspih_common.keys import PHASE, commands, topics
 from crosspih_common.messages import Phase
-from services.operator.__main__ import app
-from services.operator.session import Session
+from services.operator.assembly.session import Session
+from services.operator.cli.commands import app
 from tests.system.running_cell import SERVICES, KillOnPhase, RunningCell
 
 NAMED_BY_CONTRACT = {

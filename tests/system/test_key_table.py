@@ -29,11 +29,11 @@ NOT_SPELLED = {
     "services/recorder/shell.py": "topic",
     "services/planning/shell.py": "command",
     "services/hardware/shells/arm.py": "command",
-    "services/operator/asked.py": "command.reply_echo",
-    "services/operator/bench/bus/ways.py": "TOPIC",
-    "services/operator/bench/where_time_goes.py": "echo",
-    "services/operator/bench/kills/watching.py": "command.reply_echo",
-    "services/operator/replay/answers.py": "asked.command",
+    "services/operator/assembly/asked.py": "command.reply_echo",
+    "services/operator/bench/speed/bus/ways.py": "TOPIC",
+    "services/operator/bench/speed/where_time_goes.py": "echo",
+    "services/operator/bench/reliability/kills/watching.py": "command.reply_echo",
+    "services/operator/recordings/replay/answers.py": "asked.command",
     "services/ros2/shell.py": "command.reply_echo",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it

@@ -59,7 +59,7 @@ def test_a_command_loads_what_its_answer_needs(command: str) -> None:
     """Of a stack that is not up: whether one of that name is has to be looked for all the same."""
     words = [*command.split(), *(["--project", "of-no-stack"] if command.split()[0] in ("ps", "logs", "down") else [])]
     code = (
-        "from services.operator.__main__ import app\n"
+        "from services.operator.cli.commands import app\n"
         f"try:\n    app({words})\n"
         "except SystemExit:\n    pass"
     )  # fmt: skip
@@ -68,7 +68,7 @@ def test_a_command_loads_what_its_answer_needs(command: str) -> None:
 
 def test_an_assembly_and_its_page_need_no_package_that_set_up_leaves_out() -> None:
     """`make assemble` installs the extra `run` alone."""
-    code = "import services.operator.assemble, services.operator.report.page, services.operator.report.figure"
+    code = "import services.operator.assembly.assemble, services.operator.report.page, services.operator.report.figure"
     left_out = (
         "torch",
         "safetensors",
@@ -87,7 +87,7 @@ def test_an_assembly_and_its_page_need_no_package_that_set_up_leaves_out() -> No
 def test_who_lives_is_asked_without_mathematics() -> None:
     """What `crosspih ps` loads for a stack that is up."""
     code = (
-        "import services.operator.signs_of_life\n"
+        "import services.operator.cli.ps\n"
         "from crosspih_common.bus import Bus, open_zenoh\n"
         "from crosspih_common.config import cell_name\n"
         "from crosspih_common.modules import DEFAULT_CELL\n"

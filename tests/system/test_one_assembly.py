@@ -21,10 +21,10 @@ from crosspih_common.messages import AssemblyPhase, AssemblyResult, Phase, Strat
 from crosspih_common.recording import read_recording
 from crosspih_common.recording.rerun import Again, Rerun, begun_ns
 from services.force_torque.again import rerun as force_torque_again
-from services.operator.bench.trials import WALL_FIGURES
+from services.operator.assembly.session import Session
+from services.operator.bench.cells.trials import WALL_FIGURES
 from services.operator.report import make_report
-from services.operator.scoring import TrialFigures
-from services.operator.session import Session
+from services.operator.scoring.score import TrialFigures
 from services.planning.again import ASKED as PLANNED
 from services.planning.again import rerun as planning_again
 from tests.system.running_cell import RunningCell

@@ -17,7 +17,7 @@ from crosspih_common.messages import (
     Severity,
     Strategy,
 )
-from services.operator.session import Session
+from services.operator.assembly.session import Session
 from tests.system.running_cell import DEADLINE_S, RunningCell
 
 # (what is sent, its label, what the event must name)

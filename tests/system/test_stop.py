@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from services.operator.__main__ import app
+from services.operator.cli.commands import app
 from tests.deploy.harness import is_alive
 from tests.system.running_cell import SERVICES, RunningCell, wait_until
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from services.operator.session import Session
+from services.operator.assembly.session import Session
 from tests.system.running_cell import RunningCell
 
 BARE = "hardware:\n  driver: tests.system.bare_driver:open_devices\n"

@@ -2,43 +2,43 @@
 
 import typer
 
-from services.operator.bench.stopping import stopped_in_order
-from services.operator.on_demand import OnDemand, group_of
+from services.operator.bench.cells.stopping import stopped_in_order
+from services.operator.cli.on_demand import OnDemand, group_of
 
 _HERE = "services.operator.bench"
 COMMANDS = {
     "assembly": OnDemand(
-        f"{_HERE}.assembly:assembly",
+        f"{_HERE}.assembly.command:assembly",
         "Assemble with each of N seeds, in cells side by side, and print the distribution of what came out.",
         by_cell=True,
     ),
     "domain": OnDemand(
-        f"{_HERE}.domain:domain",
+        f"{_HERE}.domain.command:domain",
         "Assemble in cells that differ from the default in one factor each: a heat map of success.",
         by_cell=True,
     ),
     "scaling": OnDemand(
-        f"{_HERE}.scaling:scaling",
+        f"{_HERE}.speed.scaling:scaling",
         "Measure how many trials a second one cell makes, two cells, and so on, each cell on a core of its own.",
         by_cell=True,
     ),
     "states": OnDemand(
-        f"{_HERE}.states:states",
+        f"{_HERE}.contact_states.command:states",
         "Push the peg so that each state comes about, judge the wrenches by rule and likelihood, and say who is right.",
         by_cell=True,
     ),
     "compare": OnDemand(
-        f"{_HERE}.compare:compare",
+        f"{_HERE}.compare.command:compare",
         "Every strategy on the same seeds: success, time, touches, forces, errors, failures, and a score.",
         by_cell=True,
     ),
     "vision": OnDemand(
-        f"{_HERE}.vision:vision",
+        f"{_HERE}.vision.command:vision",
         "Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and lies.",
         by_cell=True,
     ),
     "sizes": OnDemand(
-        f"{_HERE}.sizes:sizes",
+        f"{_HERE}.speed.sizes:sizes",
         "Time vision on pictures from 320 x 240 to 2448 x 2048, each in a simulated cell of its own.",
         by_cell=True,
     ),
@@ -47,12 +47,12 @@ COMMANDS = {
         "Render pictures of a workshop with their truth by a path tracer, for `crosspih bench vision --pictures`.",
     ),
     "refine": OnDemand(
-        f"{_HERE}.refine:refine",
+        f"{_HERE}.refine.command:refine",
         "Assemble in a cell with unmodelled errors, refine over its recordings, and assemble the next seeds with both.",
         by_cell=True,
     ),
     "engines": OnDemand(
-        f"{_HERE}.engines:engines",
+        f"{_HERE}.speed.engines:engines",
         "Measure how fast each installed physics engine is.",
     ),
     "protocols": OnDemand(
@@ -67,78 +67,78 @@ COMMANDS = {
         " and whether the peg went in. Status 1 where a command failed or a peg was not inserted.",
     ),
     "bus": OnDemand(
-        f"{_HERE}.bus.command:bus",
+        f"{_HERE}.speed.bus.command:bus",
         "Measure the typed bus, from publishing to the callback in another process, beside raw Zenoh on the same route"
         " and other buses that are installed.",
     ),
     "recorder": OnDemand(
-        f"{_HERE}.recorder:recorder",
+        f"{_HERE}.speed.recorder:recorder",
         "Measure how fast samples get from the bus into a file beside the bare MCAP writer, and whether four cells at"
         " once lose any.",
     ),
     "trials": OnDemand(
-        f"{_HERE}.where_time_goes:trials",
+        f"{_HERE}.speed.where_time_goes:trials",
         "Measure where the wall time of a trial goes: physics, rendering, thinking, waiting. `bench scaling` measures"
         " what more cells make of it. Linux.",
         by_cell=True,
     ),
     "startup": OnDemand(
-        f"{_HERE}.startup:startup",
+        f"{_HERE}.speed.startup:startup",
         "Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU"
         " time of small commands.",
     ),
     "cell": OnDemand(
-        f"{_HERE}.cell:cell",
+        f"{_HERE}.speed.cell:cell",
         "Measure how fast the simulated cell is, and each physics engine by itself in the same run.",
     ),
     "caps": OnDemand(
-        f"{_HERE}.caps.command:caps",
+        f"{_HERE}.reliability.caps.command:caps",
         "Send each kind of motion at a rigid plate, up to the fastest that a message may ask for, and print "
         "how hard it truly pressed. Ends with status 0 only if none pressed more than 10 % beyond the cap.",
         by_cell=True,
     ),
     "kills": OnDemand(
-        f"{_HERE}.kills.command:kills",
+        f"{_HERE}.reliability.kills.command:kills",
         "End each service in each phase of an assembly, and print what becomes of arm, peg and assembly. Ends"
         " with status 0 only if the arm always stops in time, the loss is named within a second, and all ends"
         " in order.",
         by_cell=True,
     ),
     "matrix": OnDemand(
-        f"{_HERE}.matrix.command:matrix",
+        f"{_HERE}.reliability.matrix.command:matrix",
         "End every service, the router and the operator, in each phase of `crosspih assemble`, by each of "
         "three signals: outcome, time to the result, time until healthy, what the recording lost. Status 0 "
         "only if all cases hold.",
         by_cell=True,
     ),
     "soak": OnDemand(
-        f"{_HERE}.soak.command:soak",
+        f"{_HERE}.reliability.soak.command:soak",
         "Assemble for an hour in one stack, and see whether memory, descriptors, threads, latency and disk "
         "stay where they are, and nothing is dropped. Status 1 where something grows, was lost, or was not "
         "inserted. Linux.",
         by_cell=True,
     ),
     "fuzz": OnDemand(
-        f"{_HERE}.fuzz.command:fuzz",
+        f"{_HERE}.reliability.fuzz.command:fuzz",
         "Draw payloads from every message's own schema, sound, absurd and broken; decode them, and send them "
         "to a cell.",
         by_cell=True,
     ),
     "busy": OnDemand(
-        f"{_HERE}.busy:busy",
+        f"{_HERE}.reliability.busy:busy",
         "Assemble while other processes keep the machine busy. Ends with status 0 only if no assembly was "
         "stopped by the arm's lease or because a living service was taken for lost.",
         by_cell=True,
     ),
     "hosts": OnDemand(
-        f"{_HERE}.hosts.command:hosts",
+        f"{_HERE}.reliability.hosts.command:hosts",
         "Assemble with the stack on one host and split over three, which are network namespaces made for it: "
         "also over a link that is slow and loses packets, one that is cut, and with clocks apart. Needs root,"
         " on Linux.",
         by_cell=True,
     ),
     "calibrations": OnDemand(
-        f"{_HERE}.calibrations:calibrations",
+        f"{_HERE}.calibrations.command:calibrations",
         "What stereo, hand-eye, tcp, mount and stiffness find, against what simulated cells hide from the services.",
         by_cell=True,
     ),

@@ -13,11 +13,11 @@ from rich.console import Console
 from crosspih_common.errors import CrosspihError
 from crosspih_common.provenance import ResultStore
 from deploy.launcher import LauncherError
-from services.operator.as_bench import watch_command
-from services.operator.bench.pool import ExecutorName
-from services.operator.bench.progress import CellsProgress
-from services.operator.bench.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
-from services.operator.scoring import TrialFigures
+from services.operator.assembly.as_bench import watch_command
+from services.operator.bench.cells.pool import ExecutorName
+from services.operator.bench.cells.progress import CellsProgress
+from services.operator.bench.cells.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
+from services.operator.scoring.score import TrialFigures
 
 Cells = Annotated[int | None, typer.Option(min=1, help="Cells side by side; one a core when left out.")]
 Where = Annotated[ExecutorName, typer.Option("--executor", help="Cells on this machine, or on a Ray cluster's.")]

@@ -13,14 +13,14 @@ from crosspih_common.calibration.fitting import CalibrationRefused
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import FtCalibration
+from services.operator.assembly.show import Story
+from services.operator.assembly.stack import cell_session
 from services.operator.bench.options import AsJson, told
-from services.operator.beside import module_says
 from services.operator.calibrate.folder import new_folder
 from services.operator.calibrate.options import CellOption, RecordOption, SpeedOption, needed, recorded, say_notes
 from services.operator.calibrate.recorded import readings_of
-from services.operator.show import Story
-from services.operator.stack import cell_session
-from services.operator.which_cell import cell_path, using_cell
+from services.operator.cell.which_cell import cell_path, using_cell
+from services.operator.other_services.beside import module_says
 
 NEEDED = ("hardware", "force_torque", "planning")
 OFFLINE = "services.force_torque.offline"

@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from services.operator.for_cell import CELL_HELP
-from services.operator.recorded import Recorded
-from services.operator.session import Session
+from services.operator.assembly.recorded import Recorded
+from services.operator.assembly.session import Session
+from services.operator.cli.for_cell import CELL_HELP
 
 CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
 ShareOption = Annotated[float, typer.Option(min=0.02, max=1.0, help="Of the arm's own speed limits, in free air.")]

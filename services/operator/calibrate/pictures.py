@@ -15,6 +15,7 @@ from rich.console import Console
 from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration
+from services.operator.assembly.stack import cell_session
 from services.operator.bench.options import AsJson, told
 from services.operator.calibrate.folder import FOUND, Taken, new_folder, pair_job, read_taken, read_yaml
 from services.operator.calibrate.options import (
@@ -32,11 +33,10 @@ from services.operator.calibrate.recorded_pictures import taken_of
 from services.operator.calibrate.tables import values_table
 from services.operator.calibrate.taking import VISION, ask, doubt_of, take_by_arm, take_by_hand
 from services.operator.calibrate.writing import Found
+from services.operator.cell.which_cell import cell_path, using_cell
 from services.operator.config import BoardSection, OperatorConfig
 from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.locate.worker import OfflineVision
-from services.operator.stack import cell_session
-from services.operator.which_cell import cell_path, using_cell
 
 NEEDED = ("hardware",)
 STEREO, HAND_EYE, CAMERAS = "stereo", "hand-eye", "cameras.yaml"

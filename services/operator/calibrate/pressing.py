@@ -34,9 +34,9 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import FT_CALIBRATION, SET_PAYLOAD
 from crosspih_common.messages import GuardedMove, MotionOutcome, SetPayload, StopReason, floats
+from services.operator.assembly.session import Session
 from services.operator.calibrate.folder import now
 from services.operator.calibrate.moving import HeldArm
-from services.operator.session import Session
 
 TILTS_RAD = (0.2, 0.42)
 BESIDE_M = 0.014  # from the rim of the hole to the corner that touches

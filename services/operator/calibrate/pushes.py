@@ -16,6 +16,7 @@ from crosspih_common.calibration.presses import Pressed
 from crosspih_common.calibration.stiffness import StiffnessFit, fit_stiffness
 from crosspih_common.calibration.tcp import TipFit, fit_tip
 from crosspih_common.config import CellFile, load_cell
+from services.operator.assembly.stack import cell_session
 from services.operator.bench.options import AsJson, told
 from services.operator.calibrate.folder import PRESSED, named_folder, new_folder, read_pressed, write_yaml
 from services.operator.calibrate.options import (
@@ -34,8 +35,7 @@ from services.operator.calibrate.settings import mount_settings, stiffness_setti
 from services.operator.calibrate.so_far import SoFar
 from services.operator.calibrate.tables import values_table
 from services.operator.calibrate.writing import Found
-from services.operator.stack import cell_session
-from services.operator.which_cell import cell_path, using_cell
+from services.operator.cell.which_cell import cell_path, using_cell
 
 NEEDED = ("hardware", "force_torque", "planning")
 FROM_HELP = (

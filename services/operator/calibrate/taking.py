@@ -15,13 +15,13 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import CAMERA_CALIBRATION, JOINT_STATE
 from crosspih_common.messages import CameraCalibration
+from services.operator.assembly.session import Session
 from services.operator.calibrate.folder import Taken, TakenPair, now, pair_job, save_taken, write_pair
 from services.operator.calibrate.moving import SETTLE_S, HeldArm, captured
 from services.operator.calibrate.page import DRAWN, LivePage
 from services.operator.calibrate.showing import outline_px, tour
 from services.operator.config import BoardSection
 from services.operator.locate.worker import OfflineVision
-from services.operator.session import Session
 
 VISION = "services.vision.calibration"
 STEADY_S = 5.0

@@ -15,7 +15,7 @@ from crosspih_common.config import CellFile, load_cell
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
 from crosspih_common.plain_yaml import yaml_of
-from services.operator.bench.conditions import merged
+from services.operator.bench.cells.conditions import merged
 from services.operator.calibrate.folder import FOUND, now, write_yaml
 from services.operator.calibrate.tables import say_missing
 

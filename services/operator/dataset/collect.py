@@ -14,12 +14,12 @@ from rich.console import Console
 from crosspih_common.datasets import CONTACT, ContactRow, ContactWriter, DatasetError, DatasetOrigin, read_contacts
 from crosspih_common.plain_yaml import yaml_of
 from crosspih_common.provenance import cell_identity, code_version
-from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.cells.conditions import Condition, cell_content
+from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.cells.progress import CellsProgress
+from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import Cells, RayAddress, Where, told
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
-from services.operator.bench.progress import CellsProgress
-from services.operator.bench.trials import base_cell_text
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contacts
 from services.operator.dataset.describe import summary
 

@@ -13,8 +13,8 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.holding import ArmLease
 from crosspih_common.keys import COMPENSATE, GUARDED_MOVE
 from crosspih_common.messages import CompensateWrench, GuardedMove, PoseData, ResetCell, floats
-from services.operator.payload import ready_arm
-from services.operator.session import Session
+from services.operator.assembly.payload import ready_arm
+from services.operator.assembly.session import Session
 
 STANDOFF_M = 0.004
 TRAVEL_LIMIT_M = 0.045

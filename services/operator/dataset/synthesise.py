@@ -12,7 +12,7 @@ from crosspih_common.datasets import read_contacts
 from services.operator.bench.options import told
 from services.operator.dataset.collect import AngleRad, FirstSeed, LateralM, Poses
 from services.operator.dataset.describe import summary
-from services.operator.dataset.inference_process import run_tool
+from services.operator.other_services.inference_process import run_tool
 
 
 def synthesise(

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
 
 # sections of `hardware` that name no address
 OTHERS = ("simulated", "recorded", "pictures", "limits", "driver", "drivers", "devices", "engine")

@@ -14,7 +14,7 @@ from crosspih_common.config import CameraSection, CellFile
 from crosspih_common.modules import data_folder
 from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.shapes.likeness import is_same_peg
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
 
 OLD_DAYS = 30.0
 WARMER_K = 5.0

@@ -15,8 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from crosspih_common.service.urgency import be_urgent
-from services.operator.beside import module_says
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
+from services.operator.other_services.beside import module_says
 
 MEASURE_S = 0.6
 TIMER_S = 0.001

@@ -10,10 +10,10 @@ from rich.console import Console
 
 from crosspih_common.messages import Strategy
 from services.operator.bench.options import AsJson, told
+from services.operator.cell.which_cell import cell_path, endpoint
+from services.operator.cli.for_cell import CELL_HELP
+from services.operator.cli.rows import Verdict, tell, wrong_ones
 from services.operator.doctor.examination import Wish, examine
-from services.operator.for_cell import CELL_HELP
-from services.operator.rows import Verdict, tell, wrong_ones
-from services.operator.which_cell import cell_path, endpoint
 
 
 def doctor(

@@ -9,8 +9,8 @@ from crosspih_common.bus import Bus
 from crosspih_common.config import CellFile
 from crosspih_common.keys import CAMERA_CALIBRATION, CLOCK, JOINT_STATE, WRENCH_RAW
 from crosspih_common.messages import CameraCalibration
-from services.operator.beside import module_says
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
+from services.operator.other_services.beside import module_says
 
 HEAR_S = 2.0
 OPEN_S = 60.0

@@ -12,7 +12,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
 
 APPROACH_M = 0.06  # where the straight way to the hole begins, as services/planning/config.py has it by default
 NEAR_LIMIT_RAD = 0.05

@@ -13,11 +13,11 @@ from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration, Strategy
 from deploy.launcher.state import default_run_root
+from services.operator.assembly.session import NEEDED
+from services.operator.cli.rows import Row, looked, ok, wrong
 from services.operator.doctor import addresses, calibrations, clocks, devices, drawing, machine, network, software
 from services.operator.doctor.sections import Sections, read_sections
 from services.operator.doctor.weights import weight_rows
-from services.operator.rows import Row, looked, ok, wrong
-from services.operator.session import NEEDED
 
 HOLDER_TIMEOUT_S = 0.1  # as services/hardware/control/config.py has it, where the file cannot be read
 TOKENS_S = 0.5

@@ -13,7 +13,7 @@ from crosspih_common.errors import BusError, ConfigError
 from crosspih_common.holding.soundness import TICKS_KEPT, boots
 from crosspih_common.keys import CLOCK
 from crosspih_common.service.wall_clock import APART_S, measured
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
 
 CONNECT_S = 1.0
 HEAR_S = 1.0

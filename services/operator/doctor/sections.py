@@ -10,9 +10,9 @@ from typing import Any
 
 from crosspih_common.config import CellFile
 from crosspih_common.errors import ConfigError
-from services.operator.beside import Said, module_says
+from services.operator.cli.rows import Row, ok, warning, wrong
 from services.operator.config import OperatorConfig
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.other_services.beside import Said, module_says
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning", "recorder")
 BRIDGE = "ros2"  # not needed for an assembly

@@ -8,8 +8,8 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 from packaging.requirements import InvalidRequirement, Requirement
 
-from services.operator.beside import module_says
-from services.operator.rows import Row, ok, warning, wrong
+from services.operator.cli.rows import Row, ok, warning, wrong
+from services.operator.other_services.beside import module_says
 
 OLDEST, NEWEST_TRIED = (3, 10), (3, 13)
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")

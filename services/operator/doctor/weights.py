@@ -9,8 +9,8 @@ from typing import Any
 
 from crosspih_common.messages import Strategy
 from crosspih_common.modules import ALL_PACKAGES
-from services.operator.beside import ROOT
-from services.operator.rows import Row, ok, wrong
+from services.operator.cli.rows import Row, ok, wrong
+from services.operator.other_services.beside import ROOT
 
 SHIPPED = ROOT / "services" / "inference" / "network"
 # the setting of the section `inference`, and the shipped file, of each strategy that asks a network

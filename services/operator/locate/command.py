@@ -13,12 +13,12 @@ from rich.console import Console
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Gamma, LocateMethod
-from services.operator.for_cell import CELL_HELP
+from services.operator.cell.which_cell import cell_path, using_cell
+from services.operator.cli.for_cell import CELL_HELP
 from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.locate.reading import CalibrationFileError
 from services.operator.locate.showing import show
 from services.operator.locate.worker import BadInput, OfflineVision, VisionLost
-from services.operator.which_cell import cell_path, using_cell
 
 BAD_INPUT, REFUSED = 2, 3
 FIELDS = ("located", "pose_base_hole", "covariance", "refusal", "time_s", "quality", "warnings")

@@ -39,7 +39,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.plain_yaml import yaml_of
 from crosspih_common.recording import Recording, Sent
-from services.operator.scoring import TrialFigures, score
+from services.operator.scoring.score import TrialFigures, score
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from crosspih_common.messages import Image, PoseData
 from crosspih_common.recording import read_recording
 from services.operator.report.content import Content, TouchEntry, collect
 from services.operator.report.figure import PHASE_COLOURS, figure_svg
-from services.operator.scoring import PoseError, pose_error, seen_in_words
+from services.operator.scoring.score import PoseError, pose_error, seen_in_words
 
 PICTURE_QUALITY = 88
 PAPER_DURATION_S = 27  # the paper's one experiment, for comparison

@@ -1,5 +1,1 @@
 """`crosspih results`: every table and figure of docs/results.md, from one declared list of commands."""
-
-from services.operator.results.cli import results
-
-__all__ = ["results"]

@@ -16,7 +16,10 @@ from rich.console import Console
 from crosspih_common.config import CellFile, Workcell
 from crosspih_common.config.cell import content_alone
 from crosspih_common.provenance import ResultStore, cell_identity, code_version, result_key
-from services.operator.bench.conditions import Condition, cell_content
+from services.operator.bench.cells.conditions import Condition, cell_content
+from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.contact_states.labels import TrueState, label_contacts
 from services.operator.bench.contact_states.plan import (
     RANDOM,
@@ -27,9 +30,6 @@ from services.operator.bench.contact_states.plan import (
     make_plan,
 )
 from services.operator.bench.contact_states.pushing import NEEDED, PushResult, PushTask, make_pushes
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
-from services.operator.bench.progress import CellsProgress
 
 CHUNK = 20
 ROUNDS = 7

@@ -11,12 +11,12 @@ from rich.console import Console
 from crosspih_common.keys import CLASSIFY
 from crosspih_common.messages import ClassifyContacts, ContactClassifier, ContactState
 from crosspih_common.provenance import ResultStore, cell_identity, code_version, result_key
+from services.operator.assembly.session import Session
+from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.contact_states.collecting import MADE_BY, Collection, Contact
 from services.operator.bench.contact_states.labels import NONE
-from services.operator.bench.own_cell import CellTask
-from services.operator.bench.pool import ExecutorName, open_executor, run_in_cells
-from services.operator.bench.progress import CellsProgress
-from services.operator.session import Session
 
 CHUNK = 200
 CALL = 25

@@ -22,10 +22,10 @@ from crosspih_common.messages import (
     SimulationTruth,
     floats,
 )
+from services.operator.assembly.payload import ready_arm
+from services.operator.assembly.session import Session
 from services.operator.bench.contact_states.aiming import start_translation_m
 from services.operator.bench.contact_states.plan import AHEAD_M, Push
-from services.operator.payload import ready_arm
-from services.operator.session import Session
 
 NEEDED = ("hardware", "force_torque", "planning")
 # placed this much short of where the geometry expects first contact, then further back when that overlaps

@@ -14,7 +14,7 @@ from crosspih_common.messages import ContactClassifier
 from services.operator.bench.contact_states.judged import CLASSIFIERS, Judged
 from services.operator.bench.contact_states.labels import NONE
 from services.operator.bench.contact_states.plan import RANDOM, STATE_NAMES
-from services.operator.statistics import wilson95
+from services.operator.scoring.statistics import wilson95
 
 NAMES = (*STATE_NAMES, NONE)
 UNEQUAL = 2.0

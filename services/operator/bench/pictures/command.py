@@ -15,7 +15,7 @@ from rich.console import Console
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.provenance import part_version
-from services.operator.bench.bar import Bar
+from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import told
 from services.operator.bench.pictures import renderer, shots, store
 from services.operator.bench.pictures.judging import RENDERED_BY

@@ -12,7 +12,7 @@ from scipy.special import chdtri
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.statistics import wilson95
+from services.operator.scoring.statistics import wilson95
 
 # quantiles of chi2 with six degrees of freedom
 IN_95, IN_9999 = float(chdtri(6, 0.05)), float(chdtri(6, 0.0001))

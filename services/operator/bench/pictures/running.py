@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from crosspih_common.errors import CrosspihError
-from services.operator.bench.bar import Bar
+from services.operator.bench.cells.bar import Bar
 from services.operator.bench.pictures import shots
 from services.operator.bench.pictures.asking import answers
 from services.operator.bench.pictures.command import RENDERED, SMALL

@@ -25,15 +25,15 @@ from crosspih_common.keys import JOINT_STATE
 from crosspih_common.messages import JointState, Strategy
 from crosspih_common.plain_yaml import yaml_of
 from deploy.launcher import LauncherError
-from services.operator.bench.conditions import merged
+from services.operator.assembly.session import NEEDED, Session
+from services.operator.bench.cells.conditions import merged
+from services.operator.bench.cells.own_cell import CellTask, OwnCell
 from services.operator.bench.options import AsJson, told
-from services.operator.bench.own_cell import CellTask, OwnCell
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.plants import ADDRESSES, Plant, Way, needs_private_network, open_plant
 from services.operator.bench.protocols.walked import check_walk
-from services.operator.scoring import score
-from services.operator.session import NEEDED, Session
-from services.operator.statistics import sight_row, wilson95
+from services.operator.scoring.score import score
+from services.operator.scoring.statistics import sight_row, wilson95
 
 CALIBRATION_DWELL_S = 0.25
 

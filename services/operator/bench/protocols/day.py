@@ -29,7 +29,7 @@ from crosspih_common.keys import ASSEMBLE
 from crosspih_common.modules import module_command
 from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.recording.reader import read_recording
-from services.operator.bench.conditions import merged
+from services.operator.bench.cells.conditions import merged
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.board import put_board
@@ -40,7 +40,7 @@ from services.operator.bench.protocols.practise import HOLE_SEED
 from services.operator.bench.protocols.scoring_day import Found, camera_rows, tool_rows
 from services.operator.bench.protocols.walked import check_walk, note_walk
 from services.operator.locate.calibration_file import Reading, read_calibration
-from services.operator.scoring import TrialFigures, score, seen_in_words
+from services.operator.scoring.score import TrialFigures, score, seen_in_words
 
 ROOT = Path(deploy.__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "hardware" / "in-a-day.md"

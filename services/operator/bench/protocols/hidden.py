@@ -14,8 +14,8 @@ from crosspih_common.config import CameraSection, Workcell
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, PoseData
-from services.operator.bench.calibrations_scored import hidden
-from services.operator.bench.conditions import merged
+from services.operator.bench.calibrations.scored import hidden
+from services.operator.bench.cells.conditions import merged
 from services.operator.calibrate.showing import drawn_before
 
 BOARD = "5x4:0.026:0.018:DICT_4X4_50"  # that of docs/hardware/in-a-day.md

@@ -26,8 +26,8 @@ from crosspih_common.geometry import Pose
 from crosspih_common.keys import CAMERA_CALIBRATION
 from crosspih_common.messages import PoseData, SimulationTruth
 from crosspih_common.plain_yaml import text_of_file, yaml_of
-from services.operator.bench.conditions import merged
-from services.operator.bench.own_cell import free_port
+from services.operator.bench.cells.conditions import merged
+from services.operator.bench.cells.own_cell import free_port
 from services.operator.bench.protocols.hidden import behind, held_by_hand
 from services.operator.bench.protocols.peers import READY_S, Peer
 

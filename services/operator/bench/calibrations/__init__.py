@@ -1,0 +1,1 @@
+"""`crosspih bench calibrations`: what each calibration finds of what simulated cells hide."""

@@ -1,0 +1,1 @@
+"""`crosspih bench compare`: strategies side by side on the same seeds."""

@@ -1,0 +1,120 @@
+"""`crosspih bench compare`: every strategy on the same seeds and cells, with vision as it is, worse, and off."""
+
+from __future__ import annotations
+
+import math
+import sys
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from crosspih_common.messages import Strategy
+from crosspih_common.provenance import ResultStore
+from services.operator.bench.cells.conditions import Condition
+from services.operator.bench.cells.pool import ExecutorName
+from services.operator.bench.cells.progress import CellsProgress
+from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob, TrialsEnded, run_trials
+from services.operator.bench.compare.comparison import Comparison, compare_strategies
+from services.operator.bench.compare.figure import check_suffix, save_figure
+from services.operator.bench.compare.table import compare_table
+from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told
+from services.operator.scoring.score import TrialFigures
+
+POOR = {"lateral_m": 0.0025, "depth_m": 0.002, "rotation_rad": 0.0524}
+POORLY = f"off by {POOR['lateral_m'] * 1e3:g} mm and {math.degrees(POOR['rotation_rad']):.0f}° an axis"
+
+
+class Vision(str, Enum):
+    """How well the cell sees."""
+
+    GOOD = "good"  # as it is
+    POOR = "poor"  # every pose found is off by a normal error with POOR's standard deviations, and says so
+    OFF = "off"  # nothing is seen: the cell's drawing is all there is
+
+
+CONDITIONS = {
+    Vision.GOOD: Condition(name="good vision"),
+    Vision.POOR: Condition(name=f"poor vision: {POORLY}", overrides={"vision": {"extra_noise": POOR}}),
+    Vision.OFF: Condition(name="no vision", overrides={"vision": {"enabled": False}}),
+}
+# in the order of the table: from blind to informed
+STRATEGIES = (
+    Strategy.STRAIGHT,
+    Strategy.VISION_ONLY,
+    Strategy.ADMITTANCE,
+    Strategy.SPIRAL,
+    Strategy.TILT,
+    Strategy.PAPER,
+    Strategy.NETWORK_SPIRAL,
+    Strategy.SEQUENCE,
+    Strategy.FUSED,
+)
+
+
+def compare(
+    trials: Annotated[int, typer.Option(min=1, help="How many seeds, the same for every strategy.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
+    vision: Annotated[
+        list[Vision] | None,
+        typer.Option(help=f"good: as it is; poor: {POORLY}; off. May be repeated; all if left out."),
+    ] = None,
+    strategy: Annotated[
+        list[Strategy] | None, typer.Option(help="Only this one; may be repeated; all that are compared if left out.")
+    ] = None,
+    picture: Annotated[Path, typer.Option(help="Where the figure goes: .png, .svg or .pdf.")] = Path(
+        "results/compare.png"
+    ),
+    cells: Cells = None,
+    executor: Where = ExecutorName.LOCAL,
+    ray_address: RayAddress = None,
+    store: Store = DEFAULT_STORE,
+    as_json: AsJson = False,
+) -> None:
+    """Every strategy on the same seeds: success, time, touches, forces, errors, failures, and a score."""
+    console = Console(stderr=True)
+    with told(console):
+        check_suffix(picture)
+        jobs = [
+            TrialJob(seed=seed + index, strategy=one, condition=CONDITIONS[seeing])
+            for seeing in vision or list(Vision)
+            for index in range(trials)
+            for one in strategy or STRATEGIES
+        ]
+        done, ended = _trials(console, jobs, cells, executor, ray_address, store)
+        if done:
+            comparison = compare_strategies(seed, done)
+            _show(comparison, as_json)
+            save_figure(comparison, picture)
+        if ended is not None:
+            raise ended
+
+
+def _trials(
+    console: Console, jobs: list[TrialJob], cells: int | None, executor: ExecutorName, ray_address: str | None,
+    store: Path | None,
+) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:  # fmt: skip
+    # failures are many here and meant to be: they stand in the table, not above the bar
+    kept = None if store is None else ResultStore(store)
+    try:
+        done = run_trials(
+            jobs, cells=cells, executor=executor, ray_address=ray_address, store=kept,
+            progress=CellsProgress(console, "compare"),
+        )  # fmt: skip
+    except TrialsEnded as ended:
+        return ended.done, ended
+    finally:
+        if kept is not None:
+            kept.close()
+    return list(zip(jobs, done, strict=True)), None
+
+
+def _show(comparison: Comparison, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(comparison.model_dump_json(indent=1) + "\n")
+        return
+    out = Console()
+    for condition in comparison.conditions:
+        out.print(compare_table(comparison, condition.name))

@@ -1,0 +1,68 @@
+"""Strategies side by side, from their trials. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from services.operator.bench.cells.conditions import Condition
+from services.operator.bench.cells.trials import TrialJob
+from services.operator.scoring.score import TrialFigures
+from services.operator.scoring.statistics import BenchResult, summarise
+
+OF_INSERTED = ("duration_s", "motion_s", "final_error_mm", "final_error_deg")
+
+
+class Row(BaseModel):
+    """A strategy under a condition. `all` is over every trial, `inserted` over those that are in, if any."""
+
+    model_config = ConfigDict(frozen=True)
+
+    condition: str
+    strategy: str
+    all: BenchResult
+    inserted: BenchResult | None
+    mean_score: float | None
+
+
+class Comparison(BaseModel):
+    """What `crosspih bench compare --json` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    conditions: list[Condition]
+    rows: list[Row]
+
+    def of(self, condition: str) -> list[Row]:
+        """The rows of a condition, in the order in which their first trials were asked for."""
+        return [row for row in self.rows if row.condition == condition]
+
+
+def compare_strategies(seed: int, done: Sequence[tuple[TrialJob, TrialFigures]]) -> Comparison:
+    """One row for each condition and strategy among the trials."""
+    conditions: dict[str, Condition] = {}
+    groups: dict[tuple[str, str], list[TrialFigures]] = {}
+    for job, figures in done:
+        conditions.setdefault(job.condition.name, job.condition)
+        groups.setdefault((job.condition.name, job.strategy.value), []).append(figures)
+    return Comparison(
+        seed=seed,
+        conditions=list(conditions.values()),
+        rows=[_row(seed, condition, strategy, trials) for (condition, strategy), trials in groups.items()],
+    )
+
+
+def _row(seed: int, condition: str, strategy: str, trials: list[TrialFigures]) -> Row:
+    inserted = [trial for trial in trials if trial.inserted]
+    scores = [trial.challenge_score for trial in trials if trial.challenge_score is not None]
+    return Row(
+        condition=condition,
+        strategy=strategy,
+        all=summarise(strategy, seed, trials),
+        # their trials stand in `all` already
+        inserted=summarise(strategy, seed, inserted).model_copy(update={"each": []}) if inserted else None,
+        mean_score=float(np.mean(scores)) if scores else None,
+    )

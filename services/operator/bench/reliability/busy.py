@@ -1,0 +1,195 @@
+"""`crosspih bench busy`: assemblies while other processes keep the machine busy; none may be stopped by the lease."""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from statistics import median
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.table import Table
+
+from crosspih_common.errors import ConfigError, CrosspihError
+from crosspih_common.messages import Failure, Strategy
+from services.operator.assembly.session import NEEDED, Session
+from services.operator.bench.cells.conditions import Condition, cell_content
+from services.operator.bench.cells.local_executor import usable_cores
+from services.operator.bench.cells.own_cell import SPEEDS, CellTask
+from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
+from services.operator.bench.cells.progress import CellsProgress
+from services.operator.bench.cells.stopping import end_with_parent
+from services.operator.bench.cells.trials import base_cell_text
+from services.operator.bench.options import AsJson, told
+from services.operator.scoring.score import TrialFigures
+from services.operator.scoring.statistics import sight_row, wilson95
+
+# how an assembly ends that the lease or a service's link has stopped, though all of them were alive
+STOPPED = (Failure.ARM_STOPPED.value, Failure.SERVICE_LOST.value)
+NO_RESULT = "no_result"
+
+
+class Ended(BaseModel):
+    """How one assembly ended. `stopped`: by the lease, for a service that was taken for lost, or without any result."""
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    inserted: bool
+    stopped: bool
+    failure: str | None
+    detail: str
+    wall_s: float | None
+    looked: bool = False
+    vision_refused: str = ""
+    felt_for: bool = False
+
+
+class BusyResult(BaseModel):
+    """What `crosspih bench busy --json` prints."""
+
+    model_config = ConfigDict(frozen=True)
+
+    speed: str
+    busy_processes: int
+    cores: int
+    inserted: int
+    stopped: int
+    assemblies: list[Ended]
+
+
+def _spin() -> None:
+    end_with_parent()
+    number = 1
+    while True:
+        number = number * 1103515245 % 2147483647
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    """So many processes that do nothing but compute, for as long as the block lasts."""
+    context = multiprocessing.get_context("spawn")
+    spinning = [context.Process(target=_spin, daemon=True) for _ in range(count)]
+    try:
+        for one in spinning:
+            one.start()
+        yield
+    finally:
+        for one in spinning:
+            if one.pid is not None:
+                one.kill()
+                one.join()
+
+
+def assemble_once(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
+    """The work of a CellTask: one trial, whatever its end, as an Ended in plain data. One that gives no result counts
+    as stopped, and is not tried again."""
+    seed = payload["seed"]
+    try:
+        figures, _ = session.trial(seed, Strategy(payload["strategy"]), False)
+    except CrosspihError as error:
+        no_result = Ended(
+            seed=seed, inserted=False, stopped=True, failure=NO_RESULT, detail=f"{type(error).__name__}: {error}",
+            wall_s=None,
+        )  # fmt: skip
+        return no_result.model_dump()
+    return ended(seed, figures).model_dump()
+
+
+def ended(seed: int, figures: TrialFigures) -> Ended:
+    """What counts here of a trial."""
+    return Ended(
+        seed=seed,
+        inserted=figures.inserted,
+        stopped=figures.failure in STOPPED,
+        failure=figures.failure,
+        detail=figures.failure_detail,
+        wall_s=figures.wall_s,
+        looked=figures.looked,
+        vision_refused=figures.vision_refused,
+        felt_for=figures.felt_for,
+    )
+
+
+def table_of(result: BusyResult) -> Table:
+    """Counts and times."""
+    walls = [one.wall_s for one in result.assemblies if one.wall_s is not None]
+    count = len(result.assemblies)
+    low, high = wilson95(result.stopped, count)
+    table = Table(title=f"{count} assemblies at {result.speed}, {result.busy_processes} busy processes beside them")
+    table.add_column("")
+    table.add_column("", justify="right")
+    table.add_row("cores", str(result.cores))
+    table.add_row("inserted", f"{result.inserted} of {count}")
+    table.add_row(*sight_row(result.assemblies))
+    table.add_row("stopped by the lease, or by a service taken for lost", f"{result.stopped} of {count}")
+    table.add_row("95 % Wilson interval of that", f"{low:.1%} to {high:.1%}")
+    if walls:
+        table.add_row("wall time, s, median and longest", f"{median(walls):.1f} / {max(walls):.1f}")
+    for failure, times in Counter(one.failure for one in result.assemblies if not one.inserted).items():
+        table.add_row(f"ended as {failure}", str(times))
+    return table
+
+
+def busy(
+    assemblies: Annotated[int, typer.Option(min=1, help="One after the other, each with the next seed.")] = 20,
+    processes: Annotated[int, typer.Option(min=0, max=256, help="That compute all the time beside them.")] = 8,
+    speed: Annotated[str, typer.Option(help=" or ".join(SPEEDS))] = "realtime",
+    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
+    strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
+    as_json: AsJson = False,
+) -> None:
+    """Assemble while other processes keep the machine busy. Ends with status 0 only if no assembly was stopped by the
+    arm's lease or because a living service was taken for lost.
+    """
+    console = Console(stderr=True)
+    with told(console):
+        if speed not in SPEEDS:
+            raise ConfigError(f"--speed {speed}: want {' or '.join(SPEEDS)}")
+        content = cell_content(base_cell_text(), Condition())
+        seeds = range(seed, seed + assemblies)
+        tasks = [
+            CellTask(
+                f"busy {one}", content, assemble_once, {"seed": one, "strategy": strategy.value}, NEEDED, speed=speed
+            )
+            for one in seeds
+        ]
+        found: dict[int, Ended] = {}
+        progress = CellsProgress(console, f"{processes} busy processes")
+        progress.taken_over(len(tasks), 0)
+
+        def on_result(index: int, result: Any) -> None:
+            one = found[index] = Ended.model_validate(result)
+            if not one.inserted:
+                progress.say(f"seed {one.seed}: {one.failure} {one.detail}", "red")
+
+        pool = open_executor(ExecutorName.LOCAL, 1, len(tasks))
+        try:
+            with busy_processes(processes), progress:
+                lost = run_in_cells(tasks, pool, on_result, progress)
+        finally:
+            pool.close()
+        for index, why in lost.items():
+            console.print(f"{tasks[index].label}: lost its cell: {why}", style="red", markup=False, highlight=False)
+        if not found:
+            raise CrosspihError("bench busy: no assembly could be made")
+        rows = [found[index] for index in sorted(found)]
+        result = BusyResult(
+            speed=speed,
+            busy_processes=processes,
+            cores=usable_cores(),
+            inserted=sum(one.inserted for one in rows),
+            stopped=sum(one.stopped for one in rows),
+            assemblies=rows,
+        )
+        if as_json:
+            sys.stdout.write(result.model_dump_json(indent=1) + "\n")
+        else:
+            Console(width=100).print(table_of(result))
+        if result.stopped or lost:
+            raise typer.Exit(1)

@@ -1,0 +1,110 @@
+"""What was seen of a case, in words, and what is not as it must be. Pure."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+from services.operator.bench.reliability.matrix.plan import OPERATOR, RECORDER, Case, Ending
+
+RESULT_S = 300.0  # a named result comes at all within this, wall time
+HEALTHY_S = 120.0
+SILENT_S = 0.5  # more than a recorder's flush, and nothing said of it, is a loss in silence
+
+
+class Tape(BaseModel):
+    """What is in the recording: `gap_s` is the longest wall time in which nothing at all was recorded, `missing` how
+    many samples never came, without those that a stream drops now and then."""
+
+    model_config = ConfigDict(frozen=True)
+
+    parts: int
+    gap_s: float
+    missing: int
+    finished: bool
+    warnings: tuple[str, ...] = ()
+
+
+class Seen(BaseModel):
+    """One case, times in s of the wall's clock from the signal on.
+
+    `result_s` is when the operator's command had printed its result, or, where the operator itself was ended for good,
+    when the planner was done. `healthy_s` is when the launcher had the process healthy again, and its liveliness token
+    was there. `tip_before_m` is how far the peg's tip stands before the hole's face in the end, negative in the hole.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    signalled: bool
+    result_s: float | None = None
+    inserted: bool = False
+    failure: str | None = None
+    detail: str = ""
+    backed_off: bool = False
+    status: int | None = None
+    healthy_s: float | None = None
+    tape: Tape | None = None
+    tip_before_m: float | None = None
+
+
+def outcome(case: Case, seen: Seen) -> str:
+    """How it ended."""
+    if not seen.signalled:
+        return "never got there"
+    if seen.result_s is None:
+        return "no result"
+    if gone(case):
+        return "the planner went on: " + ("inserted" if seen.inserted else seen.detail)
+    if seen.inserted:
+        return "inserted"
+    if seen.failure is None:
+        return f"status {seen.status}: {seen.detail}"
+    return seen.failure + (", peg out" if seen.backed_off else "")
+
+
+def gone(case: Case) -> bool:
+    """Whether nobody is left to be told."""
+    return case.victim == OPERATOR and case.ending is not Ending.STOP
+
+
+def lost(seen: Seen) -> str:
+    """What the recording misses."""
+    tape = seen.tape
+    if tape is None:
+        return "no recording" if seen.signalled else ""
+    said = []
+    if tape.parts > 1:
+        said.append(f"{tape.parts} parts")
+    if tape.gap_s > SILENT_S:
+        said.append(f"{tape.gap_s:.1f} s")
+    if tape.missing:
+        said.append(f"{tape.missing} samples")
+    if not tape.finished:
+        said.append("no end")
+    return ", ".join(said) or "nothing"
+
+
+def _misses(case: Case, tape: Tape) -> bool:
+    """Numbers tell what never came. A time without any sample is a loss only of a recorder that was away: the others'
+    samples may come late on a busy machine, and come whole."""
+    return tape.missing > 0 or (case.victim == RECORDER and tape.gap_s > SILENT_S)
+
+
+def complaints(case: Case, seen: Seen) -> list[str]:
+    """What is not as it must be; nothing when all holds."""
+    if not seen.signalled:
+        return [f"the assembly never came to where {case.victim} was to be ended: {seen.detail}"]
+    found = []
+    if seen.result_s is None or seen.result_s > RESULT_S:
+        found.append("nobody was told a result")
+    elif not gone(case) and not seen.inserted and seen.failure is None:
+        found.append(f"the result has no name: {seen.detail}")
+    if case.victim != OPERATOR and (seen.healthy_s is None or seen.healthy_s > HEALTHY_S):
+        found.append(f"{case.victim} was not healthy again")
+    if not seen.inserted and seen.tip_before_m is not None and seen.tip_before_m < 0.0:
+        found.append(f"the peg's tip is still {-seen.tip_before_m * 1e3:.0f} mm in the hole")
+    tape = seen.tape
+    if tape is None:
+        found.append("there is no recording")
+    elif _misses(case, tape) and not tape.warnings and tape.parts == 1 and not gone(case):
+        found.append("the recording misses something, and nothing says so")
+    return found

@@ -1,0 +1,71 @@
+"""Which process is ended when and how. Pure."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable, Iterator
+from enum import Enum
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from crosspih_common.messages import Phase
+from services.operator.bench.reliability.kills import plan as kills
+
+RECORDER, OPERATOR = "recorder", "operator"
+VICTIMS = (kills.ROUTER, *kills.SERVICES, OPERATOR)
+PHASES = kills.PHASES
+STOPPED_S = 7.0
+
+
+class Ending(str, Enum):
+    """How a process is ended."""
+
+    KILL = "SIGKILL"  # it is gone
+    STOP = "SIGSTOP"  # it hangs for STOPPED_S, and goes on
+    TERM = "SIGTERM"  # it ends in order, though nobody of this system asked it to
+
+    @property
+    def number(self) -> signal.Signals:
+        """The signal itself."""
+        return signal.Signals[self.value]
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        return f"{self.value} {STOPPED_S:g} s" if self is Ending.STOP else self.value
+
+
+class Case(BaseModel):
+    """One process ended in one phase. `seed` draws the hole."""
+
+    model_config = ConfigDict(frozen=True)
+
+    victim: str
+    phase: Phase
+    ending: Ending
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{self.victim} {self.ending.text} {self.phase.value}"
+
+    @property
+    def moment(self) -> kills.Case:
+        """When: as in `crosspih bench kills`."""
+        return kills.Case(service=self.victim, phase=self.phase, ending=kills.Ending.KILL, seed=self.seed)
+
+    @property
+    def overrides(self) -> dict[str, Any]:
+        """What the cell's file is to say, beside what it says."""
+        return self.moment.overrides
+
+
+def cases(victims: Iterable[str], phases: Iterable[Phase], endings: Iterable[Ending], seed: int) -> Iterator[Case]:
+    """All of them, in the order of the table."""
+    phases, endings = tuple(phases), tuple(endings)
+    for victim in victims:
+        for ending in endings:
+            for phase in phases:
+                yield Case(victim=victim, phase=phase, ending=ending, seed=seed)

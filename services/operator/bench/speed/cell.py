@@ -1,0 +1,50 @@
+"""`crosspih bench cell`: what the simulated cell's own loop costs beside the bare physics engine."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.table import Table
+
+from services.operator.bench.options import AsJson, told
+from services.operator.bench.speed.engines import measured_by
+
+PROGRAM = "services.hardware.rate"
+
+
+class CellResult(BaseModel):
+    """What `crosspih bench cell --json` prints: steps a second of CPU time, of the cell and its engine."""
+
+    model_config = ConfigDict(frozen=True)
+
+    steps_s: dict[str, dict[str, float]]
+
+
+def table_of(result: CellResult) -> Table:
+    """A row an engine: CPU time of a step, and how often the engine's own goes into it."""
+    table = Table(title="steps of 1 ms: CPU time, and against the engine alone")
+    for column in ("engine", "alone µs", "at rest µs", "/ alone", "admittance move µs", "/ alone", "times real time"):
+        table.add_column(column, justify="left" if column == "engine" else "right")
+    for engine, rates in result.steps_s.items():
+        alone, rest, move = (1e6 / rates[name] for name in ("engine", "cell", "move"))
+        table.add_row(
+            engine, f"{alone:.1f}", f"{rest:.1f}", f"{rest / alone:.2f}", f"{move:.1f}", f"{move / alone:.2f}",
+            f"{1e3 / rest:.0f}, {1e3 / move:.0f}",
+        )  # fmt: skip
+    return table
+
+
+def cell(
+    steps: Annotated[int, typer.Option(min=100, max=60000, help="Steps a round; the best of five counts.")] = 2000,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
+    with told(Console(stderr=True)):
+        result = CellResult(steps_s=measured_by(PROGRAM, steps, "bench cell"))
+        if as_json:
+            print(result.model_dump_json())
+        else:
+            Console().print(table_of(result))

@@ -1,0 +1,1 @@
+"""`crosspih bench vision`: where vision says the hole is."""

@@ -1,0 +1,91 @@
+"""`crosspih ps`: the launcher's table, of each service whether the bus has a sign of life from it, and at the router
+whether this machine's wall clock is that of the cell's."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from crosspih_common.errors import CrosspihError
+from deploy.launcher.conditions import Phase
+from deploy.launcher.health import Health
+from deploy.launcher.looking import Project, RunDir, show_stack
+from deploy.launcher.state import DEFAULT_PROJECT, StackState
+from services.operator.cell.which_cell import cell_path, endpoint
+
+if TYPE_CHECKING:
+    from crosspih_common.bus import Bus
+
+CONNECT_S = 1.0
+HEAR_S = 1.0
+CLOCK_ASKED, CLOCK_ASK_S = 3, 1.0
+ROUTER = "router"  # has no token: without it nobody has
+SILENT = "no sign of life on the bus: it hangs"
+
+
+def noted(state: StackState, alive: set[str]) -> StackState:
+    """The state with a note at each service that is healthy for all the launcher knows, but has no token among `alive`.
+
+    Nothing is noted where none of them has one: it is then another cell that was asked.
+    """
+    if not alive & {row.service for row in state.services}:
+        return state
+    rows = [
+        row.model_copy(update={"note": "; ".join(filter(None, (row.note, SILENT)))})
+        if row.service not in alive | {ROUTER} and row.phase is Phase.RUNNING and row.health is Health.HEALTHY
+        else row
+        for row in state.services
+    ]
+    return state.model_copy(update={"services": tuple(rows)})
+
+
+def with_clock(state: StackState, apart: str) -> StackState:
+    """The state with a note at the router, where the clocks of two machines are apart."""
+    rows = [
+        row.model_copy(update={"note": "; ".join(filter(None, (row.note, apart)))}) if row.service == ROUTER else row
+        for row in state.services
+    ]
+    return state.model_copy(update={"services": tuple(rows)})
+
+
+def _clocks_apart(bus: Bus) -> str:
+    from crosspih_common.service.wall_clock import APART_S, measured
+
+    wall = measured(bus, CLOCK_ASKED, CLOCK_ASK_S)
+    return str(wall) if wall is not None and wall.least_s > APART_S else ""
+
+
+def _with_signs_of_life(state: StackState) -> StackState:
+    from crosspih_common.bus import Bus, open_zenoh  # the messages: not for a stack that is down
+    from crosspih_common.config import cell_name
+
+    wanted = {row.service for row in state.services if row.phase is Phase.RUNNING} - {ROUTER}
+    alive: set[str] = set()
+    changed = threading.Condition()
+
+    def on_alive(service: str, lives: bool) -> None:
+        with changed:
+            (alive.add if lives else alive.discard)(service)
+            changed.notify_all()
+
+    try:
+        with Bus(open_zenoh(endpoint(), CONNECT_S), cell_name(cell_path()), "operator") as bus:
+            bus.watch_alive(on_alive)
+            with changed:
+                changed.wait_for(lambda: wanted <= alive, HEAR_S)
+                noticed = noted(state, set(alive))
+            return with_clock(noticed, _clocks_apart(bus))
+    except CrosspihError:
+        return state  # no router, or no cell's file: the launcher's own table is all there is
+
+
+def ps(
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    project: Project = DEFAULT_PROJECT,
+    run_dir: RunDir = None,
+) -> None:
+    """Show the services, their health and restarts, which have no sign of life on the bus, and whether the clock here
+    is the cell's; exit status 1 if the stack is not up."""
+    show_stack(as_json, project, run_dir, _with_signs_of_life)

@@ -1,0 +1,131 @@
+"""The service itself, as a process on a router of its own, asked what was asked in the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from crosspih_common.config import with_files_beside
+from crosspih_common.errors import CommandRefused, ConfigError
+from crosspih_common.messages import Message
+from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
+from crosspih_common.recording import Recording
+from crosspih_common.recording.comparing import Difference, differences
+from services.operator.bench.cells.own_cell import CellTask, OwnCell
+from services.operator.recordings.replay.asked import Asked
+from services.operator.assembly.session import Session
+
+DEADLINE_S = 300.0
+_BEFORE_S = 1e-4  # a picture's own stamp is not before itself
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One request, asked again. `refused` is what was said instead of an answer now."""
+
+    asked: Asked
+    refused: str
+    differences: tuple[Difference, ...]
+
+    @property
+    def equal(self) -> bool:
+        """The same answer, or none both times."""
+        return not self.differences
+
+
+def stored_cell(recording: Recording, cell: Path | None) -> dict[str, Any]:
+    """The content of the cell's file that the recording holds, or of another one; the files that it names in full.
+
+    Raises ConfigError where there is none.
+    """
+    if cell is None:
+        stored = recording.metadata.get("cell", {})
+        if "yaml" not in stored:
+            raise ConfigError(f"{recording.path}: does not hold its cell's file; name one with --cell")
+        path, text = Path(stored.get("path", "cell.yaml")), stored["yaml"]
+    else:
+        try:
+            path, text = cell.resolve(), text_of_file(cell, MOST_BYTES)
+        except OSError as error:
+            raise ConfigError(f"--cell {cell}: cannot be read ({error.strerror})") from None
+    content = yaml_of(text) or {}
+    return {**content, "cell": with_files_beside(path, content.get("cell") or {})}
+
+
+def answers(service: str, content: dict[str, Any], recording: Recording, requests: list[Asked]) -> Iterator[Compared]:
+    """Each request, asked again of the service; vision's camera gives the recorded pictures.
+
+    Raises CrosspihError or LauncherError when the service does not start.
+    """
+    own = _Own(service, content, recording.path)
+    try:
+        for asked in requests:
+            yield _compared(own.session_for(asked), asked, own.answered)
+    finally:
+        own.close()
+
+
+def _compared(session: Session, asked: Asked, on_answer: Callable[[Message | None], None]) -> Compared:
+    refused, answer = "", None
+    try:
+        answer = session.bus.call(asked.command, asked.request, DEADLINE_S)
+    except CommandRefused as refusal:
+        refused = str(refusal)
+    on_answer(answer)
+    if asked.answer is None or answer is None:
+        same = asked.answer is None and answer is None
+        then, now = ("none is recorded" if asked.answer is None else "given"), refused or "given"
+        return Compared(asked, refused, () if same else (Difference("answer", then, now, None),))
+    return Compared(asked, refused, tuple(differences(asked.answer, answer)))
+
+
+class _Own:
+    """The stack. Its camera gives one recorded pair after the other; where the next one is not what a request needs,
+    because it was for something else or because vision looks oftener than it did, the stack is started anew there."""
+
+    def __init__(self, service: str, content: dict[str, Any], file: Path) -> None:
+        self._service, self._content, self._file = service, content, file
+        self._cell: OwnCell | None = None
+        self._session: Session | None = None
+        self._in_order = False
+        self._asked: Asked | None = None
+
+    def session_for(self, asked: Asked) -> Session:
+        """A place on the bus of the stack, ready for that request."""
+        pictures = self._service == "vision"
+        if self._session is None or (pictures and not self._in_order):
+            self.close()
+            content = dict(self._content)
+            services: tuple[str, ...] = (self._service,)
+            if pictures:
+                begin_s = asked.at_s if asked.first_pair_s is None else asked.first_pair_s
+                content["hardware"] = {
+                    "driver": "recorded",
+                    "devices": ["camera"],
+                    "recorded": {
+                        "file": str(self._file.resolve()), "from_s": max(0.0, begin_s - _BEFORE_S), "torn": True,
+                    },
+                }  # fmt: skip
+                services = ("hardware", self._service)
+            task = CellTask("replay", content, _nothing, None, services, calibrate=False, speed="")
+            self._cell = OwnCell(0, task)
+            self._session = self._cell.start()
+        self._asked = asked
+        return self._session
+
+    def answered(self, answer: Message | None) -> None:
+        """Whether the camera now stands where the recorded one did after it: as many looks were taken."""
+        looks = getattr(answer, "diagnostics", {}).get("looks")
+        self._in_order = self._asked is not None and looks is not None and round(looks) == self._asked.pairs
+
+    def close(self) -> None:
+        """End the stack; a second call does nothing."""
+        if self._cell is not None:
+            self._cell.close()
+        self._cell = self._session = None
+
+
+def _nothing(session: Session, payload: Any) -> None:
+    """What a stack that is asked from outside has to do by itself."""

@@ -1,0 +1,1 @@
+"""How well assemblies did: a score for each, and what many come to. Pure."""

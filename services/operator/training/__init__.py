@@ -1,0 +1,1 @@
+"""`crosspih train`, and the page that judges what was trained."""
