@@ -110,9 +110,9 @@ def asked_again(queries: list[tuple[Any, ...]]) -> Work:
 
 def in_turn(ours: Work, bare: Work, rounds: int, times: int = 1) -> dict[str, float]:
     """CPU time, s, of one call of each: the least of so many rounds, each of so many calls."""
-    least = {"ours": float("inf"), "bare": float("inf")}
+    least = {"ours_s": float("inf"), "bare_s": float("inf")}
     for _ in range(rounds):
-        for name, work in (("ours", ours), ("bare", bare)):
+        for name, work in (("ours_s", ours), ("bare_s", bare)):
             began_s = time.process_time()
             for _ in range(times):
                 work()

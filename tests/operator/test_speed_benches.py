@@ -10,10 +10,12 @@ import pytest
 from crosspih_common.errors import CrosspihError
 from services.hardware.drivers.simulated.engines.registry import installed_engines
 from services.hardware.rate import measure_engine
+from services.inference.rate import measured as answers_measured
 from services.operator.bench.speed import startup
 from services.operator.bench.speed.bus.command import measured
 from services.operator.bench.speed.bus.figures import Turn, figures_of, turn_of
 from services.operator.bench.speed.bus.ways import PAYLOAD_BYTES, RAW, installed_ways, message, number_of, plain
+from services.operator.bench.speed.inference import InferenceResult
 from services.operator.bench.speed.recorder import result_of as recorder_result
 from services.operator.bench.speed.where_time_goes import Account, cpu_of
 from services.operator.bench.speed.where_time_goes import result_of as trials_result
@@ -98,3 +100,10 @@ def test_what_nobody_computes_in_is_waiting() -> None:
     assert result.parts_s["physics and control (hardware)"] == 1.5
     assert result.parts_s["vision"] == 0.25
     assert result.waiting_s == 1.5
+
+
+def test_an_answer_is_measured_beside_the_first_contacts_that_it_asked_for() -> None:
+    costs = InferenceResult.model_validate({"costs": answers_measured(rounds=1, seed=1, most_touches=1)}).costs
+    one = costs["estimate of 1 touch"]
+    assert one.ratio > 1.0 and int(one.beside.split()[1]) > 240  # at least one first contact a sample of the prior
+    assert {"most informative touch", "estimate of 1 touch, as a command"} <= set(costs)

@@ -87,6 +87,10 @@ COMMANDS = {
         "Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU"
         " time of small commands.",
     ),
+    "inference": OnDemand(
+        f"{_HERE}.speed.inference:inference",
+        "Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone.",
+    ),
     "cell": OnDemand(
         f"{_HERE}.speed.cell:cell",
         "Measure how fast the simulated cell is, and each physics engine by itself in the same run.",

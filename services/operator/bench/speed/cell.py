@@ -43,7 +43,7 @@ def cell(
 ) -> None:
     """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
     with told(Console(stderr=True)):
-        result = CellResult(steps_s=measured_by(PROGRAM, steps, "bench cell"))
+        result = CellResult(steps_s=measured_by(PROGRAM, "bench cell", "--steps", str(steps)))
         if as_json:
             print(result.model_dump_json())
         else:

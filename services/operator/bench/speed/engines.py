@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict
@@ -41,14 +41,13 @@ def table_of(result: EnginesResult) -> Table:
     return table
 
 
-def measured_by(program: str, steps: int, who: str) -> dict[str, dict[str, float]]:
-    """What a measuring program of the hardware service prints. Raises CrosspihError where it dies."""
-    done = subprocess.run(module_command(program, "--steps", str(steps)), capture_output=True, text=True, check=False)
+def measured_by(program: str, who: str, *options: str) -> Any:
+    """What a measuring program of a service prints. Raises CrosspihError where it dies."""
+    done = subprocess.run(module_command(program, *options), capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise CrosspihError(f"{who}: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
     # PyBullet greets on standard output
-    rates: dict[str, dict[str, float]] = json.loads(done.stdout.strip().splitlines()[-1])
-    return rates
+    return json.loads(done.stdout.strip().splitlines()[-1])
 
 
 def engines(
@@ -58,7 +57,7 @@ def engines(
     """Measure how fast each installed physics engine is."""
     console = Console(stderr=True)
     with told(console):
-        result = EnginesResult(steps_s=measured_by(PROGRAM, steps, "bench engines"))
+        result = EnginesResult(steps_s=measured_by(PROGRAM, "bench engines", "--steps", str(steps)))
         if as_json:
             print(result.model_dump_json())
         else:

@@ -1,0 +1,63 @@
+"""`crosspih bench inference`: what each answer of the inference service costs beside the bare thing in it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rich.console import Console
+from rich.table import Table
+
+from services.operator.bench.options import AsJson, told
+from services.operator.bench.speed.engines import measured_by
+
+PROGRAM = "services.inference.rate"
+
+
+class Cost(BaseModel):
+    """CPU time of one answer and of what it is measured beside."""
+
+    model_config = ConfigDict(frozen=True)
+
+    ours_s: float = Field(gt=0.0)
+    bare_s: float = Field(gt=0.0)
+    beside: str
+
+    @property
+    def ratio(self) -> float:
+        """How often the bare thing's time goes into ours."""
+        return self.ours_s / self.bare_s
+
+
+class InferenceResult(BaseModel):
+    """What `crosspih bench inference --json` prints: a cost a question."""
+
+    model_config = ConfigDict(frozen=True)
+
+    costs: dict[str, Cost]
+
+
+def table_of(result: InferenceResult) -> Table:
+    """A row a question."""
+    table = Table(title="CPU time of an answer, and of the bare thing in the same run")
+    for column in ("asked", "ours ms", "bare ms", "ratio", "the bare thing"):
+        table.add_column(column, justify="left" if column in ("asked", "the bare thing") else "right")
+    for asked, cost in result.costs.items():
+        table.add_row(asked, f"{cost.ours_s * 1e3:.2f}", f"{cost.bare_s * 1e3:.3f}", f"{cost.ratio:.2f}", cost.beside)
+    return table
+
+
+def inference(
+    rounds: Annotated[int, typer.Option(min=1, max=100, help="Rounds, in turn; the least of each counts.")] = 5,
+    seed: Annotated[int, typer.Option(min=0, help="Of the touches that are estimated from.")] = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone."""
+    with told(Console(stderr=True)):
+        costs = measured_by(PROGRAM, "bench inference", "--rounds", str(rounds), "--seed", str(seed))
+        result = InferenceResult(costs=costs)
+        if as_json:
+            print(result.model_dump_json())
+        else:
+            Console().print(table_of(result))
