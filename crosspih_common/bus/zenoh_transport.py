@@ -7,17 +7,16 @@ interface and scouts by multicast; a full callback queue stops the whole session
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import json
 import threading
-import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import zenoh
 from zenoh import ext
 
+from crosspih_common.bus.closing import close_at_exit
 from crosspih_common.bus.served import ServedKeys
 from crosspih_common.bus.transport import Answer, AuthoredHandler, Closeable, Query, Sender
 from crosspih_common.endpoints import EXAMPLE, checked
@@ -41,15 +40,10 @@ NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 # What ends the wait for an answer is ours, so that a late one is told from none: Zenoh's own timeout comes after it.
 # Until then Zenoh holds half a kilobyte of each query, answered or not (tests/bus/measure_query_memory.py).
 PAST_DEADLINE_S = 5.0
-CLOSE_S = 5.0  # a session closes in milliseconds
 LIVING_S = 5.0  # a router answers within milliseconds which tokens there are
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
-
-_open: weakref.WeakSet[ZenohTransport] = weakref.WeakSet()
-
-
 # A router on another machine is tried again so often, without end. Longer than the lease: by then the other side, too,
 # has given up a link that was cut. One that still held it for whole when the next came was seen to keep neither.
 RETRY_MS = LEASE_MS + 2000
@@ -235,7 +229,7 @@ class ZenohTransport:
         self._alive_session: zenoh.Session | None = None  # opened with the first token
         self._lock = threading.Lock()
         self._closed = False
-        _open.add(self)
+        close_at_exit(self)
 
     def __enter__(self) -> ZenohTransport:
         return self
@@ -374,33 +368,3 @@ class ZenohTransport:
             with contextlib.suppress(zenoh.ZError):
                 if session is not None:
                     session.close()
-
-
-def _close_all() -> None:
-    for transport in list(_open):
-        transport.close()
-
-
-def close_all() -> None:
-    """Close every session of this process that is open; waits CLOSE_S at most."""
-    closer = threading.Thread(target=_close_all, name="zenoh-close", daemon=True)
-    closer.start()
-    closer.join(CLOSE_S)
-
-
-def _close_when_main_ends() -> None:
-    # Zenoh's callback threads are joined before atexit functions run, and they end only with their session: so the
-    # sessions are closed by a daemon that waits for the main thread.
-    threading.main_thread().join()
-    _close_all()
-
-
-def _wait_until_closed() -> None:
-    if not threading.main_thread().is_alive():  # it lives where `end_process` calls this, which has closed all
-        _closer.join(CLOSE_S)
-
-
-_closer = threading.Thread(target=_close_when_main_ends, name="zenoh-close", daemon=True)
-_closer.start()
-# and the interpreter must not go on to its end while a session is still closing
-atexit.register(_wait_until_closed)

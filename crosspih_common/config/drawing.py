@@ -188,4 +188,4 @@ def _outline(drawing: PegDrawing) -> Outline:
 
 @lru_cache(maxsize=64)
 def _hole(peg: Peg, clearance_m: float, chamfer_m: float) -> Hole:
-    return Hole.around(peg, clearance_m, chamfer_m)
+    return peg.hole(clearance_m, chamfer_m)

@@ -8,7 +8,7 @@ import sys
 import threading
 from typing import NoReturn
 
-from crosspih_common.bus.zenoh_transport import close_all
+from crosspih_common.bus.closing import close_all
 
 
 def end_process(status: int) -> NoReturn:

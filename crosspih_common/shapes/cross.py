@@ -18,7 +18,7 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.convex import ConvexPiece
-from crosspih_common.shapes.hole import Hole
+from crosspih_common.shapes.hole import CHAMFER_M, Hole
 from crosspih_common.shapes.outline import Outline
 from crosspih_common.shapes.peg import Peg
 
@@ -65,7 +65,7 @@ class CrossPeg(Peg):
         """Half-length over half-width, constant along the taper."""
         return self.half_length_m / self.half_width_m
 
-    def hole(self, clearance_m: float, chamfer_m: float) -> CrossHole:
+    def hole(self, clearance_m: float, chamfer_m: float = CHAMFER_M) -> CrossHole:
         """The hole that leaves the body a clearance (m) on every side."""
         half_width_m, half_length_m = self.half_width_m + clearance_m, self.half_length_m + clearance_m
         return CrossHole(half_width_m=half_width_m, half_length_m=half_length_m, chamfer_m=chamfer_m)
@@ -114,13 +114,6 @@ class CrossHole(Hole):
         corners = cross_outline(self.half_width_m, self.half_length_m)
         object.__setattr__(self, "outline", Outline.of("cross", corners, 4))
         super().__post_init__()
-
-    @classmethod
-    def around(cls, peg: Peg, clearance_m: float, chamfer_m: float = 0.001) -> CrossHole:
-        """The hole that leaves a cross peg's body a clearance (m) on every side. TypeError for another peg."""
-        if not isinstance(peg, CrossPeg):
-            raise TypeError(f"a cross hole is for a cross peg, not for a {peg.outline.name}; use Hole.around")
-        return peg.hole(clearance_m, chamfer_m)
 
     def pieces(self) -> list[ConvexPiece]:
         """The eight convex blocks around the opening, chamfer included, exactly: four corner, then four end blocks."""

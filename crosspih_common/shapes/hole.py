@@ -16,7 +16,8 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.blocks import plate_blocks
 from crosspih_common.shapes.convex import ConvexPiece
 from crosspih_common.shapes.outline import Outline
-from crosspih_common.shapes.peg import Peg
+
+CHAMFER_M = 0.001
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Hole:
     """
 
     outline: Outline
-    chamfer_m: float = 0.001
+    chamfer_m: float = CHAMFER_M
     depth_m: float = 0.05
     plate_half_size_m: float = 0.06
 
@@ -41,11 +42,6 @@ class Hole:
                 f"hole {self.outline.name}: its rim reaches {widest * 1e3:.1f} mm from the axis, the plate "
                 f"{self.plate_half_size_m * 1e3:.1f} mm; take a smaller outline"
             )
-
-    @classmethod
-    def around(cls, peg: Peg, clearance_m: float, chamfer_m: float = 0.001) -> Hole:
-        """The hole that leaves a peg's body a clearance (m) on every side."""
-        return peg.hole(clearance_m, chamfer_m)
 
     def opening(self) -> Outline:
         """The outline on the outer face, the chamfer included."""

@@ -8,17 +8,14 @@ peg frame {J}: origin at the F/T sensor's measuring origin {K}, z along the peg 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.convex import ConvexPiece
 from crosspih_common.shapes.cover import TOLERANCE_M, ConvexRegion
+from crosspih_common.shapes.hole import CHAMFER_M, Hole
 from crosspih_common.shapes.outline import Outline
-
-if TYPE_CHECKING:
-    from crosspih_common.shapes.hole import Hole
 
 Plane = tuple[tuple[float, float, float], float]
 
@@ -74,10 +71,8 @@ class Peg:
         """Convex pieces, overlapping, whose union is the peg, exactly."""
         return [self._piece_of(part) for part in self.outline.convex_parts()]
 
-    def hole(self, clearance_m: float, chamfer_m: float) -> Hole:
+    def hole(self, clearance_m: float, chamfer_m: float = CHAMFER_M) -> Hole:
         """The hole that leaves the body a clearance (m) on every side."""
-        from crosspih_common.shapes.hole import Hole
-
         return Hole(self.outline.grown(clearance_m), chamfer_m)
 
     def _piece_of(self, part: ConvexRegion) -> ConvexPiece:

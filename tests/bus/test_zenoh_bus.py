@@ -257,10 +257,10 @@ def test_no_router_says_how_to_start_one() -> None:
 
 FORGETFUL = """
 import sys
-from crosspih_common.bus import Bus, open_zenoh, zenoh_transport
+from crosspih_common.bus import Bus, closing, open_zenoh
 from crosspih_common.keys import JOINT_STATE
 from crosspih_common.service.ending import end_process
-zenoh_transport.CLOSE_S = 1e3  # nothing may wait as long as it is allowed to
+closing.CLOSE_S = 1e3  # nothing may wait as long as it is allowed to
 bus = Bus(open_zenoh(sys.argv[1]), "c", "vision")
 bus.subscribe(JOINT_STATE, print)
 {end}

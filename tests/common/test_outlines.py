@@ -76,7 +76,7 @@ def test_any_outline_round_its_axis_is_cut_exactly(radii: list[float], turn_rad:
     corners = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     peg = tapered(Outline.of("any", corners), 0.012, 0.0537, 0.0797, 0.5)
     _assert_peg_is_exact(peg, 300, 3)
-    _assert_hole_is_exact(Hole.around(peg, 1e-4), 300, 4)
+    _assert_hole_is_exact(peg.hole(1e-4), 300, 4)
 
 
 @pytest.mark.parametrize("name", UNSEEN)
@@ -92,7 +92,7 @@ def test_the_cross_comes_out_as_its_two_bars_and_eight_blocks() -> None:
     peg = tapered(outline, 0.012, 0.0537, 0.0797, 0.0025 / 0.009)
     cross = CrossPeg()
     assert len(peg.pieces()) == 2
-    assert len(Hole.around(peg, 1e-4).pieces()) == 8
+    assert len(peg.hole(1e-4).pieces()) == 8
     assert peg.apex_m == pytest.approx(cross.apex_m)
     for ours, own in zip(peg.taper_edges_m(), cross.taper_edges_m(), strict=True):
         np.testing.assert_allclose(ours, own, atol=1e-12)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes import ConvexPiece, CrossHole, CrossPeg
+from crosspih_common.shapes import ConvexPiece, CrossPeg
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 
 
 def _inside(pieces: list[ConvexPiece], points: Array) -> Array:

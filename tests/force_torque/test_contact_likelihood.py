@@ -10,7 +10,7 @@ from crosspih_common.contacts import ArmEdges, edge_index, sliding_wrench
 from crosspih_common.geometry import rotation_from_error_angles, wrench_of_force_at_point
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import ContactClassifier
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.force_torque.contact_likelihood import LikelihoodClassifier
 from services.force_torque.contact_sets import NO_STATE, all_edge_sets
 from services.force_torque.contact_table import STATES
@@ -21,7 +21,7 @@ from tests.paper_tables import FIRST_CONTACT, TABLE_6
 SD = np.repeat([0.02, 0.001], 3)
 Z = np.array([0.0, 0.0, 1.0])
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 0.0001)
+HOLE = PEG.hole(0.0001)
 
 
 @pytest.fixture(scope="module")

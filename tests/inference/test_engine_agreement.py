@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from crosspih_common.geometry import Pose
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 from tests.inference.assembly_trial import assemble
 from tests.inference.free_peg_world import FreePegWorld, guarded_push
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.1])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crosspih_common.geometry import Pose
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.inference.estimator import (
     PoseErrorEstimate,
     PosePrior,
@@ -20,7 +20,7 @@ from services.inference.next_touch import next_touch
 from tests.inference.synthetic_touch import COMPLIANCE, synthetic_touch
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 TABLES = PairTables.of(PEG, HOLE)
 VISION_SD = (2e-4, 2e-4, 6e-4, np.radians(0.6), np.radians(0.6), np.radians(0.1))
 

@@ -8,13 +8,13 @@ import pytest
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import BoreContact, InsertionAction
-from crosspih_common.shapes import CrossHole, CrossPeg, Hole, Outline, Peg
+from crosspih_common.shapes import CrossPeg, Outline, Peg
 from services.inference.estimator import BoreWalls, InsertionAdvice, advise_insertion
 from services.inference.estimator.insertion import bore_load, clamps
 from tests.inference.free_peg_world import FreePegWorld
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 WALLS = BoreWalls.of(PEG, HOLE)
 COVARIANCE = np.diag([1e-8, 1e-8, 1e-6, 1e-5, 1e-5, 1e-5])
 STIFF = np.diag([1e-5] * 3 + [1e-3] * 3)
@@ -41,7 +41,7 @@ def test_a_round_peg_is_not_held_in_its_turn() -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     outline = Outline.of("round", 0.02 * np.column_stack([np.cos(angle), np.sin(angle)]), 0)
     peg = Peg(outline, 0.012, 0.0537, 0.0897, 0.0797)
-    walls = BoreWalls.of(peg, Hole.around(peg, 1e-4))
+    walls = BoreWalls.of(peg, peg.hole(1e-4))
     assert not walls.turn_fixed
     assert np.linalg.matrix_rank(walls.points(0.01), tol=1e-6) == 2
     both = np.concatenate([walls.points(0.001), walls.points(0.02)])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from crosspih_common.geometry import Pose
-from crosspih_common.shapes import CrossPeg, Hole, Outline, Peg
+from crosspih_common.shapes import CrossPeg, Outline, Peg
 from services.inference.estimator import EstimatorSettings, PosePrior, estimate_pose
 from services.inference.estimator.coverage import TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses
@@ -21,7 +21,7 @@ from services.inference.mechanics import PairTables
 from services.inference.next_touch import arms_of, next_touch
 
 PEG = CrossPeg()
-TABLES = PairTables.of(PEG, Hole.around(PEG, 1e-4))
+TABLES = PairTables.of(PEG, PEG.hole(1e-4))
 COMPLIANCE = np.diag([1e-5] * 3 + [1e-3] * 3)
 NOMINAL = Pose.from_rotvec([0.3, -0.5, 1.0], [0.4, -0.3, 0.2])
 POOR_SD = (1e-3, 1e-3, 2e-3, 0.04, 0.04, 0.01)
@@ -120,7 +120,7 @@ def hexagon() -> Peg:
 
 def test_another_outline_is_touched_and_estimated() -> None:
     peg = hexagon()
-    tables = PairTables.of(peg, Hole.around(peg, 1e-4))
+    tables = PairTables.of(peg, peg.hole(1e-4))
     assert arms_of(peg) == 6
     sd = (2e-4, 2e-4, 6e-4, 0.01, 0.01, 0.005)
     rng = np.random.default_rng(3)

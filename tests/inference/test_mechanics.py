@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose, rotation_from_error_angles, wrench_of_force_at_point
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.inference.mechanics import (
     PairTables,
     axial_share,
@@ -20,7 +20,7 @@ from services.inference.mechanics.translation import solve_translation
 from tests.paper_tables import FIRST_CONTACT, FITTED_APEX_M, FITTED_SLOPE, TABLE_6, TABLE_7_RAD
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 TABLES = PairTables.of(PEG, HOLE)
 ALONG = np.array([0.0, 0.0, 1.0])
 TAPER_EDGE = np.array([-FITTED_SLOPE, -3 * FITTED_SLOPE, 1.0])

@@ -13,7 +13,7 @@ pytest.importorskip("torch", reason="set-up left torch out")
 import torch
 
 from crosspih_common.geometry import Pose, rotation_to_error_angles
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.inference.network.dataset import ContactDataset, split_by_pose
 from services.inference.network.estimator import SHIPPED_WEIGHTS, NetworkEstimator, NetworkUnavailable
 from services.inference.network.evaluation import judge, leave_one_out
@@ -28,7 +28,7 @@ from services.inference.network.training import train
 from tests.paper_tables import TABLE_6, TABLE_7_RAD, paper_dataset
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 
 
 def contacts(count: int, seed: int = 0) -> ContactDataset:

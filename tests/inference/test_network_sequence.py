@@ -19,7 +19,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import SEQUENCE_NETWORK
 from crosspih_common.messages import ContactState, EstimateBySequence, PoseData, PosePrior, Touch, floats
 from crosspih_common.service import ServiceContext
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.inference.estimator import TouchObservation
 from services.inference.network.sequence_comparison import PRIORS, as_text, compare, observations, world_of
 from services.inference.network.sequence_data import SequenceDataset, TouchWorld, touch_sequences
@@ -33,7 +33,7 @@ from services.inference.network.shell import SHIPPED_WEIGHTS, SequenceShell
 from services.inference.network.touch_features import FEATURES, symmetries, touch_features, turn_pose_error
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 CLEAN = TouchWorld(force_sd_n=0.0, moment_sd_nm=0.0, place_sd_m=0.0, turn_error_sd_rad=0.0)
 
 

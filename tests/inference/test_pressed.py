@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from crosspih_common.geometry import Pose
-from crosspih_common.shapes import CrossHole, CrossPeg
+from crosspih_common.shapes import CrossPeg
 from services.inference.estimator import PosePrior, TouchObservation, pressed_estimate
 from tests.inference.free_peg_world import FreePegWorld
 
 PEG = CrossPeg()
-HOLE = CrossHole.around(PEG, 1e-4)
+HOLE = PEG.hole(1e-4)
 TRUTH = Pose.from_rotvec([0.4, -1.1, 0.3], [0.4, -0.3, 0.2])
 SEAT_SD = (4e-5, 4e-5, 1e-3, 3e-3, 3e-3, 2e-3)
 READING_SD = np.repeat([0.02, 0.001], 3)

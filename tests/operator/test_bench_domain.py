@@ -11,7 +11,7 @@ from services.hardware.config import HardwareConfig
 from services.operator.bench.cells.conditions import cell_content
 from services.operator.bench.cells.trials import TrialJob
 from services.operator.bench.contact_states.plan import lateral_stiffness_n_m
-from services.operator.bench.domain.command import boxes_of
+from services.operator.bench.domain.boxes import boxes_of
 from services.operator.bench.domain.factors import SIMULATED_DEFAULTS, Factor, factors
 from services.operator.bench.domain.heat_map import draw_map
 from services.operator.scoring.score import TrialFigures

@@ -20,8 +20,8 @@ from services.operator.bench.compare.command import CONDITIONS, STRATEGIES, Visi
 from services.operator.bench.compare.comparison import Comparison, compare_strategies
 from services.operator.bench.compare.figure import save_figure
 from services.operator.bench.compare.table import compare_table
-from services.operator.bench.domain.command import DomainResult, boxes_of
-from services.operator.bench.domain.command import table_of as domain_table
+from services.operator.bench.domain.boxes import DomainResult, boxes_of
+from services.operator.bench.domain.boxes import table_of as domain_table
 from services.operator.bench.domain.factors import Factor, Level
 from services.operator.bench.protocols.assembling import ProtocolResult, ProtocolTrial
 from services.operator.bench.protocols.assembling import table_of as protocols_table

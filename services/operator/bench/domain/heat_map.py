@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from services.operator.bench.domain.command import Box
+from services.operator.bench.domain.boxes import Box
 
 _INK, _PALE = "#1b1f24", "#f2f2f2"
 
