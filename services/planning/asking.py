@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from crosspih_common.errors import STOPPING, BusError, CommandRefused, CommandTimeout, NoService, NotSent
 from crosspih_common.holding import ArmLease
@@ -22,10 +22,8 @@ from crosspih_common.messages import (
     Touch,
 )
 from services.planning.config import PlanningConfig
+from services.planning.host import AssemblyHost
 from services.planning.ports import AssemblyFailed
-
-if TYPE_CHECKING:
-    from services.planning.shell import PlanningShell
 
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
@@ -40,8 +38,8 @@ class BusPorts:
     paused, so that thinking is the rest.
     """
 
-    def __init__(self, shell: PlanningShell, config: PlanningConfig, lease: ArmLease) -> None:
-        self._shell, self._config, self._bus, self._lease = shell, config, shell.bus, lease
+    def __init__(self, host: AssemblyHost, config: PlanningConfig, lease: ArmLease) -> None:
+        self._host, self._config, self._bus, self._lease = host, config, host.bus, lease
         self._heed_abort = True
         self._boot_id: str | None = None
         self.hardware_wall_s = self.paused_wall_s = 0.0
@@ -64,11 +62,11 @@ class BusPorts:
         retaken = False
         first_busy_at: float | None = None
         while True:
-            if self._heed_abort and self._shell.abort.is_set():
+            if self._heed_abort and self._host.abort.is_set():
                 raise AssemblyFailed(Failure.ABORTED, "somebody ended the assembly")
             if moves and self._heed_abort:
-                self.paused_wall_s += self._shell.pause.wait_to_go_on(self._shell.abort.is_set, self.tell_event)
-                if self._shell.abort.is_set():
+                self.paused_wall_s += self._host.pause.wait_to_go_on(self._host.abort.is_set, self.tell_event)
+                if self._host.abort.is_set():
                     continue
             if moves:
                 self._require_same_cell()
@@ -85,13 +83,13 @@ class BusPorts:
                 sent_for_good = moves and (begun or not never_sent)
                 if sent_for_good or isinstance(error, CommandTimeout) or now > give_up_at:
                     raise AssemblyFailed(Failure.SERVICE_LOST, f"{command.server}: {error}", command.server) from None
-                self._shell.closing.wait(RETRY_S)
+                self._host.closing.wait(RETRY_S)
                 continue
             except CommandRefused as refusal:
                 if refusal.code == BUSY and moves and not self._heed_abort and self._waits_for_rest(first_busy_at):
                     # the motion that the link was lost in is being ended by the arm itself
                     first_busy_at = first_busy_at or time.monotonic()
-                    self._shell.closing.wait(RETRY_S)
+                    self._host.closing.wait(RETRY_S)
                     continue
                 if refusal.code != NO_LEASE:
                     raise
@@ -135,42 +133,42 @@ class BusPorts:
             except (BusError, CommandRefused) as error:
                 if isinstance(error, CommandRefused) or time.monotonic() > give_up_at:
                     raise AssemblyFailed(Failure.ARM_STOPPED, f"the arm cannot be held again: {error}") from None
-            self._shell.closing.wait(RETRY_S)
+            self._host.closing.wait(RETRY_S)
 
     def _tell_lost(self, command: Command[RequestT, ReplyT], error: BusError) -> None:
-        self._shell.missed.name(command.server, f"while it was asked ({command.path}): {error}")
+        self._host.missed.name(command.server, f"while it was asked ({command.path}): {error}")
 
     def _remember_cell(self) -> None:
-        tick = self._shell.clock.value()
+        tick = self._host.clock.value()
         if self._boot_id is None and tick is not None:
             self._boot_id = tick.boot_id
         self._require_same_cell()
 
     def _require_same_cell(self) -> None:
-        tick = self._shell.clock.value()
+        tick = self._host.clock.value()
         if self._heed_abort and self._boot_id is not None and tick is not None and tick.boot_id != self._boot_id:
             raise AssemblyFailed(Failure.SERVICE_LOST, "hardware: it was started again during the assembly", "hardware")
 
     def ft_calibration(self) -> FtCalibration | None:
         """As last published; waits a little for a service that has just started."""
-        return self._shell.calibration.wait_for(lambda _: True, self._config.service_patience_s)
+        return self._host.calibration.wait_for(lambda _: True, self._config.service_patience_s)
 
     def tell_phase(self, phase: AssemblyPhase) -> None:
         """Publish a step."""
-        self._shell.phases.publish(phase)
+        self._host.phases.publish(phase)
 
     def tell_touch(self, touch: Touch) -> None:
         """Publish a touch."""
-        self._shell.touches.publish(touch)
+        self._host.touches.publish(touch)
 
     def tell_event(self, code: str, text: str) -> None:
         """See Ports."""
-        self._shell.context.event(Severity.INFO, code, text)
+        self._host.context.event(Severity.INFO, code, text)
 
     def tell_defect(self, error: Exception) -> None:
         """See Ports."""
         traceback.print_exception(error)
-        self._shell.context.event(Severity.ERROR, "defect", f"{type(error).__name__}: {error}")
+        self._host.context.event(Severity.ERROR, "defect", f"{type(error).__name__}: {error}")
 
     def ignore_abort(self) -> None:
         """From here on finish what was begun."""

@@ -52,15 +52,15 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
     A cell that is not fit to be moved is not moved: CommandRefused `cell_unfit`.
     """
     run = Run(workcell, config, ports, request.assembly_id)
-    run.known = request.known
+    run.hole.known = request.known
     try:
-        ports.look(lambda: run.dwell(0.05))
+        ports.look(lambda: run.motion.dwell(0.05))
         home(run)
         use_calibration(run)
         belief = STRATEGIES[request.strategy](run)
         final, lost = _seated_pose(run, belief)
         depth = _depth_m(run, final.pose_base_hole.pose())
-        warnings = lost + run.vision_warnings + _warnings(run, final)
+        warnings = lost + run.hole.vision_warnings + _warnings(run, final)
         run.tell(Phase.DONE, "inserted", insertion_depth_mm=depth * 1e3)
         return Finished(run, final, None, "", False, depth, warnings)
     except AssemblyFailed as error:
@@ -81,11 +81,11 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
 
 def _warnings(run: Run, final: PoseErrorEstimate) -> tuple[str, ...]:
     """What speaks against T2; nothing where vision was not asked, or saw no pose with a covariance."""
-    if run.vision_pose is None or not run.vision_covariance:
+    if run.hole.vision_pose is None or not run.hole.vision_covariance:
         return ()
     said = contradiction(
-        run.vision_pose,
-        run.vision_covariance,
+        run.hole.vision_pose,
+        run.hole.vision_covariance,
         final.pose_base_hole.pose(),
         final.covariance,
         run.workcell.peg.shape().outline.symmetry_order,
@@ -113,7 +113,7 @@ def _seated_pose(run: Run, belief: PosePrior) -> tuple[PoseErrorEstimate, tuple[
         ),
     )
     found = seated
-    if run.known is not None:
+    if run.hole.known is not None:
         return seated, ()  # it was known better than the clearance before: nothing is to be felt
     ended, warnings = False, list[str]()
 
@@ -162,7 +162,7 @@ def _seated_pose(run: Run, belief: PosePrior) -> tuple[PoseErrorEstimate, tuple[
 
 def _press_walls(run: Run) -> None:
     """Press against four walls of the bore and come back each time."""
-    rest = run.pose_base_peg
+    rest = run.motion.pose_base_peg
     run.tell(Phase.SEATED, "pressing against four walls of the bore for the exact pose")
     for direction in (rest.rotation[:, 0], rest.rotation[:, 1], -rest.rotation[:, 0], -rest.rotation[:, 1]):
         press(run, rest, direction)
@@ -170,12 +170,12 @@ def _press_walls(run: Run) -> None:
 
 def _align(run: Run, pose_base_hole: Pose) -> None:
     """The peg onto the hole's axis, at the depth where it is."""
-    depth_m = float((pose_base_hole.inverse() @ run.pose_base_peg).translation_m[2])
-    run.slide_to(pose_base_hole @ Pose.from_translation([0.0, 0.0, depth_m]), run.config.press_speed_m_s)
+    depth_m = float((pose_base_hole.inverse() @ run.motion.pose_base_peg).translation_m[2])
+    run.motion.slide_to(pose_base_hole @ Pose.from_translation([0.0, 0.0, depth_m]), run.config.press_speed_m_s)
 
 
 def _depth_m(run: Run, pose_base_hole: Pose) -> float:
     shape = run.workcell.peg.shape()
     hole = run.workcell.hole.shape(shape)
-    shoulder = pose_base_hole.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, shape.taper_start_m]))
+    shoulder = pose_base_hole.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, shape.taper_start_m]))
     return float(shoulder[2]) - hole.chamfer_m

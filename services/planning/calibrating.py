@@ -19,18 +19,18 @@ def calibrate(run: Run, dwell_s: float, temperature_c: float | None = None) -> F
     """
     readings = []
     try:
-        poses = choose_calibration_poses(run.arm, run.workcell.home_joints_rad, run.collisions)
+        poses = choose_calibration_poses(run.motion.arm, run.workcell.home_joints_rad, run.motion.collisions)
     except CalibrationPosesError as error:
         raise AssemblyFailed(Failure.UNREACHABLE, f"no poses to calibrate in: {error}") from None
     for index, joints in enumerate(poses):
         run.tell(Phase.CALIBRATING, f"sensor pose {index + 1} of {len(poses)}")
-        run.joints_to(np.asarray(joints, dtype=float))
-        run.dwell(0.1)  # let the arm settle
-        outcome = run.dwell(dwell_s)
+        run.motion.joints_to(np.asarray(joints, dtype=float))
+        run.motion.dwell(0.1)  # let the arm settle
+        outcome = run.motion.dwell(dwell_s)
         readings.append(
             RawReading(pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd)
         )
-    run.joints_to(np.asarray(run.workcell.home_joints_rad, dtype=float))
+    run.motion.joints_to(np.asarray(run.workcell.home_joints_rad, dtype=float))
     try:
         found = run.ports.ask(IDENTIFY_PAYLOAD, IdentifyPayload(readings=tuple(readings), temperature_c=temperature_c))
     except CommandRefused as refusal:
@@ -65,4 +65,4 @@ def tell_payload(run: Run, calibration: FtCalibration) -> None:
             gravity_base=calibration.gravity_base,
         ),
     )
-    run.forget_forces()
+    run.counts.forget_forces()

@@ -23,40 +23,40 @@ def withdraw(run: Run, pose_base_hole: Pose, distance_m: float) -> float:
     tip_m = run.workcell.peg.shape().tip_m
 
     def before_m() -> float:
-        return -float(pose_base_hole.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, tip_m]))[2])
+        return -float(pose_base_hole.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, tip_m]))[2])
 
     if before_m() < distance_m:
-        run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, before_m() - distance_m]))
+        run.motion.slide_to(run.motion.pose_base_peg @ Pose.from_translation([0.0, 0.0, before_m() - distance_m]))
     return before_m()
 
 
 def home(run: Run) -> None:
     """To the home position from wherever the last assembly left the arm; a peg in the hole is taken out first."""
     home = np.asarray(run.workcell.home_joints_rad, dtype=float)
-    if np.abs(run.joints_rad - home).max() < AT_HOME_RAD:
+    if np.abs(run.motion.joints_rad - home).max() < AT_HOME_RAD:
         return
     nominal = run.workcell.hole_prior.pose_base_hole()
-    x, y, z = nominal.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m]))
+    x, y, z = nominal.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m]))
     in_zone = np.hypot(x, y) < NEAR_HOLE_M and z > -run.config.approach_m
     if in_zone and z > 0.0:
         run.ports.tell_event("peg_found", f"the peg's tip is {z * 1e3:.0f} mm past the hole's face as drawn: taken out")
     if in_zone and not back_off(run):
         raise AssemblyFailed(Failure.UNREACHABLE, "the arm is not at home, and the peg cannot be taken out")
-    run.line_to(run.collisions.before_zone(run.pose_base_peg))
-    run.joints_to(home)
+    run.motion.line_to(run.motion.collisions.before_zone(run.motion.pose_base_peg))
+    run.motion.joints_to(home)
 
 
 def back_off(run: Run) -> bool:
     """Out of the hole along the peg's own axis and clear of the face; whether that was done."""
     run.tell(Phase.BACKING_OFF, "taking the peg out")
     # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
-    aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.believed is None else [run.believed])]
+    aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.hole.believed is None else [run.hole.believed])]
     # A link that is lost leaves open what became of the command that went by it: the arm has stopped by itself, and
     # each step here leads to a stated pose, so that it may be asked for once more.
     mended: dict[Failure | None, int] = {Failure.ARM_STOPPED: BACK_OFF_TRIES, Failure.SERVICE_LOST: 1}
     for _ in range(BACK_OFF_TRIES):
         try:
-            run.dwell(0.02)
+            run.motion.dwell(0.02)
             if all([withdraw(run, aim, run.config.approach_m) >= run.config.approach_m - 0.005 for aim in aims]):
                 return True
         except (AssemblyFailed, CommandRefused) as error:

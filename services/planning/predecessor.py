@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +16,10 @@ from crosspih_common.errors import BusError, CommandRefused
 from crosspih_common.messages import LeaseState, Severity
 from services.planning.asking import BusPorts
 from services.planning.config import PlanningConfig
+from services.planning.host import ArmHolder
 from services.planning.leaving import NEAR_HOLE_M
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-
-if TYPE_CHECKING:
-    from services.planning.shell import PlanningShell
 
 ASSEMBLY = "assembly"  # how the purpose of such a lease begins
 HEAR_S = 10.0
@@ -45,7 +42,7 @@ def left_in_the_middle(state: LeaseState, planner: str) -> str:
 class Predecessor:
     """Looks once, beside what the planner is asked meanwhile, and tells `peg_found` or `arm_found`."""
 
-    def __init__(self, shell: PlanningShell, config: PlanningConfig) -> None:
+    def __init__(self, shell: ArmHolder, config: PlanningConfig) -> None:
         self._shell, self._config = shell, config
         self._thread = threading.Thread(target=self._look, name="planning:predecessor", daemon=True)
         self._thread.start()
@@ -72,7 +69,7 @@ class Predecessor:
             try:
                 with shell.holding("a look at what was left") as lease:
                     run = Run(workcell, config, BusPorts(shell, config, lease), "")
-                    run.dwell(LOOK_S)
+                    run.motion.dwell(LOOK_S)
                 break
             except CommandRefused as refusal:
                 # until the arm has let go of the one that is gone, and its last motion has ended
@@ -80,11 +77,11 @@ class Predecessor:
                     raise
             shell.closing.wait(_POLL_S)
         nominal = workcell.hole_prior.pose_base_hole()
-        x, y, z = nominal.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, workcell.peg.shape().tip_m]))
+        x, y, z = nominal.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, workcell.peg.shape().tip_m]))
         if np.hypot(x, y) >= NEAR_HOLE_M or z <= -config.approach_m:
             return "arm_found", "the arm stands clear of the hole"
         past = f"{abs(z) * 1e3:.0f} mm {'past' if z > 0.0 else 'before'}"
         return "peg_found", (
-            f"the peg's tip stands {past} the hole's face as drawn, with {run.peak_force_n:.1f} N on it: "
+            f"the peg's tip stands {past} the hole's face as drawn, with {run.counts.peak_force_n:.1f} N on it: "
             "`crosspih withdraw`, or the next assembly, takes it out"
         )

@@ -12,8 +12,8 @@ def result_of(request: Assemble, done: Finished, thinking_s: float) -> AssemblyR
     """The message; `thinking_s` is the wall time in which the arm had nothing to do."""
     run, final = done.run, done.final
     believed = final.pose_base_hole if final is not None else None
-    if believed is None and run.believed is not None:
-        believed = PoseData.of(run.believed)
+    if believed is None and run.hole.believed is not None:
+        believed = PoseData.of(run.hole.believed)
     return AssemblyResult(
         assembly_id=request.assembly_id,
         strategy=request.strategy,
@@ -24,19 +24,19 @@ def result_of(request: Assemble, done: Finished, thinking_s: float) -> AssemblyR
         pose_base_hole=believed,
         covariance=None if final is None else final.covariance,
         rank=None if final is None else final.rank,
-        pose_base_peg=PoseData.of(run.pose_base_peg),
+        pose_base_peg=PoseData.of(run.motion.pose_base_peg),
         warnings=done.warnings,
-        vision_refused=run.vision_refused,
-        felt_for=run.felt_for,
-        vision_pose_base_hole=None if run.vision_pose is None else PoseData.of(run.vision_pose),
-        motion_s=run.motion_s,
+        vision_refused=run.hole.vision_refused,
+        felt_for=run.hole.felt_for,
+        vision_pose_base_hole=None if run.hole.vision_pose is None else PoseData.of(run.hole.vision_pose),
+        motion_s=run.counts.motion_s,
         thinking_s=thinking_s,
         touches=len(run.touches),
         presses=len(run.presses),
-        corrections=run.corrections,
-        pushes=run.pushes,
-        peak_force_n=run.peak_force_n,
-        peak_moment_nm=run.peak_moment_nm,
+        corrections=run.counts.corrections,
+        pushes=run.counts.pushes,
+        peak_force_n=run.counts.peak_force_n,
+        peak_moment_nm=run.counts.peak_moment_nm,
         insertion_depth_m=done.insertion_depth_m,
-        **dataclasses.asdict(run.effort),
+        **dataclasses.asdict(run.counts.effort),
     )

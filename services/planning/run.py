@@ -1,210 +1,28 @@
-"""One assembly under way: what it knows, what it has counted, and the moves that all strategies are made of."""
+"""One assembly under way: what all strategies are handed."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from crosspih_common.arm.inverse import InverseError, nearest
-from crosspih_common.arm.quintic import JointTrajectory
-from crosspih_common.collision import CollisionModel
 from crosspih_common.config import Workcell
-from crosspih_common.errors import CommandRefused
-from crosspih_common.geometry import Pose
-from crosspih_common.geometry.pose import Array
-from crosspih_common.keys import (
-    DWELL,
-    FOLLOW,
-    MOVE_LINEAR,
-)
-from crosspih_common.messages import (
-    BROKEN_OFF,
-    AssemblyPhase,
-    Dwell,
-    Failure,
-    FollowTrajectory,
-    JointKnot,
-    MotionOutcome,
-    MoveLinear,
-    Phase,
-    PoseData,
-    PosePrior,
-    StopReason,
-    Touch,
-    floats,
-)
+from crosspih_common.messages import StopReason, Touch
 from services.planning.config import PlanningConfig
-from services.planning.effort import Effort
-from services.planning.ports import AssemblyFailed, Ports
-from services.planning.trajectory import TrajectoryError, move_joints, move_line, scaled_limits
-
-IN_RANGE = 2.0  # times the half ranges of the drawing
-IN_RANGE_RAD = 0.5
-CAPPED = (StopReason.FORCE_CAP, StopReason.MOMENT_CAP)
-
-
-def knots_of(trajectory: JointTrajectory) -> FollowTrajectory:
-    """A trajectory for the wire."""
-    return FollowTrajectory(
-        knots=tuple(
-            JointKnot(
-                time_s=float(trajectory.times_s[index]),
-                joints_rad=floats(trajectory.positions_rad[index]),
-                speeds_rad_s=floats(trajectory.velocities_rad_s[index]),
-                accelerations_rad_s2=floats(trajectory.accelerations_rad_s2[index]),
-            )
-            for index in range(len(trajectory.times_s))
-        )
-    )
+from services.planning.counts import Counts
+from services.planning.hole_belief import HoleBelief
+from services.planning.moving import Motion
+from services.planning.ports import Ports
+from services.planning.telling import PhaseTeller
 
 
 class Run:
-    """The state of one assembly. Every move is counted; a move stopped by the cell's caps counts as an overload."""
+    """One assembly: where the peg is and how it moves (`motion`), where the hole is believed (`hole`), what was counted
+    (`counts`) and felt (`touches`, `presses`), and how a step is told (`tell`)."""
 
     def __init__(self, workcell: Workcell, config: PlanningConfig, ports: Ports, assembly_id: str) -> None:
         self.workcell, self.config, self.ports = workcell, config, ports
         self.assembly_id = assembly_id
-        self.arm = workcell.arm()
-        self.collisions = CollisionModel(workcell)
-        self.limits = scaled_limits(self.arm.limits, config.speed_scale, config.acceleration_scale)
-        self.joints_rad: Array = np.asarray(workcell.home_joints_rad, dtype=float)
-        self.pose_base_peg = workcell.pose_base_peg(self.joints_rad)
+        self.counts = Counts()
+        self.tell = PhaseTeller(ports, assembly_id, self.counts)
+        self.motion = Motion(workcell, config, ports, self.counts, self.tell)
+        self.hole = HoleBelief(workcell)
         self.touches: list[Touch] = []
         self.presses: list[Touch] = []
-        self.attempt = 0
-        self.pushes = self.corrections = self.overloads = 0
-        self.motion_s = self.peak_force_n = self.peak_moment_nm = 0.0
-        self.effort = Effort()
         self.last_stop = StopReason.COMPLETED  # of the last touch
-        self.vision_pose: Pose | None = None
-        self.vision_covariance: tuple[float, ...] = ()  # (36,) of it, as in HoleEstimate
-        self.vision_refused = ""
-        self.felt_for = False  # by force alone, though vision was asked
-        self.vision_warnings: tuple[str, ...] = ()
-        self.believed: Pose | None = None
-        self.known: PosePrior | None = None  # told with the request
-
-    # ------------------------------------------------------------------------------------------------------- telling
-
-    def tell(self, phase: Phase, text: str, **figures: float) -> None:
-        """Publish a step."""
-        self.ports.tell_phase(
-            AssemblyPhase(
-                assembly_id=self.assembly_id,
-                phase=phase,
-                attempt=self.attempt,
-                text=text,
-                figures={name: round(float(value), 6) for name, value in figures.items()},
-            )
-        )
-
-    # -------------------------------------------------------------------------------------------------------- moving
-
-    def account(self, outcome: MotionOutcome) -> None:
-        """Count a motion; AssemblyFailed OVERLOAD when the caps stopped one once too often, ARM_STOPPED when the arm
-        broke it off."""
-        self.effort.add(outcome)
-        self.motion_s += outcome.duration_s
-        self.peak_force_n = max(self.peak_force_n, outcome.peak_force_n)
-        self.peak_moment_nm = max(self.peak_moment_nm, outcome.peak_moment_nm)
-        self.joints_rad = np.asarray(outcome.joints_rad)
-        self.pose_base_peg = outcome.pose_base_peg.pose()
-        if outcome.stop_reason in BROKEN_OFF:
-            raise AssemblyFailed(Failure.ARM_STOPPED, f"{outcome.stop_reason.value}: {outcome.detail}")
-        if outcome.stop_reason in CAPPED:
-            self.overloads += 1
-            if self.overloads >= self.config.max_overloads:
-                raise AssemblyFailed(
-                    Failure.OVERLOAD, f"{outcome.stop_reason.value} for the {self.overloads}. time: {outcome.detail}"
-                )
-
-    def forget_forces(self) -> None:
-        """What was felt so far was no contact: before it knew the payload the arm took the tool's weight for one."""
-        self.peak_force_n = self.peak_moment_nm = 0.0
-        self.effort.forget_forces()
-
-    def dwell(self, duration_s: float) -> MotionOutcome:
-        """Hold still; also how the run learns where the arm is."""
-        outcome = self.ports.ask(DWELL, Dwell(duration_s=duration_s))
-        self.account(outcome)
-        return outcome
-
-    def follow(self, trajectory: JointTrajectory, *, working: bool = False) -> None:
-        """Follow a joint trajectory to its end, its knots joined by straight joint moves or so dense as if.
-
-        AssemblyFailed UNREACHABLE where it would come too near to something, before anything moves; `working` lets the
-        peg come near the fixture (the rule is in `crosspih_common.collision.model`).
-        """
-        violation = self.collisions.check_path(trajectory.positions_rad, working=working)
-        if violation is not None:
-            raise AssemblyFailed(Failure.UNREACHABLE, str(violation))
-        outcome = self.ports.ask(FOLLOW, knots_of(trajectory))
-        self.account(outcome)
-        if outcome.stop_reason is not StopReason.COMPLETED:
-            raise AssemblyFailed(
-                Failure.OVERLOAD if outcome.stop_reason in CAPPED else Failure.ABORTED,
-                f"a free move was stopped: {outcome.stop_reason.value} {outcome.detail}",
-            )
-
-    def joints_to(self, joints_rad: Array) -> None:
-        """Move all joints together, through free space only."""
-        try:
-            self.follow(move_joints(self.joints_rad, joints_rad, self.limits))
-        except TrajectoryError as error:
-            raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
-
-    def line_to(self, pose_base_peg: Pose, speed_m_s: float | None = None) -> None:
-        """Move the peg on a straight line in free space; it may end before the hole."""
-        if (
-            self.pose_base_peg.distance_to_m(pose_base_peg) < 1e-6
-            and self.pose_base_peg.angle_to_rad(pose_base_peg) < 1e-6
-        ):
-            return
-        try:
-            self.follow(
-                move_line(
-                    self.arm,
-                    self.joints_rad,
-                    pose_base_peg,
-                    self.limits,
-                    pose_flange_point=self.workcell.pose_flange_peg(),
-                    speed_m_s=speed_m_s or self.config.line_speed_m_s,
-                ),
-                working=True,
-            )
-        except (InverseError, TrajectoryError) as error:
-            raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
-
-    def slide_to(self, pose_base_peg: Pose, speed_m_s: float = 0.03) -> None:
-        """Move the peg on a straight line near or in the hole, the controller watching its caps."""
-        try:
-            outcome = self.ports.ask(
-                MOVE_LINEAR, MoveLinear(pose_base_peg=PoseData.of(pose_base_peg), speed_m_s=speed_m_s)
-            )
-        except CommandRefused as refusal:
-            raise AssemblyFailed(Failure.UNREACHABLE, str(refusal)) from None
-        self.account(outcome)
-
-    # ---------------------------------------------------------------------------------------------- before the hole
-
-    def before_hole(self, pose_base_hole: Pose, distance_m: float) -> Pose:
-        """`pose_base_peg` aligned with the hole, the tip that far before the face."""
-        return pose_base_hole @ Pose.from_translation([0.0, 0.0, -self.workcell.peg.shape().tip_m - distance_m])
-
-    def can_be(self, pose_base_hole: Pose) -> bool:
-        """Whether the hole can be there at all; an estimate that says otherwise must not be driven to."""
-        off = self.workcell.hole_prior.pose_base_hole().inverse() @ pose_base_hole
-        reach_m = IN_RANGE * self.workcell.hole_prior.half_ranges()[:3]
-        near = bool(np.all(np.abs(off.translation_m) < reach_m))
-        return near and float(np.linalg.norm(off.rotvec_rad())) < IN_RANGE_RAD
-
-    def approach(self, pose_base_hole: Pose, standoff_m: float | None = None) -> None:
-        """From wherever the arm is in free space to before the hole: quintic in joints, then straight."""
-        start = self.collisions.before_zone(self.before_hole(pose_base_hole, self.config.approach_m))
-        back = self.workcell.pose_flange_peg().inverse()
-        try:
-            joints = nearest(self.arm, start @ back, self.joints_rad)
-        except InverseError as error:
-            raise AssemblyFailed(Failure.UNREACHABLE, str(error)) from None
-        self.tell(Phase.APPROACHING, "driving to before the hole")
-        self.joints_to(joints)
-        self.line_to(self.before_hole(pose_base_hole, standoff_m or self.config.standoff_m))

@@ -136,7 +136,7 @@ class PlanningShell:
             ports = BusPorts(self, self._config, lease)
             started = time.monotonic()
             done = assemble(self.context.cell.workcell, self._config, ports, request)
-        self._last_hole = done.run.believed
+        self._last_hole = done.run.hole.believed
         if done.final is not None:
             self._last_hole = done.final.pose_base_hole.pose()
         thinking_s = max(time.monotonic() - started - ports.hardware_wall_s - ports.paused_wall_s, 0.0)
@@ -147,7 +147,7 @@ class PlanningShell:
         with self.holding("calibration of the force/torque sensor") as lease:
             run = Run(self.context.cell.workcell, self._config, BusPorts(self, self._config, lease), "")
             try:
-                run.ports.look(lambda: run.dwell(0.05))
+                run.ports.look(lambda: run.motion.dwell(0.05))
                 home(run)
                 return calibrate(run, request.samples_s, request.temperature_c)
             except AssemblyFailed as error:
@@ -167,10 +167,10 @@ class PlanningShell:
             failure=done.failure,
             failure_detail=done.detail,
             distance_m=done.distance_m,
-            pose_base_peg=PoseData.of(run.pose_base_peg),
-            motion_s=run.motion_s,
-            peak_force_n=run.peak_force_n,
-            peak_moment_nm=run.peak_moment_nm,
+            pose_base_peg=PoseData.of(run.motion.pose_base_peg),
+            motion_s=run.counts.motion_s,
+            peak_force_n=run.counts.peak_force_n,
+            peak_moment_nm=run.counts.peak_moment_nm,
         )
 
     def _abort(self, request: AbortAssembly) -> AbortAccepted:

@@ -36,7 +36,7 @@ FreeAir = tuple[Vector6, PoseData] | None
 
 def feel(run: Run, duration_s: float = 0.1) -> tuple[MotionOutcome, ContactReading]:
     """Hold still; what is felt."""
-    outcome = run.dwell(duration_s)
+    outcome = run.motion.dwell(duration_s)
     request = CompensateWrench(
         pose_base_peg=outcome.pose_base_peg, wrench_raw=outcome.wrench_raw, wrench_sd=outcome.wrench_sd
     )
@@ -47,14 +47,14 @@ def push(run: Run, pose_base_hole: Pose, force_n: float | None = None) -> bool:
     """A compliant push along the hole's axis from where the peg is; whether it went all the way."""
     shape = run.workcell.peg.shape()
     hole = run.workcell.hole.shape(shape)
-    tip = pose_base_hole.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, shape.tip_m]))
+    tip = pose_base_hole.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, shape.tip_m]))
     depth = hole.chamfer_m + shape.taper_length_m + run.workcell.insertion_depth_m + run.config.extra_depth_m
     travel = float(depth - tip[2])
     force_n = force_n or run.config.push_force_n
-    gentle = Gentle.at(run.workcell, run.joints_rad)
+    gentle = Gentle.at(run.workcell, run.motion.joints_rad)
     speed_m_s = gentle.push_speed_m_s(run.config, force_n)
-    run.pushes += 1
-    run.tell(Phase.PUSHING, f"compliant push {run.pushes}", travel_mm=travel * 1e3)
+    run.counts.pushes += 1
+    run.tell(Phase.PUSHING, f"compliant push {run.counts.pushes}", travel_mm=travel * 1e3)
     outcome = run.ports.ask(
         ADMITTANCE_MOVE,
         AdmittanceMove(
@@ -68,7 +68,7 @@ def push(run: Run, pose_base_hole: Pose, force_n: float | None = None) -> bool:
             timeout_s=min(60.0, run.config.push_timeout_s * run.config.push_speed_m_s / speed_m_s),
         ),
     )
-    run.account(outcome)
+    run.motion.account(outcome)
     seated = outcome.stop_reason is StopReason.SEATED
     run.tell(
         Phase.SEATED if seated else Phase.PUSHING,
@@ -93,12 +93,12 @@ def touch_from(
 
     The first `slow_travel_m` are gone at the probe speed: that is where the face may be, and it is hard.
     """
-    run.slide_to(pose_base_peg_start)
+    run.motion.slide_to(pose_base_peg_start)
     run.tell(Phase.TOUCHING, f"touch {len(run.touches) + 1}")
     travel_m = travel_m or run.config.touch_travel_m
     touch: Touch | None = None
     free: FreeAir = None
-    gentle = Gentle.at(run.workcell, run.joints_rad)
+    gentle = Gentle.at(run.workcell, run.motion.joints_rad)
     slowly_m_s, speed_m_s = gentle.probe_speed_m_s(run.config), gentle.touch_speed_m_s(run.config, speed_m_s)
     for speed, part_m in ((slowly_m_s, slow_travel_m), (speed_m_s, travel_m - slow_travel_m)):
         if part_m <= 0.0:
@@ -113,7 +113,7 @@ def touch_from(
             retreat_m=run.config.touch_clearance_m,
         )
         outcome = run.ports.ask(GUARDED_MOVE, command)
-        run.account(outcome)
+        run.motion.account(outcome)
         run.last_stop = outcome.stop_reason
         if free is None and outcome.wrench_free_raw is not None:
             free = (outcome.wrench_free_raw, PoseData.of(pose_base_peg_start))
@@ -145,20 +145,20 @@ def press(run: Run, pose_base_peg_start: Pose, direction: Array) -> None:
     command = GuardedMove(
         direction_base=floats(direction),
         speed_m_s=run.config.press_speed_m_s,
-        creep_speed_m_s=Gentle.at(run.workcell, run.joints_rad).press_creep_m_s(run.config),
+        creep_speed_m_s=Gentle.at(run.workcell, run.motion.joints_rad).press_creep_m_s(run.config),
         observe_s=OBSERVE_S,
         force_threshold_n=run.config.press_force_n,
         travel_limit_m=run.config.press_travel_m,
     )
     outcome = run.ports.ask(GUARDED_MOVE, command)
-    run.account(outcome)
+    run.motion.account(outcome)
     try:
         pressed = _felt(run, outcome, None, seated=True)
         if pressed is not None:
             run.presses.append(pressed)
     finally:
         # also where nobody is left to say what was felt: the peg is not left pressing
-        run.slide_to(pose_base_peg_start, run.config.press_speed_m_s)
+        run.motion.slide_to(pose_base_peg_start, run.config.press_speed_m_s)
 
 
 def _felt(run: Run, outcome: GuardedMoveOutcome, free: FreeAir, seated: bool = False) -> Touch | None:
@@ -203,7 +203,8 @@ def relax(run: Run) -> tuple[MotionOutcome, ContactReading]:
             break
         twist = run.workcell.arm_compliance_peg(outcome.joints_rad) @ wrench
         try:
-            run.slide_to(run.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3]), run.config.press_speed_m_s)
+            yielded = run.motion.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3])
+            run.motion.slide_to(yielded, run.config.press_speed_m_s)
         except AssemblyFailed as refused:
             if refused.failure is not Failure.UNREACHABLE:
                 raise

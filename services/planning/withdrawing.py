@@ -40,8 +40,8 @@ def withdraw_peg(run: Run, request: Withdraw, pose_base_hole: Pose) -> Withdrawn
 
     Raises CommandRefused `cell_unfit` for a cell that is not fit to be moved, and nothing else.
     """
-    run.ports.look(lambda: run.dwell(0.05))
-    start = run.pose_base_peg.translation_m
+    run.ports.look(lambda: run.motion.dwell(0.05))
+    start = run.motion.pose_base_peg.translation_m
     failure: Failure | None = None
     detail = ""
     try:
@@ -53,9 +53,9 @@ def withdraw_peg(run: Run, request: Withdraw, pose_base_hole: Pose) -> Withdrawn
     except Exception as error:
         run.ports.tell_defect(error)
         failure, detail = Failure.DEFECT, f"{type(error).__name__}: {error}"
-    distance_m = float(np.linalg.norm(run.pose_base_peg.translation_m - start))
+    distance_m = float(np.linalg.norm(run.motion.pose_base_peg.translation_m - start))
     said = "the peg is out" if failure is None else f"failed: {failure.value}: {detail}"
-    run.tell(Phase.DONE, said, distance_mm=distance_m * 1e3, peak_force_n=run.peak_force_n)
+    run.tell(Phase.DONE, said, distance_mm=distance_m * 1e3, peak_force_n=run.counts.peak_force_n)
     return Withdrawn(run, failure, detail, distance_m)
 
 
@@ -78,7 +78,7 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
     tip_m = run.workcell.peg.shape().tip_m
     run.tell(Phase.BACKING_OFF, "taking the peg straight out", force_limit_n=request.force_limit_n)
     for left in range(TRIES - 1, -1, -1):
-        tip = pose_base_hole.inverse().apply(run.pose_base_peg.apply([0.0, 0.0, tip_m]))
+        tip = pose_base_hole.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, tip_m]))
         travel_m = float(tip[2]) + request.clear_m
         if travel_m < THERE_M:
             return
@@ -92,7 +92,7 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
         outcome = run.ports.ask(
             GUARDED_MOVE,
             GuardedMove(
-                direction_base=floats(-run.pose_base_peg.rotation[:, 2]),
+                direction_base=floats(-run.motion.pose_base_peg.rotation[:, 2]),
                 speed_m_s=request.speed_m_s,
                 creep_speed_m_s=min(CREEP_M_S, request.speed_m_s),
                 force_threshold_n=request.force_limit_n,
@@ -102,7 +102,7 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
                 retreat_m=LET_GO_M,
             ),
         )
-        run.account(outcome)
+        run.motion.account(outcome)
         if outcome.stop_reason is StopReason.TRAVEL_LIMIT:
             return
         felt = f"{outcome.stop_reason.value} after {outcome.travel_m * 1e3:.1f} mm, {outcome.peak_force_n:.1f} N"

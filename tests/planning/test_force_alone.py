@@ -16,7 +16,7 @@ from services.planning.calibrating import use_calibration
 from services.planning.config import PlanningConfig
 from services.planning.leaving import withdraw
 from services.planning.run import Run
-from services.planning.strategies.pushing import push_in
+from services.planning.strategies.advised_push import push_in
 from tests.planning.cell_in_memory import CellInMemory
 
 
@@ -75,10 +75,10 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     truth = cell.reset(3)
     with cell.planning.holding("a test") as lease:
         run = Run(workcell, config, BusPorts(cell.planning, config, lease), "stall")
-        run.dwell(0.05)
+        run.motion.dwell(0.05)
         use_calibration(run)
         askew = truth.pose_base_hole.pose() @ Pose.from_rotvec([0.08, 0.0, 0.0], [3e-4, -2e-4, 0.0])
-        run.approach(askew)
+        run.motion.approach(askew)
         cell.phases.clear()
         sd = np.array([3e-4, 3e-4, 3e-4, 0.05, 0.05, 0.02])
         belief = push_in(run, PosePrior(pose_base_hole=PoseData.of(askew), covariance=floats(np.diag(sd**2))))
@@ -87,6 +87,6 @@ def test_a_peg_that_stalls_in_its_bore_is_freed(cell: CellInMemory) -> None:
     assert any("did not enter" in text for text in told)
     inside = tuple(contact.value for contact in BoreContact if contact is not BoreContact.OUTSIDE)
     assert any(text.startswith(inside) for text in told), told
-    assert belief is not None and run.pushes > 1
+    assert belief is not None and run.counts.pushes > 1
     error = pose_error(belief.pose_base_hole.pose(), truth.pose_base_hole.pose())
     assert error.rotation_deg < 2.5

@@ -59,28 +59,28 @@ def post_at(point_m: list[float]) -> dict[str, object]:
 
 
 def test_a_joint_move_is_refused() -> None:
-    goal = nearest(CELL.arm(), Run(CELL, PlanningConfig(), NobodyIsAsked(), "").before_hole(
+    goal = nearest(CELL.arm(), Run(CELL, PlanningConfig(), NobodyIsAsked(), "").motion.before_hole(
         CELL.hole_prior.pose_base_hole(), 0.06) @ CELL.pose_flange_peg().inverse(), CELL.home_joints_rad)  # fmt: skip
     middle = CELL.pose_base_peg((np.asarray(CELL.home_joints_rad) + goal) / 2).apply([0.0, 0.0, 0.05])
     with pytest.raises(AssemblyFailed, match=r"the (peg|tool) would .* of the post \(want 15 mm\)") as failed:
-        run_in(boxes=[post_at(middle.tolist())]).joints_to(goal)
+        run_in(boxes=[post_at(middle.tolist())]).motion.joints_to(goal)
     assert failed.value.failure is Failure.UNREACHABLE
 
 
 def test_an_approach_is_refused_on_its_straight_part() -> None:
     run = run_in(keep_out=[post_at(CELL.hole_prior.pose_base_hole().apply([0.0, 0.0, -0.03]).tolist())])
-    before = run.before_hole(CELL.hole_prior.pose_base_hole(), 0.1)
-    run.joints_rad = nearest(run.arm, before @ CELL.pose_flange_peg().inverse(), CELL.home_joints_rad)
-    run.pose_base_peg = before
+    before = run.motion.before_hole(CELL.hole_prior.pose_base_hole(), 0.1)
+    run.motion.joints_rad = nearest(run.motion.arm, before @ CELL.pose_flange_peg().inverse(), CELL.home_joints_rad)
+    run.motion.pose_base_peg = before
     with pytest.raises(AssemblyFailed, match=r"unreachable: the peg would come within \d+ mm of the post"):
-        run.line_to(before @ Pose.from_translation([0.0, 0.0, 0.095]))
+        run.motion.line_to(before @ Pose.from_translation([0.0, 0.0, 0.095]))
 
 
 def test_a_joint_move_through_the_fixture_is_refused() -> None:
     run = run_in()
-    inside = run.before_hole(CELL.hole_prior.pose_base_hole(), -0.02)
+    inside = run.motion.before_hole(CELL.hole_prior.pose_base_hole(), -0.02)
     with pytest.raises(AssemblyFailed, match=r"the peg would .* the fixture"):
-        run.joints_to(nearest(run.arm, inside @ CELL.pose_flange_peg().inverse(), CELL.home_joints_rad))
+        run.motion.joints_to(nearest(run.motion.arm, inside @ CELL.pose_flange_peg().inverse(), CELL.home_joints_rad))
 
 
 def test_a_calibration_without_room_says_what_is_in_the_way() -> None:

@@ -17,9 +17,10 @@ from crosspih_common.messages import Assemble, AssemblyResult, ContactState, Fai
 from services.hardware.control.search_path import SearchPath
 from services.operator.scoring.score import insertion_depth_m
 from services.planning.strategies import STRATEGIES
-from services.planning.strategies.moves import SEARCH_S, room_m
+from services.planning.strategies.clearances import sideways_room_m
+from services.planning.strategies.face_touches import on_the_face, where_the_tip_touches
+from services.planning.strategies.search_push import SEARCH_S
 from services.planning.strategies.spiral import SETTLE_S, archimedean
-from services.planning.strategies.start import on_the_face, where_the_tip_touches
 from services.planning.strategies.tilt import SPEED_RAD_S, random_tilts
 from tests.planning.cell_in_memory import CellInMemory
 
@@ -112,9 +113,9 @@ def test_the_tip_has_six_millimetres_of_room_and_the_body_its_clearance() -> Non
     """The paper's peg: half-width 9 mm, 2.5 mm at the tip, in a hole of 9.1 mm."""
     workcell = Workcell()
     peg = workcell.peg.shape()
-    assert room_m(workcell, 0.0) == pytest.approx(0.0091 - 0.0025, abs=1e-6)
-    assert room_m(workcell, peg.taper_length_m + 0.001) == pytest.approx(0.0001, abs=1e-9)
-    assert room_m(workcell, 0.011) == pytest.approx(0.0091 - 0.0025 - 0.25 * 0.010, abs=1e-6)
+    assert sideways_room_m(workcell, 0.0) == pytest.approx(0.0091 - 0.0025, abs=1e-6)
+    assert sideways_room_m(workcell, peg.taper_length_m + 0.001) == pytest.approx(0.0001, abs=1e-9)
+    assert sideways_room_m(workcell, 0.011) == pytest.approx(0.0091 - 0.0025 - 0.25 * 0.010, abs=1e-6)
 
 
 @settings(deadline=None)

@@ -10,7 +10,7 @@ from crosspih_common.messages import Failure, PosePrior
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.start import begin
+from services.planning.strategies.first_pose import begin
 from services.planning.touching import push
 
 SEED = 1
@@ -24,11 +24,11 @@ def admittance(run: Run) -> PosePrior:
     rng = np.random.default_rng(SEED)
     aim = seen
     for attempt in range(run.config.max_attempts):
-        run.attempt = attempt
+        run.counts.attempt = attempt
         if push(run, aim):
             return belief
         withdraw(run, seen, run.config.standoff_m)
         off = spread @ np.clip(rng.normal(size=6), -2.0, 2.0)
         aim = seen @ Pose.from_rotvec(off[3:], [off[0], off[1], 0.0])
-        run.slide_to(run.before_hole(aim, run.config.standoff_m))
+        run.motion.slide_to(run.motion.before_hole(aim, run.config.standoff_m))
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} compliant pushes did not enter")

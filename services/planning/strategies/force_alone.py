@@ -23,8 +23,8 @@ from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.search import FaceContact, FacePlane, HoleBelief, face_contact
 from services.planning.search.belief import pose_prior
-from services.planning.strategies.pushing import push_in
-from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.strategies.advised_push import push_in
+from services.planning.strategies.correcting import correct, tell_estimate
 from services.planning.touching import deflected, touch_from
 
 IN_HOLE_M = 1.5e-3  # a tip this far behind the face, and three sd of the face, is in the hole
@@ -39,7 +39,7 @@ def force_alone(run: Run) -> PosePrior:
     """
     search = Search(run)
     half = search.half_ranges
-    search.run.approach(search.nominal, search.clear_m(0.0, 0.0))
+    search.run.motion.approach(search.nominal, search.clear_m(0.0, 0.0))
     run.tell(
         Phase.TOUCHING,
         "feeling for the hole",
@@ -51,7 +51,7 @@ def force_alone(run: Run) -> PosePrior:
             belief = search.enter()
             if belief is not None:
                 return belief
-    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{search.probes} probes and {run.pushes} pushes did not enter")
+    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{search.probes} probes and {run.counts.pushes} pushes did not enter")
 
 
 class Search:
@@ -100,7 +100,7 @@ class Search:
         )
         touch = self.feel(start, start.rotation[:, 2], clear_m)
         if touch is None:
-            run.slide_to(start, BACK_M_S)
+            run.motion.slide_to(start, BACK_M_S)
             return run.last_stop is StopReason.TRAVEL_LIMIT
         return self.take(touch, start)
 
@@ -129,7 +129,7 @@ class Search:
             elif behind_m < -IN_HOLE_M - 3.0 * sd_m:
                 # nothing stands before the face: what was taken for it lay deeper, in the hole
                 self.forget()
-        run.slide_to(start, BACK_M_S)
+        run.motion.slide_to(start, BACK_M_S)
         if contact is not None:
             self.contacts.append(contact)
             self.plane = self.plane.with_point(contact.point_m)
@@ -161,13 +161,15 @@ class Search:
         prior = self.prior()
         belief = prior
         for _ in range(config.max_attempts * config.touches_a_push):
-            run.attempt = self.failed_pushes
+            run.counts.attempt = self.failed_pushes
             if self.in_hole:
                 estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(self.in_hole)))
                 tell_estimate(run, estimate)
                 explained = estimate.rests_on[-1].used
                 residual = estimate.residual_cost
-                if any(use.used for use in estimate.rests_on) and run.can_be(estimate.pose_base_hole.pose()):
+                if any(use.used for use in estimate.rests_on) and run.hole.is_plausible_hole_pose(
+                    estimate.pose_base_hole.pose()
+                ):
                     belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
             touches += 1
             if (self.is_narrow(belief) and residual < config.narrow_residual) or touches > config.touches_a_push:
@@ -180,7 +182,7 @@ class Search:
                 self.failed_pushes += 1
                 touches = 0
                 if self.failed_pushes >= config.max_attempts:
-                    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.pushes} pushes did not enter")
+                    raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.counts.pushes} pushes did not enter")
             plan = run.ports.ask(
                 NEXT_TOUCH,
                 NextTouch(
@@ -194,7 +196,7 @@ class Search:
             tip = belief.pose_base_hole.pose().inverse().apply(start.apply([0.0, 0.0, self.peg.tip_m]))
             touch = self.feel(start, np.asarray(plan.direction_base), max(float(-tip[2]), config.standoff_m))
             if touch is None:
-                run.slide_to(start, BACK_M_S)
+                run.motion.slide_to(start, BACK_M_S)
                 touches = config.touches_a_push
             elif not self.take(touch, start):
                 return None

@@ -16,9 +16,10 @@ from crosspih_common.messages import (
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
+from services.planning.strategies.advised_push import push_in
+from services.planning.strategies.correcting import correct, tell_estimate
 from services.planning.strategies.force_alone import force_alone
-from services.planning.strategies.pushing import push_in
-from services.planning.strategies.steps import correct, locate, tell_estimate
+from services.planning.strategies.locating import locate
 from services.planning.touching import touch_from
 
 
@@ -29,14 +30,14 @@ def fused(run: Run) -> PosePrior:
     except AssemblyFailed as unseen:
         if unseen.failure is not Failure.NOT_SEEN or not run.config.feel_when_unseen:
             raise
-        run.felt_for = True
+        run.hole.felt_for = True
         return force_alone(run)
     prior = PosePrior(pose_base_hole=seen.pose_base_hole, covariance=seen.covariance)
     belief = prior
     explained = True
-    run.approach(seen.pose_base_hole.pose())
+    run.motion.approach(seen.pose_base_hole.pose())
     for attempt in range(run.config.max_attempts):
-        run.attempt = attempt
+        run.counts.attempt = attempt
         seated = push_in(run, belief)
         if seated is not None:
             return seated
@@ -64,14 +65,16 @@ def fused(run: Run) -> PosePrior:
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
         tell_estimate(run, estimate)
         explained = estimate.rests_on[-1].used
-        if not any(use.used for use in estimate.rests_on) or not run.can_be(estimate.pose_base_hole.pose()):
+        if not any(use.used for use in estimate.rests_on) or not run.hole.is_plausible_hole_pose(
+            estimate.pose_base_hole.pose()
+        ):
             # nothing explains what was felt: no correction, and the next touch is another arm's
             continue
         belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
         correct(run, estimate.pose_base_hole.pose())
     if not run.config.feel_when_unseen:
         raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes did not enter")
-    run.felt_for = True
+    run.hole.felt_for = True
     run.tell(Phase.TOUCHING, "what vision saw does not lead in: it is forgotten")
     withdraw(run, run.workcell.hole_prior.pose_base_hole(), run.config.approach_m)
     return force_alone(run)

@@ -12,16 +12,16 @@ from services.planning.touching import push
 
 def known_pose(run: Run) -> PosePrior:
     """To before the hole that the request tells of, and a compliant push."""
-    if run.known is None:
+    if run.hole.known is None:
         raise AssemblyFailed(Failure.REFUSED, "known_pose: the request tells no pose; put `known` into it")
-    pose = run.known.pose_base_hole.pose()
-    if not run.can_be(pose):
+    pose = run.hole.known.pose_base_hole.pose()
+    if not run.hole.is_plausible_hole_pose(pose):
         raise AssemblyFailed(Failure.REFUSED, "known_pose: the hole cannot be where the request says")
-    run.believed = pose
-    run.approach(pose)
+    run.hole.believed = pose
+    run.motion.approach(pose)
     for attempt in range(run.config.max_attempts):
-        run.attempt = attempt
+        run.counts.attempt = attempt
         if push(run, pose):
-            return run.known
+            return run.hole.known
         withdraw(run, pose, run.config.standoff_m)
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.max_attempts} pushes at the known pose did not enter")

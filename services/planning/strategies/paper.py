@@ -13,8 +13,8 @@ from crosspih_common.messages import (
 )
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.start import begin
-from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.first_pose import begin
 from services.planning.touching import push, touch_from
 
 
@@ -23,11 +23,11 @@ def paper(run: Run) -> PosePrior:
     seen = begin(run, LocateMethod.PAPER)
     belief = seen.pose_base_hole.pose()
     for attempt in range(run.config.paper_attempts):
-        run.attempt = attempt
-        run.pushes += 1
+        run.counts.attempt = attempt
+        run.counts.pushes += 1
         touch = touch_from(
             run,
-            run.before_hole(belief, run.config.standoff_m),
+            run.motion.before_hole(belief, run.config.standoff_m),
             belief.rotation[:, 2],
             run.config.paper_speed_m_s,
             run.config.paper_threshold_n,
@@ -36,13 +36,13 @@ def paper(run: Run) -> PosePrior:
             # nothing was felt all along the taper: the body is at its bore, and the rest is the slide-in
             return PosePrior(pose_base_hole=PoseData.of(belief), covariance=seen.covariance)
         if touch is None:
-            run.slide_to(run.before_hole(belief, run.config.standoff_m))
+            run.motion.slide_to(run.motion.before_hole(belief, run.config.standoff_m))
             continue
         estimate = run.ports.ask(NETWORK, EstimateByNetwork(touch=touch, pose_base_hole_believed=PoseData.of(belief)))
         tell_estimate(run, estimate)
         belief = estimate.pose_base_hole.pose()
-        if not run.can_be(belief):
+        if not run.hole.is_plausible_hole_pose(belief):
             raise AssemblyFailed(Failure.NOT_CONVERGED, "the network's correction leaves where the hole can be")
-        run.slide_to(run.pose_base_peg @ Pose.from_translation([0.0, 0.0, -0.03]))
+        run.motion.slide_to(run.motion.pose_base_peg @ Pose.from_translation([0.0, 0.0, -0.03]))
         correct(run, belief)
     raise AssemblyFailed(Failure.NOT_CONVERGED, f"{run.config.paper_attempts} contacts did not lead in")

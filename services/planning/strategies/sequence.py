@@ -9,8 +9,8 @@ from crosspih_common.messages import EstimateBySequence, Failure, NextTouch, Pos
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.start import begin
-from services.planning.strategies.steps import correct, tell_estimate
+from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.first_pose import begin
 from services.planning.touching import push, touch_from
 
 
@@ -18,7 +18,7 @@ def sequence(run: Run) -> PosePrior:
     """Push; where that does not enter: touch, all touches so far through the network, correct, push again."""
     prior = belief = begin(run)
     for attempt in range(run.config.max_attempts):
-        run.attempt = attempt
+        run.counts.attempt = attempt
         pose = belief.pose_base_hole.pose()
         if push(run, pose):
             return belief
@@ -38,7 +38,7 @@ def sequence(run: Run) -> PosePrior:
         withdraw(run, pose, run.config.standoff_m)
         estimate = run.ports.ask(SEQUENCE_NETWORK, EstimateBySequence(prior=prior, touches=tuple(run.touches)))
         tell_estimate(run, estimate)
-        if not run.can_be(estimate.pose_base_hole.pose()):
+        if not run.hole.is_plausible_hole_pose(estimate.pose_base_hole.pose()):
             continue
         belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)
         correct(run, estimate.pose_base_hole.pose())

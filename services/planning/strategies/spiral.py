@@ -12,8 +12,8 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import Failure, PathKnot, PosePrior
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.moves import SEARCH_S, search_push
-from services.planning.strategies.start import begin
+from services.planning.strategies.first_pose import begin
+from services.planning.strategies.search_push import SEARCH_S, search_push
 from services.planning.touching import push
 
 SPEED_M_S = 0.008

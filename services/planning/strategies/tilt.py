@@ -12,8 +12,8 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Failure, PathKnot, PosePrior
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.moves import search_push
-from services.planning.strategies.start import begin
+from services.planning.strategies.first_pose import begin
+from services.planning.strategies.search_push import search_push
 from services.planning.touching import push
 
 SPEED_RAD_S = 0.2
@@ -31,7 +31,7 @@ def tilt(run: Run) -> PosePrior:
     sd_rad = np.sqrt(np.diag(np.asarray(belief.covariance).reshape(6, 6))[3:])
     reach_rad = np.minimum(SDS * sd_rad, run.workcell.hole_prior.half_ranges()[3:])
     for attempt in range(PUSHES):
-        run.attempt = attempt
+        run.counts.attempt = attempt
         if push(run, pose):
             return belief
         knots = random_tilts(np.random.default_rng([SEED, attempt]), reach_rad)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from crosspih_common.messages import Failure, PosePrior
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.moves import position_push
-from services.planning.strategies.start import begin
+from services.planning.strategies.first_pose import begin
+from services.planning.strategies.plain_pushes import position_push
 
 SPEED_M_S = 0.015
 

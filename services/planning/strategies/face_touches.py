@@ -1,4 +1,4 @@
-"""Where a strategy begins: what vision sees, or the cell's drawing and three touches of the face where it sees nothing.
+"""The hole's depth and tilt without a picture: by three touches of the face beside it.
 
 The drawing knows the hole to some centimetres and hundredths of a radian. Three touches of the face beside the hole
 leave its lateral place and its turn about the axis to be found: depth and tilt are then known.
@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import Failure, LocateMethod, Phase, PoseData, PosePrior, Touch, floats
+from crosspih_common.messages import Failure, Phase, PoseData, PosePrior, Touch, floats
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.steps import locate
 from services.planning.touching import deflected, touch_from
 
 FACE_DEPTH_SD_M = 3e-4
@@ -27,20 +26,8 @@ FACE_SPEED_M_S = 0.005  # the face is hard
 SPARE_M = 0.003
 
 
-def begin(run: Run, method: LocateMethod = LocateMethod.RIM) -> PosePrior:
-    """The hole as first believed, and the peg at its stand-off before it."""
-    try:
-        seen = locate(run, method)
-    except AssemblyFailed as failed:
-        if failed.failure is not Failure.NOT_SEEN:
-            raise
-        run.felt_for = True
-        return _by_the_face(run)
-    run.approach(seen.pose_base_hole.pose())
-    return PosePrior(pose_base_hole=seen.pose_base_hole, covariance=seen.covariance)
-
-
-def _by_the_face(run: Run) -> PosePrior:
+def pose_by_face_touches(run: Run) -> PosePrior:
+    """The hole as drawn, moved and tilted onto the face that was felt; the peg stands before it."""
     nominal, half_ranges = run.workcell.hole_prior.pose_base_hole(), run.workcell.hole_prior.half_ranges()
     peg = run.workcell.peg.shape()
     hole = run.workcell.hole.shape(peg)
@@ -56,14 +43,14 @@ def _by_the_face(run: Run) -> PosePrior:
             last = nominal.inverse().apply(points[-1])
             spot[2] = last[2] - slope * np.linalg.norm(last[:2] - spot[:2]) - SPARE_M
         else:
-            run.approach(nominal @ Pose.from_translation(spot))
+            run.motion.approach(nominal @ Pose.from_translation(spot))
         points.append(_touch_the_face(run, nominal @ Pose.from_translation(spot)))
     pose = on_the_face(nominal, np.array(points))
-    run.believed = pose
+    run.hole.believed = pose
     variances = half_ranges**2 / 3.0
     variances[2:5] = FACE_DEPTH_SD_M**2, FACE_TILT_SD_RAD**2, FACE_TILT_SD_RAD**2
     withdraw(run, pose, run.config.approach_m)
-    run.slide_to(run.before_hole(pose, run.config.standoff_m), run.config.line_speed_m_s)
+    run.motion.slide_to(run.motion.before_hole(pose, run.config.standoff_m), run.config.line_speed_m_s)
     return PosePrior(pose_base_hole=PoseData.of(pose), covariance=floats(np.diag(variances)))
 
 

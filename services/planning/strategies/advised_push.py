@@ -43,10 +43,10 @@ def push_in(run: Run, belief: PosePrior) -> PosePrior | None:
         if advice.action is InsertionAction.BACK_OFF:
             # straight out before it is turned: what is turned while it is clamped presses harder
             out = Pose.from_translation([0.0, 0.0, -advice.back_off_m])
-            run.slide_to(run.pose_base_peg @ out, run.config.press_speed_m_s)
+            run.motion.slide_to(run.motion.pose_base_peg @ out, run.config.press_speed_m_s)
         if advice.action is not InsertionAction.LOWER_PUSH:
             # aligned; where it should slide and yet stood, at the depth where it is
-            run.slide_to(advice.pose_base_peg.pose(), run.config.press_speed_m_s)
+            run.motion.slide_to(advice.pose_base_peg.pose(), run.config.press_speed_m_s)
         force_n = advice.push_force_n
         if advice.action is InsertionAction.CONTINUE:
             # a push that was lowered and stood was too weak: what is felt at rest speaks for none so weak
