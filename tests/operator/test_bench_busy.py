@@ -10,7 +10,7 @@ import pytest
 from crosspih_common.errors import NoService
 from crosspih_common.messages import Failure
 from services.operator.assembly.session import Session
-from services.operator.bench.reliability.busy import (
+from services.operator.bench.reliability.busy.loading import (
     NO_RESULT,
     BusyResult,
     Ended,

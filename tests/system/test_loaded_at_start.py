@@ -68,7 +68,8 @@ def test_a_command_loads_what_its_answer_needs(command: str) -> None:
 
 def test_an_assembly_and_its_page_need_no_package_that_set_up_leaves_out() -> None:
     """`make assemble` installs the extra `run` alone."""
-    code = "import services.operator.assembly.assemble, services.operator.report.page, services.operator.report.figure"
+    needed = ("assembly.commands.assemble", "report.page", "report.figure")
+    code = "import " + ", ".join(f"services.operator.{module}" for module in needed)
     left_out = (
         "torch",
         "safetensors",

@@ -18,7 +18,7 @@ COMMANDS = {
         by_cell=True,
     ),
     "scaling": OnDemand(
-        f"{_HERE}.speed.scaling:scaling",
+        f"{_HERE}.speed.commands.scaling:scaling",
         "Measure how many trials a second one cell makes, two cells, and so on, each cell on a core of its own.",
         by_cell=True,
     ),
@@ -38,7 +38,7 @@ COMMANDS = {
         by_cell=True,
     ),
     "sizes": OnDemand(
-        f"{_HERE}.speed.sizes:sizes",
+        f"{_HERE}.speed.commands.sizes:sizes",
         "Time vision on pictures from 320 x 240 to 2448 x 2048, each in a simulated cell of its own.",
         by_cell=True,
     ),
@@ -52,16 +52,16 @@ COMMANDS = {
         by_cell=True,
     ),
     "engines": OnDemand(
-        f"{_HERE}.speed.engines:engines",
+        f"{_HERE}.speed.commands.engines:engines",
         "Measure how fast each installed physics engine is.",
     ),
     "protocols": OnDemand(
-        f"{_HERE}.protocols.assembling:protocols",
+        f"{_HERE}.protocols.commands.protocols:protocols",
         "Assemble in real time in a cell whose every device is reached by its published protocol over "
         "loopback, and score by what only the other end knows. Status 1 where one was not inserted.",
     ),
     "day": OnDemand(
-        f"{_HERE}.protocols.day:day",
+        f"{_HERE}.protocols.commands.day:day",
         "Walk docs/hardware/in-a-day.md by its own words, before a UR5e, an ATI sensor and two cameras that "
         "are other ends of their protocols: each command, what each calibration found of what the cell hides,"
         " and whether the peg went in. Status 1 where a command failed or a peg was not inserted.",
@@ -72,27 +72,27 @@ COMMANDS = {
         " and other buses that are installed.",
     ),
     "recorder": OnDemand(
-        f"{_HERE}.speed.recorder:recorder",
+        f"{_HERE}.speed.commands.recorder:recorder",
         "Measure how fast samples get from the bus into a file beside the bare MCAP writer, and whether four cells at"
         " once lose any.",
     ),
     "trials": OnDemand(
-        f"{_HERE}.speed.where_time_goes:trials",
+        f"{_HERE}.speed.commands.trials:trials",
         "Measure where the wall time of a trial goes: physics, rendering, thinking, waiting. `bench scaling` measures"
         " what more cells make of it. Linux.",
         by_cell=True,
     ),
     "startup": OnDemand(
-        f"{_HERE}.speed.startup:startup",
+        f"{_HERE}.speed.commands.startup:startup",
         "Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU"
         " time of small commands.",
     ),
     "inference": OnDemand(
-        f"{_HERE}.speed.inference:inference",
+        f"{_HERE}.speed.commands.inference:inference",
         "Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone.",
     ),
     "cell": OnDemand(
-        f"{_HERE}.speed.cell:cell",
+        f"{_HERE}.speed.commands.cell:cell",
         "Measure how fast the simulated cell is, and each physics engine by itself in the same run.",
     ),
     "caps": OnDemand(
@@ -129,7 +129,7 @@ COMMANDS = {
         by_cell=True,
     ),
     "busy": OnDemand(
-        f"{_HERE}.reliability.busy:busy",
+        f"{_HERE}.reliability.busy.command:busy",
         "Assemble while other processes keep the machine busy. Ends with status 0 only if no assembly was "
         "stopped by the arm's lease or because a living service was taken for lost.",
         by_cell=True,

@@ -19,7 +19,7 @@ COMMANDS = {
         "List the drivers of devices, crosspih's own and those of installed packages, and what each still needs.",
     ),
     "practise": OnDemand(
-        f"{_HERE}.bench.protocols.practise:practise",
+        f"{_HERE}.bench.protocols.commands.practise:practise",
         "A UR5e, an ATI sensor and two cameras without any of them: their other ends speak the devices' "
         "protocols at the addresses of docs/hardware/in-a-day.md, in a network of its own, and the cell "
         "behind them is not as its file says. Without a terminal and a command it stays until it is ended.",

@@ -16,22 +16,22 @@ COLUMNS_IN_A_FILE = 120
 _HERE = "services.operator"
 COMMANDS = {
     "assemble": OnDemand(
-        f"{_HERE}.assembly.assemble:assemble",
+        f"{_HERE}.assembly.commands.assemble:assemble",
         "Do one assembly: on the running stack, or on one that is started for it and stopped afterwards.",
     ),
     "withdraw": OnDemand(
-        f"{_HERE}.assembly.withdraw:withdraw",
+        f"{_HERE}.assembly.commands.withdraw:withdraw",
         "Take a seated peg straight out along its own axis, slowly; stop where it resists (status 1).",
         by_cell=True,
     ),
     "pause": OnDemand(
-        f"{_HERE}.assembly.interrupting:pause",
+        f"{_HERE}.assembly.commands.interrupting:pause",
         "Hold the running assembly: the motion under way is finished, and the arm then stays where it is.",
         by_cell=True,
     ),
-    "resume": OnDemand(f"{_HERE}.assembly.interrupting:resume", "Let a paused assembly go on.", by_cell=True),
+    "resume": OnDemand(f"{_HERE}.assembly.commands.interrupting:resume", "Let a paused assembly go on.", by_cell=True),
     "stop": OnDemand(
-        f"{_HERE}.assembly.interrupting:stop",
+        f"{_HERE}.assembly.commands.interrupting:stop",
         "Stop the arm at once and end the running assembly; the peg is then backed off.",
         by_cell=True,
     ),
@@ -67,7 +67,7 @@ COMMANDS = {
         f"{_HERE}.training.command:train",
         "Train the 6-150-3 network: split by pose, early stopping, a page that judges it against what is possible.",
     ),
-    "keys": OnDemand(f"{_HERE}.contract.keys_table:keys", "Print every key: what travels, who sends it, who reads it."),
+    "keys": OnDemand(f"{_HERE}.contract.command:keys", "Print every key: what travels, who sends it, who reads it."),
     "security": OnDemand(
         f"{_HERE}.security.command:app", "Certificates: who may do what in a cell (docs/security.md)."
     ),

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from pydantic import BaseModel, ConfigDict
-from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from crosspih_common.config import load_cell
@@ -28,10 +24,7 @@ from deploy.launcher import LauncherError
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.cells.conditions import merged
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
-from services.operator.bench.options import AsJson, told
-from services.operator.bench.protocols.addresses import private_network
-from services.operator.bench.protocols.plants import ADDRESSES, Plant, Way, needs_private_network, open_plant
-from services.operator.bench.protocols.walked import check_walk
+from services.operator.bench.protocols.plants import Plant, Way, open_plant
 from services.operator.scoring.score import score
 from services.operator.scoring.statistics import sight_row, wilson95
 
@@ -216,40 +209,3 @@ def table_of(result: ProtocolResult) -> Table:
     for failure, times in Counter(one.failure for one in result.trials if not one.inserted).items():
         table.add_row(f"ended as {failure}", str(times))
     return table
-
-
-def protocols(
-    way: Annotated[
-        Way,
-        typer.Option(help="ur: RTDE, Net F/T and GigE Vision; ros2: ros2_control, WrenchStamped and Image topics."),
-    ] = Way.UR,
-    trials: Annotated[int, typer.Option(min=1, help="One after the other, each with the next seed.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
-    strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
-    calibrated: Annotated[
-        Path | None, typer.Option(help="A cell's file whose calibrations `crosspih bench day` has found.")
-    ] = None,
-    hidden: Annotated[int, typer.Option(min=0, help="With --calibrated: the seed of that day.")] = 1,
-    as_json: AsJson = False,
-) -> None:
-    """Assemble in real time in a cell whose every device is reached by its published protocol over loopback, and score
-    by what only the other end knows. Status 1 where one was not inserted."""
-    console = Console(stderr=True)
-    with told(console):
-        if needs_private_network(way):
-            private_network(ADDRESSES)
-        if calibrated is not None:
-            check_walk(calibrated.resolve().parent, console, hidden=hidden)
-        cell = None if calibrated is None else calibrated_cell(calibrated, hidden)
-        rows = []
-        for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):
-            rows.append(assembled(way, one, strategy, cell))
-            said, style = line_of(rows[-1]), "" if rows[-1].inserted else "red"
-            console.print(said, style=style, markup=False, highlight=False, soft_wrap=True)
-        result = ProtocolResult(way=way.value, inserted=sum(row.inserted for row in rows), trials=rows)
-        if as_json:
-            sys.stdout.write(result.model_dump_json(indent=1) + "\n")
-        else:
-            Console(width=100).print(table_of(result))
-        if result.inserted < trials:
-            raise typer.Exit(1)

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
 from pydantic import BaseModel, ConfigDict
-from rich.console import Console
 from rich.table import Table
-
-from services.operator.bench.options import AsJson, told
-from services.operator.bench.speed.engines import measured_by
 
 PROGRAM = "services.hardware.rate"
 
@@ -35,16 +28,3 @@ def table_of(result: CellResult) -> Table:
             f"{1e3 / rest:.0f}, {1e3 / move:.0f}",
         )  # fmt: skip
     return table
-
-
-def cell(
-    steps: Annotated[int, typer.Option(min=100, max=60000, help="Steps a round; the best of five counts.")] = 2000,
-    as_json: AsJson = False,
-) -> None:
-    """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
-    with told(Console(stderr=True)):
-        result = CellResult(steps_s=measured_by(PROGRAM, "bench cell", "--steps", str(steps)))
-        if as_json:
-            print(result.model_dump_json())
-        else:
-            Console().print(table_of(result))

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from pydantic import BaseModel, ConfigDict
-from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.errors import CrosspihError
 from crosspih_common.modules import module_command
-from services.operator.bench.options import AsJson, told
 
 # the operator imports no engine: the hardware service's own program measures
 PROGRAM = "services.hardware.drivers.simulated.engines.rate"
@@ -48,17 +45,3 @@ def measured_by(program: str, who: str, *options: str) -> Any:
         raise CrosspihError(f"{who}: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
     # PyBullet greets on standard output
     return json.loads(done.stdout.strip().splitlines()[-1])
-
-
-def engines(
-    steps: Annotated[int, typer.Option(min=100, help="Steps a round; the best of four rounds counts.")] = 2000,
-    as_json: AsJson = False,
-) -> None:
-    """Measure how fast each installed physics engine is."""
-    console = Console(stderr=True)
-    with told(console):
-        result = EnginesResult(steps_s=measured_by(PROGRAM, "bench engines", "--steps", str(steps)))
-        if as_json:
-            print(result.model_dump_json())
-        else:
-            Console().print(table_of(result))

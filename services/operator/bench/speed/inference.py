@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rich.console import Console
 from rich.table import Table
-
-from services.operator.bench.options import AsJson, told
-from services.operator.bench.speed.engines import measured_by
 
 PROGRAM = "services.inference.rate"
 
@@ -46,18 +39,3 @@ def table_of(result: InferenceResult) -> Table:
     for asked, cost in result.costs.items():
         table.add_row(asked, f"{cost.ours_s * 1e3:.2f}", f"{cost.bare_s * 1e3:.3f}", f"{cost.ratio:.2f}", cost.beside)
     return table
-
-
-def inference(
-    rounds: Annotated[int, typer.Option(min=1, max=100, help="Rounds, in turn; the least of each counts.")] = 5,
-    seed: Annotated[int, typer.Option(min=0, help="Of the touches that are estimated from.")] = 1,
-    as_json: AsJson = False,
-) -> None:
-    """Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone."""
-    with told(Console(stderr=True)):
-        costs = measured_by(PROGRAM, "bench inference", "--rounds", str(rounds), "--seed", str(seed))
-        result = InferenceResult(costs=costs)
-        if as_json:
-            print(result.model_dump_json())
-        else:
-            Console().print(table_of(result))

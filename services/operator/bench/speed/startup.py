@@ -8,9 +8,8 @@ import subprocess
 import sys
 import time
 from statistics import median
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.table import Table
@@ -22,7 +21,6 @@ from services.operator.bench.cells.bar import Bar
 from services.operator.bench.cells.conditions import Condition, cell_content
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, told
 
 SERVICES = (*NEEDED, "recorder")
 COMMANDS: dict[str, tuple[str, ...]] = {"--help": ("--help",), "ps": ("ps",), "keys": ("keys",)}
@@ -128,18 +126,3 @@ def table_of(result: StartupResult) -> Table:
     for row in sorted(result.imports, key=lambda row: -row.wall_s):
         table.add_row(f"import of services.{row.service}", f"{row.wall_s:.2f}", f"{row.cpu_s:.2f}")
     return table
-
-
-def startup(
-    rounds: Annotated[int, typer.Option(min=1, help="All in turn, so many times; medians count.")] = 3,
-    as_json: AsJson = False,
-) -> None:
-    """Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU
-    time of small commands."""
-    console = Console(stderr=True)
-    with told(console):
-        result = measured(rounds, console)
-        if as_json:
-            sys.stdout.write(result.model_dump_json(indent=1) + "\n")
-        else:
-            Console().print(table_of(result))

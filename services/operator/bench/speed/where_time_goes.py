@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 import resource
-import sys
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from pydantic import BaseModel, ConfigDict
-from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.bus import Bus
@@ -21,12 +18,6 @@ from crosspih_common.keys import CAPTURE, Topic
 from crosspih_common.messages import Strategy
 from deploy.launcher import StateDirectory
 from services.operator.assembly.session import Session
-from services.operator.bench.cells.conditions import Condition, cell_content
-from services.operator.bench.cells.own_cell import CellTask
-from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
-from services.operator.bench.cells.progress import CellsProgress
-from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, told
 
 RUN = "CROSSPIH_RUN_DIR"  # where OwnCell keeps the stack's state
 OPERATOR = "operator"
@@ -160,42 +151,3 @@ def table_of(result: TrialsResult) -> Table:
         table.add_row(name, f"{seconds:.3f}", f"{seconds / result.wall_s:.0%}")
     table.caption = "CPU time, but for waiting, which also holds what other processes took of the core"
     return table
-
-
-def trials(
-    trials: Annotated[int, typer.Option(min=1, help="Trials, one after the other, in one cell on one core.")] = 10,
-    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
-    strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
-    as_json: AsJson = False,
-) -> None:
-    """Measure where the wall time of a trial goes: physics, rendering, thinking, waiting. `bench scaling` measures what
-    more cells make of it. Linux."""
-    console = Console(stderr=True)
-    with told(console):
-        content = cell_content(base_cell_text(), Condition())
-        tasks = [
-            CellTask(
-                f"{strategy.value} {number}", content, accounted_trial, {"seed": number, "strategy": strategy.value}
-            )
-            for number in range(seed, seed + trials)
-        ]
-        accounts: dict[int, Account] = {}
-        pool = open_executor(ExecutorName.LOCAL, 1, len(tasks), None, True)
-        progress = CellsProgress(console, "trials")
-        progress.taken_over(len(tasks), 0)
-        try:
-            with progress:
-                lost = run_in_cells(
-                    tasks, pool, lambda at, found: accounts.update({at: Account.model_validate(found)}), progress
-                )
-        finally:
-            pool.close()
-        for index, why in lost.items():
-            console.print(f"{tasks[index].label}: {why}", style="red", markup=False, highlight=False)
-        if not accounts:
-            raise typer.Exit(1)
-        result = result_of([accounts[index] for index in sorted(accounts)])
-    if as_json:
-        sys.stdout.write(result.model_dump_json(indent=1) + "\n")
-    else:
-        Console().print(table_of(result))

@@ -1,0 +1,1 @@
+"""The commands of one assembly, one a file."""

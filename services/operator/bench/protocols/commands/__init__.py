@@ -1,0 +1,1 @@
+"""The commands that meet devices by their protocols, one a file."""

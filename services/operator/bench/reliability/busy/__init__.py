@@ -1,0 +1,1 @@
+"""`crosspih bench busy`: assemblies while other processes keep the machine busy."""

@@ -1,0 +1,25 @@
+"""`crosspih bench cell`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from services.operator.bench.options import AsJson, told
+from services.operator.bench.speed.cell import PROGRAM, CellResult, table_of
+from services.operator.bench.speed.engines import measured_by
+
+
+def cell(
+    steps: Annotated[int, typer.Option(min=100, max=60000, help="Steps a round; the best of five counts.")] = 2000,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
+    with told(Console(stderr=True)):
+        result = CellResult(steps_s=measured_by(PROGRAM, "bench cell", "--steps", str(steps)))
+        if as_json:
+            print(result.model_dump_json())
+        else:
+            Console().print(table_of(result))

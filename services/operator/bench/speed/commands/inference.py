@@ -1,0 +1,27 @@
+"""`crosspih bench inference`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from services.operator.bench.options import AsJson, told
+from services.operator.bench.speed.engines import measured_by
+from services.operator.bench.speed.inference import PROGRAM, InferenceResult, table_of
+
+
+def inference(
+    rounds: Annotated[int, typer.Option(min=1, max=100, help="Rounds, in turn; the least of each counts.")] = 5,
+    seed: Annotated[int, typer.Option(min=0, help="Of the touches that are estimated from.")] = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone."""
+    with told(Console(stderr=True)):
+        costs = measured_by(PROGRAM, "bench inference", "--rounds", str(rounds), "--seed", str(seed))
+        result = InferenceResult(costs=costs)
+        if as_json:
+            print(result.model_dump_json())
+        else:
+            Console().print(table_of(result))
