@@ -29,7 +29,7 @@ from services.operator.bench.protocols.walked import check_walk, note_walk
 from services.operator.bench.reliability.fuzz.rests_on import part_key
 from services.operator.bench.reliability.matrix import command as matrix
 from services.operator.bench.reliability.matrix.plan import Case, Ending
-from services.operator.dataset.collect import cell_sha256
+from services.operator.dataset.commands.collect import cell_sha256
 
 
 def test_weights_that_were_trained_anew_are_another_trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,9 +16,7 @@ from crosspih_common.geometry.wrench import adjoint_wrench
 from crosspih_common.messages import IdentifyPayload, PoseData, RawReading, floats
 from crosspih_common.recording.reader import RecordingError
 from crosspih_common.wrench import Payload
-from services.inference.estimator import BoreWalls, EstimatorSettings, TouchObservation
-from services.inference.mechanics import PairTables
-from services.inference.refine.assemblies import (
+from services.inference.cell_refinement.assemblies import (
     AssemblyData,
     NothingToRefine,
     Past,
@@ -27,11 +25,13 @@ from services.inference.refine.assemblies import (
     read_past,
     weighing_of,
 )
-from services.inference.refine.parameters import CLEARANCE, NAMES, PRIOR_SD, TAPER, judged, refined_peg, shapes
-from services.inference.refine.pressed import displacement
-from services.inference.refine.result import refine
-from services.inference.refine.touched import TouchModel, TouchState
-from services.inference.refine.weighing import sensor_turn
+from services.inference.cell_refinement.parameters import CLEARANCE, NAMES, PRIOR_SD, TAPER, judged, refined_peg, shapes
+from services.inference.cell_refinement.pressed import displacement
+from services.inference.cell_refinement.result import refine
+from services.inference.cell_refinement.touched import TouchModel, TouchState
+from services.inference.cell_refinement.weighing import sensor_turn
+from services.inference.estimator import BoreWalls, EstimatorSettings, TouchObservation
+from services.inference.mechanics import PairTables
 from tests.inference.synthetic_touch import COMPLIANCE, synthetic_touch
 
 CELL = load_cell("deploy/cells/default.yaml")

@@ -25,7 +25,7 @@ from services.operator.bench.domain.boxes import table_of as domain_table
 from services.operator.bench.domain.factors import Factor, Level
 from services.operator.bench.protocols.assembling import ProtocolResult, ProtocolTrial
 from services.operator.bench.protocols.assembling import table_of as protocols_table
-from services.operator.bench.refine.command import compared_table
+from services.operator.bench.refinement_gain.command import compared_table
 from services.operator.bench.reliability.busy.loading import BusyResult, ended
 from services.operator.bench.reliability.busy.loading import table_of as busy_table
 from services.operator.scoring.challenge_score import MOST, challenge_score

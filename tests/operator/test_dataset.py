@@ -80,7 +80,7 @@ def test_a_contact_is_felt_as_its_pose_error_says_and_repeats(session: Session) 
 def test_a_stopped_collection_goes_on(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     most = [2]
     # the package has a function of the same name
-    collecting = importlib.import_module("services.operator.dataset.collect")
+    collecting = importlib.import_module("services.operator.dataset.commands.collect")
     monkeypatch.setattr(collecting, "SAMPLES_A_TASK", 1)
     monkeypatch.setattr(collecting, "open_executor", lambda *arguments: OneCell(session, most[0]))
     command = ["dataset", "collect", "--poses", "3", "--seed", "20", "--out", str(tmp_path / "set")]

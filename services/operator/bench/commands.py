@@ -47,7 +47,7 @@ COMMANDS = {
         "Render pictures of a workshop with their truth by a path tracer, for `crosspih bench vision --pictures`.",
     ),
     "refine": OnDemand(
-        f"{_HERE}.refine.command:refine",
+        f"{_HERE}.refinement_gain.command:refine",
         "Assemble in a cell with unmodelled errors, refine over its recordings, and assemble the next seeds with both.",
         by_cell=True,
     ),

@@ -56,7 +56,7 @@ def _taper(drawing: PegDrawing) -> float:
 def run_refine(recordings: Sequence[Path], cell: Path, console: Console) -> dict[str, Any]:
     """The refinement as the inference service's tool prints it. Raises ToolFailed."""
     words = [*(str(path) for path in recordings), "--cell", str(cell)]
-    return run_tool(words, console, "services.inference.refine")
+    return run_tool(words, console, "services.inference.cell_refinement")
 
 
 def refined_table(result: dict[str, Any]) -> Table:

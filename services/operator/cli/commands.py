@@ -42,7 +42,7 @@ COMMANDS = {
         f"{_HERE}.doctor.command:doctor",
         "Could an assembly start? Looks at machine, cell file, devices and calibrations; moves nothing. Status 1: no.",
     ),
-    "calibrate": OnDemand(f"{_HERE}.calibrate.commands:app", "Calibrations of the cell."),
+    "calibrate": OnDemand(f"{_HERE}.calibrate.commands.app:app", "Calibrations of the cell."),
     "locate": OnDemand(
         f"{_HERE}.locate.command:locate", "Where the hole is in a pair of pictures, with no stack running."
     ),
@@ -62,7 +62,7 @@ COMMANDS = {
         "Make docs/results.md: run every command whose result is missing or of other code, and write down what it "
         "said.",
     ),
-    "dataset": OnDemand(f"{_HERE}.dataset.commands:app", "Contacts with known pose errors, as Parquet."),
+    "dataset": OnDemand(f"{_HERE}.dataset.commands.app:app", "Contacts with known pose errors, as Parquet."),
     "train": OnDemand(
         f"{_HERE}.training.command:train",
         "Train the 6-150-3 network: split by pose, early stopping, a page that judges it against what is possible.",

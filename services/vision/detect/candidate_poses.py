@@ -10,8 +10,8 @@ import numpy as np
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.vision.detect.coarse_search import SearchGrid, best_starts
+from services.vision.detect.edge_fit import Poses, likeness, refined, support
 from services.vision.detect.picture_level import Floats, Level
-from services.vision.detect.refinement import Poses, likeness, refined, support
 from services.vision.detect.rim_samples import RimSamples
 from services.vision.fit.rim import Rimmed
 from services.vision.stereo import StereoModel

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry.pose import Array
+from services.inference.cell_refinement.parameters import CLEARANCE, TAPER, shapes
 from services.inference.estimator import EstimatorSettings
 from services.inference.estimator.fit import whitening
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses, choose_contacts
@@ -23,7 +24,6 @@ from services.inference.mechanics import (
     contact_wrench_basis,
     first_contacts,
 )
-from services.inference.refine.parameters import CLEARANCE, TAPER, shapes
 
 STEPS = {TAPER: 1e-3, CLEARANCE: 2e-6}  # far above rounding, far below a change of features
 SAME_FEATURE = 0.02

@@ -2,10 +2,10 @@
 
 import typer
 
-from services.operator.calibrate.ft import ft
-from services.operator.calibrate.pictures import board, hand_eye, stereo
-from services.operator.calibrate.pushes import mount, stiffness, tcp
-from services.operator.calibrate.refine import refine
+from services.operator.calibrate.commands.ft import ft
+from services.operator.calibrate.commands.pictures import board, hand_eye, stereo
+from services.operator.calibrate.commands.pushes import mount, stiffness, tcp
+from services.operator.calibrate.commands.refine import refine
 
 app = typer.Typer(no_args_is_help=True, help="Calibrations of the cell.")
 app.command()(ft)

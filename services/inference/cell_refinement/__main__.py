@@ -1,4 +1,4 @@
-"""`python -m services.inference.refine RECORDING...`: the cell refined over its past.
+"""`python -m services.inference.cell_refinement RECORDING...`: the cell refined over its past.
 
 It writes JSON lines on standard output: {"doing", "done", "total"} as it goes on, and {"result"} at the end.
 `crosspih calibrate refine` runs it.
@@ -13,8 +13,8 @@ from pathlib import Path
 
 from crosspih_common.config import load_cell
 from crosspih_common.errors import CrosspihError
-from services.inference.refine.assemblies import read_past
-from services.inference.refine.result import refine
+from services.inference.cell_refinement.assemblies import read_past
+from services.inference.cell_refinement.result import refine
 
 
 def _tell(doing: str, done: int, total: int) -> None:
@@ -23,7 +23,7 @@ def _tell(doing: str, done: int, total: int) -> None:
 
 def main() -> int:
     """Read, fit, print."""
-    parser = argparse.ArgumentParser(prog="python -m services.inference.refine", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="python -m services.inference.cell_refinement", description=main.__doc__)
     parser.add_argument("recordings", nargs="+", type=Path)
     parser.add_argument("--cell", type=Path, required=True, help="the cell's file that is refined")
     arguments = parser.parse_args()

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry.pose import Array
-from services.inference.refine.assemblies import Weighing
+from services.inference.cell_refinement.assemblies import Weighing
 
 LEAST_SD_N = 0.003
 LEAST_POSES = 5

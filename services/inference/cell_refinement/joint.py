@@ -17,10 +17,8 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import adjoint_wrench
-from services.inference.estimator import BoreWalls, EstimatorSettings
-from services.inference.estimator.hypotheses import TouchBatch
-from services.inference.refine.assemblies import AssemblyData
-from services.inference.refine.parameters import (
+from services.inference.cell_refinement.assemblies import AssemblyData
+from services.inference.cell_refinement.parameters import (
     CLEARANCE,
     LEAST_CLEARANCE_M,
     NAMES,
@@ -30,8 +28,10 @@ from services.inference.refine.parameters import (
     sensor_pose,
     shapes,
 )
-from services.inference.refine.pressed import PressModel
-from services.inference.refine.touched import TouchModel, TouchState
+from services.inference.cell_refinement.pressed import PressModel
+from services.inference.cell_refinement.touched import TouchModel, TouchState
+from services.inference.estimator import BoreWalls, EstimatorSettings
+from services.inference.estimator.hypotheses import TouchBatch
 
 # of a hole about T2 as it was found, before anything is counted: far wider than what is
 HOLE_SD = np.array([3e-3, 3e-3, 3e-2, 0.05, 0.05, 0.05])

@@ -15,8 +15,8 @@ from scipy.optimize import nnls
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from services.inference.cell_refinement.parameters import CLEARANCE
 from services.inference.estimator import BoreWalls
-from services.inference.refine.parameters import CLEARANCE
 
 GAP_SD_M = 1e-5  # of the arm's pose and the wall, at the far end of an arm of the cross
 TOUCHING_N = 1.0  # a wall is touched when it presses with more, and with more than friction can

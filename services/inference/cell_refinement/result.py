@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from crosspih_common.config import CellFile
-from services.inference.refine.assemblies import Past, camera_correction
-from services.inference.refine.joint import JointFit, joint_fit
-from services.inference.refine.parameters import (
+from services.inference.cell_refinement.assemblies import Past, camera_correction
+from services.inference.cell_refinement.joint import JointFit, joint_fit
+from services.inference.cell_refinement.parameters import (
     CAMERA,
     GEOMETRY,
     NAMES,
@@ -20,7 +20,7 @@ from services.inference.refine.parameters import (
     judged,
     refined_peg,
 )
-from services.inference.refine.weighing import sensor_turn
+from services.inference.cell_refinement.weighing import sensor_turn
 
 Teller = Callable[[str, int, int], None]
 WANTED = {

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from crosspih_common.datasets import read_contacts
 from services.operator.bench.options import told
-from services.operator.dataset.collect import AngleRad, FirstSeed, LateralM, Poses
-from services.operator.dataset.describe import summary
+from services.operator.dataset.commands.collect import AngleRad, FirstSeed, LateralM, Poses
+from services.operator.dataset.commands.describe import summary
 from services.operator.other_services.inference_process import run_tool
 
 

@@ -20,8 +20,8 @@ from services.operator.bench.cells.pool import ExecutorName, open_executor, run_
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import Cells, RayAddress, Where, told
+from services.operator.dataset.commands.describe import summary
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contacts
-from services.operator.dataset.describe import summary
 
 # what a task holds: a stopped run loses at most this many samples a cell
 SAMPLES_A_TASK = 10

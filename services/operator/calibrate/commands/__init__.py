@@ -1,0 +1,1 @@
+"""`crosspih calibrate`: one file a kind of measurement."""

@@ -1,0 +1,1 @@
+"""`crosspih dataset`, one file a command."""
