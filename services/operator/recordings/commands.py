@@ -14,8 +14,8 @@ from rich.table import Table
 
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
-from services.operator.recordings.export.commands import export_app
 from services.operator.recordings import looking, making
+from services.operator.recordings.export.commands import export_app
 from services.operator.recordings.making import Made
 
 FILE_HELP = "A recording (.mcap); its further parts are found beside it."

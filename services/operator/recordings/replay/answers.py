@@ -13,9 +13,9 @@ from crosspih_common.messages import Message
 from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from crosspih_common.recording import Recording
 from crosspih_common.recording.comparing import Difference, differences
+from services.operator.assembly.session import Session
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
 from services.operator.recordings.replay.asked import Asked
-from services.operator.assembly.session import Session
 
 DEADLINE_S = 300.0
 _BEFORE_S = 1e-4  # a picture's own stamp is not before itself
