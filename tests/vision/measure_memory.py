@@ -35,7 +35,7 @@ from crosspih_common.messages import (
 from crosspih_common.service import ServiceContext
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.vision.config import VisionConfig
-from services.vision.detect import refinement
+from services.vision.detect import edge_fit
 from services.vision.locate import locate_rim
 from services.vision.refusals import VisionRefusal
 from services.vision.shell import VisionShell
@@ -163,7 +163,7 @@ def main() -> None:
         held = libc.mallinfo2()
         print(
             f"{what:>8} {resident_mb():8.1f} {(held.uordblks + held.hblkhd) / 2**20:8.2f} {held.fordblks / 2**20:8.1f} "
-            f"{len(gc.get_objects()):8d} {refinement._two_steps.cache_info().currsize:6d} {found:6d}",
+            f"{len(gc.get_objects()):8d} {edge_fit._two_steps.cache_info().currsize:6d} {found:6d}",
             flush=True,
         )
 
