@@ -157,10 +157,11 @@ class Command(Generic[RequestT, ReplyT]):
     @property
     def reply_echo(self) -> Topic[ReplyT]:
         """Where the server repeats what it answered."""
-        return Topic(f"{self.path}/reply", self.reply, Kind.EVENT, self.server, RECORDED, f"answered: {self.doc}")
+        return Topic(f"{self.path}/reply", self.reply, Kind.EVENT, self.server, SHOWN, f"answered: {self.doc}")
 
 
 RECORDED = ("recorder",)
+SHOWN = ("operator", *RECORDED)  # whoever looks at a cell through crosspih_common/client is an operator
 ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
 
 # hardware -------------------------------------------------------------------------------------------------------------
@@ -256,17 +257,17 @@ RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("op
 # vision ---------------------------------------------------------------------------------------------------------------
 LOCATE = Command("vision/locate", LocateHole, HoleEstimate, "vision", ("planning", "operator"), "where is the hole")
 ANNOTATED_LEFT = Topic(
-    "vision/annotated/left", Image, Kind.EVENT, "vision", RECORDED, "left picture with what vision saw"
+    "vision/annotated/left", Image, Kind.EVENT, "vision", SHOWN, "left picture with what vision saw"
 )
 ANNOTATED_RIGHT = Topic(
-    "vision/annotated/right", Image, Kind.EVENT, "vision", RECORDED, "right picture with what vision saw"
+    "vision/annotated/right", Image, Kind.EVENT, "vision", SHOWN, "right picture with what vision saw"
 )
 
 # force_torque ---------------------------------------------------------------------------------------------------------
 CONTACT_WRENCH = Topic(
-    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", ("ros2", *RECORDED), "contact alone", 100.0
+    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", ("ros2", *SHOWN), "contact alone", 100.0
 )
-CONTACT_STATE = Topic("force_torque/state", ContactState, Kind.STREAM, "force_torque", RECORDED, "one of the 26", 10.0)
+CONTACT_STATE = Topic("force_torque/state", ContactState, Kind.STREAM, "force_torque", SHOWN, "one of the 26", 10.0)
 FT_CALIBRATION = Topic(
     "force_torque/calibration",
     FtCalibration,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA_VARIABLE = "CROSSPIH_DATA"
+RUN_DIR_VARIABLE = "CROSSPIH_RUN_DIR"
 ALL_PACKAGES = (
     "make env installs all that crosspih uses (with TORCH=any the larger torch, where no index has its CPU build)"
 )
@@ -43,6 +44,17 @@ def data_folder() -> Path:
     """Where recordings and calibrations land that are named by a relative path: $CROSSPIH_DATA, or the folder that the
     stack is started from. Absolute."""
     return Path(os.path.abspath(os.environ.get(DATA_VARIABLE) or "."))
+
+
+def run_folder() -> Path:
+    """Where running stacks keep their state and logs: ``$CROSSPIH_RUN_DIR``, or ``$CROSSPIH_DATA/run``, or ``run``
+    beside the packages if that is a work tree that may be written, or ``run`` here."""
+    if from_environment := os.environ.get(RUN_DIR_VARIABLE):
+        return Path(from_environment)
+    if os.environ.get(DATA_VARIABLE):
+        return data_folder() / "run"
+    ours = (ROOT / "pyproject.toml").exists() and os.access(ROOT, os.W_OK)
+    return (ROOT if ours else Path.cwd()) / "run"
 
 
 def not_installed(error: ModuleNotFoundError) -> str:

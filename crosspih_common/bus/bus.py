@@ -75,6 +75,11 @@ class Bus:
         """The router that this bus goes through; None for one in memory."""
         return self._transport.endpoint
 
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed: nothing more is heard through it."""
+        return self._closed
+
     def __enter__(self) -> Bus:
         return self
 
@@ -104,9 +109,15 @@ class Bus:
     def hearing(self, topic: Topic[PayloadT], depth: int = 1) -> Iterator[Latest[PayloadT]]:
         """As `latest`, for the length of a block: asked for anew, so that every publisher's last state comes again."""
         latest: Latest[PayloadT] = Latest(depth)
-        entry = self._listen(topic, latest._push)
-        try:
+        with self.listening(topic, latest._push):
             yield latest
+
+    @contextlib.contextmanager
+    def listening(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> Iterator[None]:
+        """As `hear`, for the length of a block."""
+        entry = self._listen(topic, handler)
+        try:
+            yield
         finally:
             with contextlib.suppress(ValueError):  # the bus was closed meanwhile, and this with it
                 self._declared.remove(entry)

@@ -145,7 +145,7 @@ def _open_session(
         secure = f" or it refused {credentials.certificate} (`crosspih security show`)" if credentials else ""
         raise BusUnreachable(
             f"no router answers at {endpoint} within {connect_timeout_s:g} s{secure}; start the stack with "
-            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0][:120]})"
+            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0].split(' at /')[0][:120]})"
         ) from None
 
 

@@ -58,6 +58,16 @@ class ContactWrench(Message):
     calibration_seq: int = Field(default=-1, description="the `seq` of the calibration in use")
     memory: WrenchMemory | None = Field(default=None, description="now and then")
 
+    @property
+    def force_n(self) -> tuple[float, ...]:
+        """The force (3,), N, of `wrench`."""
+        return self.wrench[:3]
+
+    @property
+    def moment_nm(self) -> tuple[float, ...]:
+        """The moment (3,) about the peg frame's origin, Nm, of `wrench`."""
+        return self.wrench[3:]
+
 
 class CompensateWrench(Message):
     """Ask for the contact wrench of one averaged raw reading (`wrench_raw`, `wrench_sd` as the sensor gives them).

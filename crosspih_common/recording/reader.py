@@ -9,20 +9,24 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from crosspih_common.bus.codec import decode
 from crosspih_common.errors import ContractError, CrosspihError
-from crosspih_common.keys import REFUSAL, ROOT, Command, Payload, Topic, topics
-from crosspih_common.messages import CommandRefusal
+from crosspih_common.keys import ASSEMBLE, REFUSAL, ROOT, Command, Payload, Topic, topics
+from crosspih_common.messages import AssemblyResult, CommandRefusal
 from crosspih_common.messages import Message as BusMessage
 from crosspih_common.recording.gaps import gap_matters
 from crosspih_common.recording.numbering import Line
 from crosspih_common.recording.parts import parts_of
 from crosspih_common.recording.scanning import Damage
 from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=BusMessage)
@@ -56,20 +60,38 @@ class Sent(Generic[PayloadT]):
     wall_ns: int
 
 
-@dataclass(slots=True)
 class Recording:
-    """A recording in memory. `finished` is False where a file of it is torn or damaged, and `tear` says how;
-    `damage` is what lies within, `problems` say what could not be decoded."""
+    """A recording in memory: `Recording("x.mcap")` reads it with all its parts, whole, torn or damaged.
 
-    path: Path
-    finished: bool = False
-    tear: str = ""
-    parts: list[ReadPart] = field(default_factory=list)
-    damage: list[Damage] = field(default_factory=list)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    samples: dict[str, list[Recorded]] = field(default_factory=dict)
-    schemas: dict[str, tuple[str, str]] = field(default_factory=dict)  # key: (schema name, message encoding)
-    problems: list[str] = field(default_factory=list)
+    `finished` is False where a file of it is torn or damaged, and `tear` says how; `damage` is what lies within,
+    `problems` say what could not be decoded. `samples` are by key, `schemas` too: (schema name, message encoding).
+    """
+
+    __slots__ = ("damage", "finished", "metadata", "parts", "path", "problems", "samples", "schemas", "tear")
+
+    def __init__(self, path: str | Path, only: Iterable[Topic[Any]] | None = None) -> None:
+        """With `only`, the samples of those topics alone.
+
+        Raises RecordingError when its first file cannot be opened or is no MCAP file.
+        """
+        self._begin(Path(path))
+        _read(self, only)
+
+    def _begin(self, path: Path) -> None:
+        self.path, self.finished, self.tear = path, False, ""
+        self.parts: list[ReadPart] = []
+        self.damage: list[Damage] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.samples: dict[str, list[Recorded]] = {}
+        self.schemas: dict[str, tuple[str, str]] = {}
+        self.problems: list[str] = []
+
+    @classmethod
+    def empty(cls, path: str | Path) -> Recording:
+        """One of that name in which nothing is recorded yet: no file is read."""
+        recording = cls.__new__(cls)
+        recording._begin(Path(path))
+        return recording
 
     @property
     def cell(self) -> str:
@@ -147,6 +169,30 @@ class Recording:
                 found[free[-1]], after = reply, free[-1] + 1
         return found
 
+    def topics(self) -> tuple[str, ...]:
+        """The paths of the topics that are recorded, below the cell's prefix, in order: "force_torque/wrench"."""
+        return tuple(sorted({key.split("/", 2)[-1] for key in self.samples if key.startswith(f"{ROOT}/")}))
+
+    def result(self) -> AssemblyResult | None:
+        """How the last assembly that is recorded ended; None where none did."""
+        return self.last(ASSEMBLE.reply_echo)
+
+    def to_pandas(self, topic: Topic[Any] | str) -> pandas.DataFrame:
+        """A topic as a table, a row a sample: crosspih_common/recording/tables.py says how its columns are named.
+
+        Raises ConfigError without pandas, and for a path that is no topic's or is not in this recording.
+        """
+        from crosspih_common.recording.tables import table_of
+
+        return table_of(self, topic)
+
+    def plot(self) -> Figure:
+        """The last assembly's contact forces and moments against time, phases and touches marked (the paper's Figure
+        19), as a matplotlib figure. Raises ConfigError without matplotlib, and where there is no wrench to draw."""
+        from crosspih_common.recording.plotting import figure_of
+
+        return figure_of(self)
+
     def span_ns(self) -> tuple[int, int]:
         """(first, last) cell time in the file; (0, 0) when it is empty."""
         stamps = [sample.stamp_ns for samples in self.samples.values() for sample in samples]
@@ -178,11 +224,11 @@ class Recording:
 
 
 def read_recording(path: str | Path, only: Iterable[Topic[Any]] | None = None) -> Recording:
-    """Read a recording with all its parts, whole, torn or damaged; with `only`, the samples of those topics alone.
+    """`Recording(path, only)`."""
+    return Recording(path, only)
 
-    Raises RecordingError when its first file cannot be opened or is no MCAP file.
-    """
-    recording = Recording(Path(path))
+
+def _read(recording: Recording, only: Iterable[Topic[Any]] | None) -> None:
     wanted = None if only is None else {topic.path for topic in only}
     repeats = Repeats()
     for file in parts_of(recording.path):
@@ -201,7 +247,6 @@ def read_recording(path: str | Path, only: Iterable[Topic[Any]] | None = None) -
             raise RecordingError(f"{file}: is no MCAP file, or was torn before its first record ({why})")
         recording.parts.append(part)
     _sum_up(recording)
-    return recording
 
 
 def _take(said: Said, recording: Recording) -> None:

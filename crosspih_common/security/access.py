@@ -35,7 +35,7 @@ ROUTER = "router"
 SERVICES = (*ALL, CAMERA_ALIVE, ROUTER)  # whoever has a certificate
 ADVANCED = "/@adv/**"  # where Zenoh's advanced publishers keep what they need beside their key
 IN, OUT = "ingress", "egress"
-# Who hears what a command answered, beside the recorder: ROS 2 is told where the hole is and how an assembly ended.
+# Who hears what a command answered, beside recorder and operator: ROS 2 is told where the hole is and how an assembly ended.
 ANSWERS_TO_ROS2 = (ASSEMBLE, LOCATE)
 # ROS 2's own keys: its domains and its tokens, for the services that speak it
 ROS2_SPEAKERS = ("ros2", "hardware")
@@ -122,8 +122,8 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
             table.serve(service, command.key(CELL))
         for service in command.callers:
             table.ask(service, command.key(CELL))
-        for service in ("operator", *(("ros2",) if command in ANSWERS_TO_ROS2 else ())):
-            table.read(service, command.reply_echo.key(CELL), recover=True)
+        if command in ANSWERS_TO_ROS2:
+            table.read("ros2", command.reply_echo.key(CELL), recover=True)
     for service in SERVICES:
         table.read(service, CLOCK.key(CELL), recover=True)  # every bus goes by it
         table.live(service, (service, CAMERA_ALIVE) if service == CAPTURE.server else (service,))

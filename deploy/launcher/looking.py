@@ -14,7 +14,8 @@ import typer
 from deploy.launcher.display import LogView, TerminalConsole, services_table
 from deploy.launcher.errors import LauncherError, NotUpError
 from deploy.launcher.logfile import LogTail, merged
-from deploy.launcher.state import DEFAULT_PROJECT, RUN_DIR_VARIABLE, StackState, StateDirectory
+from crosspih_common.modules import RUN_DIR_VARIABLE
+from deploy.launcher.state import DEFAULT_PROJECT, StackState, StateDirectory
 
 _FOLLOW_S = 0.1
 

@@ -18,15 +18,13 @@ from typing import IO
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-import deploy
-from crosspih_common.modules import DATA_VARIABLE, data_folder
+from crosspih_common.modules import RUN_DIR_VARIABLE, run_folder
 from deploy.launcher.conditions import Phase
 from deploy.launcher.errors import AlreadyUpError, LauncherError
 from deploy.launcher.health import Health
 from deploy.launcher.logfile import SUFFIX, LogTail
 
 DEFAULT_PROJECT = "crosspih"
-RUN_DIR_VARIABLE = "CROSSPIH_RUN_DIR"
 _PROJECT_NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9._-]*")
 _SUPERVISOR_LOG = "supervisor.log"
 
@@ -60,15 +58,8 @@ class StackState(BaseModel):
 
 
 def default_run_root() -> Path:
-    """``$CROSSPIH_RUN_DIR``, or ``$CROSSPIH_DATA/run``, or ``run`` beside the ``deploy`` package if that is a work tree
-    that may be written, or ``run`` here."""
-    if from_environment := os.environ.get(RUN_DIR_VARIABLE):
-        return Path(from_environment)
-    if os.environ.get(DATA_VARIABLE):
-        return data_folder() / "run"
-    tree = Path(deploy.__file__).resolve().parent.parent
-    ours = (tree / "pyproject.toml").exists() and os.access(tree, os.W_OK)
-    return (tree if ours else Path.cwd()) / "run"
+    """Where stacks keep their state and logs: crosspih_common.modules.run_folder."""
+    return run_folder()
 
 
 def _locked(fd: int) -> bool:

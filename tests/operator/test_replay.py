@@ -44,7 +44,7 @@ PAIR = StereoPair(
 
 def recording_of(*said: tuple[Topic[Any], Message, int]) -> Recording:
     """Messages with the cell's time in ms; each arrives a moment after the one before."""
-    recording = Recording(Path("a.mcap"))
+    recording = Recording.empty("a.mcap")
     for index, (topic, message, stamp_ms) in enumerate(said):
         wall_ns = (index + 1) * 1_000_000_000
         key = topic.key("c")
@@ -112,7 +112,7 @@ def test_equal_answers_differ_in_nothing_and_others_by_so_much() -> None:
 
 
 def test_the_files_that_a_stored_cell_names_are_named_in_full() -> None:
-    recording = Recording(Path("a.mcap"))
+    recording = Recording.empty("a.mcap")
     recording.metadata["cell"] = {
         "path": "/there/cell.yaml",
         "yaml": yaml.safe_dump({"cell": {"peg": {"outline": "peg.svg"}, "arm": {"urdf": "arm.urdf"}}}),

@@ -115,7 +115,7 @@ def test_what_the_bus_did_is_done_again_and_what_nobody_tells_ends_it() -> None:
 
 
 def test_a_refusal_on_the_bus_names_the_request_and_its_answer_is_not_another_ones() -> None:
-    recording = Recording(Path("a.mcap"))
+    recording = Recording.empty("a.mcap")
 
     def record(topic: Topic[Message]) -> None:
         def taker(key: str, counts: Counts) -> Tap:

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from deploy.launcher.state import RUN_DIR_VARIABLE
+from crosspih_common.modules import RUN_DIR_VARIABLE
 from services.operator.cli.rows import Row, ok, warning, wrong
 
 LEAST_BYTES, FEW_BYTES = 200_000_000, 2_000_000_000  # an assembly's recording and page take some 5 MB

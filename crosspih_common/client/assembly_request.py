@@ -1,0 +1,193 @@
+"""An assembly asked for, with a named result whoever dies meanwhile.
+
+The answer of a query is lost with the planner that would have given it (killed, or stopped in order), with the router
+that it would have gone through, and with a link that was cut while the planner hung. What happened is then on the bus:
+a planner that lives repeats its answer on its own topic once it is done, and one that is started in its place tells
+what it found. So the operator goes on listening, has the successor take the peg out, and says by name what it knows.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from crosspih_common.bus import Bus, Latest
+from crosspih_common.errors import STOPPING, CommandRefused, CrosspihError, NoService, NotSent
+from crosspih_common.keys import (
+    ADMITTANCE_MOVE,
+    ASSEMBLE,
+    DWELL,
+    EVENTS,
+    FOLLOW,
+    GUARDED_MOVE,
+    MOVE_LINEAR,
+    REFUSAL,
+    STATUS,
+    TOUCH,
+    WITHDRAW,
+    Command,
+)
+from crosspih_common.messages import (
+    Assemble,
+    AssemblyResult,
+    CommandRefusal,
+    Event,
+    Failure,
+    Message,
+    MotionOutcome,
+    ServiceState,
+    ServiceStatus,
+    Severity,
+    Withdraw,
+)
+
+PLANNER = "planning"
+BACK_S = 60.0  # how long a planner that said nothing more, or its successor, is waited for
+FOUND_S = 120.0  # and for what the successor found: it starts a process of its own to hold the arm
+LATE_S = 5.0  # a planner that is ready again has answered; its word may be on its way for so long
+YOUNGER_S = 1.0  # by so much a successor's life is shorter than the question is old
+WITHDRAW_DEADLINE_S = 300.0
+FOUND = ("peg_found", "arm_found", "peg_unknown")
+HEARD: tuple[Command[Any, Any], ...] = (ASSEMBLE, DWELL, FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADMITTANCE_MOVE)
+KEPT = 4096
+_POLL_S = 0.1
+
+
+def ask_assembly(
+    bus: Bus, request: Assemble, deadline_s: float, say: Callable[[str], object] = lambda text: None
+) -> AssemblyResult:
+    """Ask the planner for an assembly. `say` is told what is being waited for when its answer is lost.
+
+    Raises as `Bus.call`, but not NoService for a planner that was there when it was asked: what came of the assembly is
+    then learned from the bus, or the result says by name that it is not known.
+    """
+    with ExitStack() as stack:
+        asked = _Asked(bus, request, stack)
+        try:
+            return bus.call(ASSEMBLE, request, deadline_s)
+        except NotSent:
+            raise
+        except (NoService, CommandRefused) as lost:
+            if isinstance(lost, CommandRefused) and lost.code != STOPPING:
+                raise
+            say(f"{PLANNER} does not answer any more: waiting for its own word, or its successor's")
+            return asked.learn(str(lost), say)
+
+
+class _Asked:
+    """All that is heard from before the question on."""
+
+    def __init__(self, bus: Bus, request: Assemble, stack: ExitStack) -> None:
+        self._bus, self._request = bus, request
+        self._statuses: Latest[ServiceStatus] = stack.enter_context(bus.hearing(STATUS, 64))
+        self._events: Latest[Event] = stack.enter_context(bus.hearing(EVENTS, 256))
+        self._refusals: Latest[CommandRefusal] = stack.enter_context(bus.hearing(REFUSAL, 64))
+        self._touches = stack.enter_context(bus.hearing(TOUCH, KEPT))
+        self._answers: list[Latest[Message]] = []
+        for command in HEARD:
+            self._answers.append(stack.enter_context(bus.hearing(command.reply_echo, KEPT)))
+        self._began_ns = bus.clock.now_ns()
+        self._asked_at = time.monotonic()
+        self._before: list[Message] = []  # kept, so that no later one is taken for one of these
+        heard: tuple[Latest[Any], ...] = (self._events, self._refusals, *self._answers)
+        for latest in heard:
+            self._before += latest.values()
+
+    def _new(self, latest: Latest[Any]) -> list[Any]:
+        """What was heard since the question, and is of this run of the cell."""
+        before = {id(sample) for sample in self._before}
+        return [one for one in latest.values() if id(one) not in before and one.stamp_ns >= self._began_ns]
+
+    def learn(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
+        """What came of it. Raises CommandRefused where the planner refused it."""
+        until = time.monotonic() + BACK_S
+        last: tuple[int, float] = (-1, -1.0)
+        ready_at: float | None = None
+        while time.monotonic() < until:
+            if (answer := self._answer()) is not None:
+                return answer
+            status = self._planner()
+            if status is not None and (status.pid, status.uptime_s) != last:
+                last = (status.pid, status.uptime_s)
+                if self._is_successor(status):
+                    return self._successor(why, say)
+                if status.state is ServiceState.ACTIVE:
+                    until, ready_at = time.monotonic() + BACK_S, None
+                elif status.state is ServiceState.READY and ready_at is None:
+                    ready_at = time.monotonic()
+            if ready_at is not None and time.monotonic() > ready_at + LATE_S:
+                return self._unknown(f"{why}; {PLANNER} has ended it, and its answer was lost on the way", False)
+            time.sleep(_POLL_S)
+        return self._unknown(
+            f"{why}; {PLANNER} is not back after {BACK_S:g} s: the peg may be in the hole (`crosspih withdraw`)", False
+        )
+
+    def _answer(self) -> AssemblyResult | None:
+        for result in self._new(self._answers[0]):
+            if result.assembly_id == self._request.assembly_id:
+                found: AssemblyResult = result
+                return found
+        for refusal in self._new(self._refusals):
+            if refusal.command == ASSEMBLE.path and refusal.refused != STOPPING:
+                raise CommandRefused(refusal.refused, refusal.text)
+        return None
+
+    def _planner(self) -> ServiceStatus | None:
+        told = [status for status in self._statuses.values() if status.service == PLANNER]
+        return told[-1] if told else None
+
+    def _is_successor(self, status: ServiceStatus) -> bool:
+        """It runs for less long than the question is old."""
+        return status.uptime_s < time.monotonic() - self._asked_at - YOUNGER_S
+
+    def _successor(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
+        why = f"{PLANNER} ended in the middle of the assembly ({why})"
+        until = time.monotonic() + FOUND_S
+        while not (found := [event for event in self._new(self._events) if self._tells(event)]):
+            if time.monotonic() > until:
+                return self._unknown(f"{why}; its successor is there, but told nothing of the peg", False)
+            time.sleep(_POLL_S)
+        told = found[-1]
+        if told.code != "peg_found":
+            return self._unknown(f"{why}; {told.text}", told.code == "arm_found")
+        say("its successor takes the peg out")
+        try:
+            out = self._bus.call(WITHDRAW, Withdraw(), WITHDRAW_DEADLINE_S)
+        except CrosspihError as error:
+            return self._unknown(f"{why}; {told.text}; it could not be taken out: {error}", False)
+        if out.failure is not None:
+            stuck = f"{out.failure.value} {out.failure_detail}"
+            return self._unknown(f"{why}; the peg could not be taken out: {stuck}", False)
+        return self._unknown(f"{why}; its successor took the peg out, {out.distance_m * 1e3:.0f} mm", True)
+
+    @staticmethod
+    def _tells(event: Event) -> bool:
+        # a planner that takes a peg out on its way home says so too, but warns of nothing
+        return event.service == PLANNER and event.code in FOUND and event.severity is Severity.WARNING
+
+    def _unknown(self, detail: str, backed_off: bool) -> AssemblyResult:
+        """A result without the planner's own account: what its motions told, each as it ended."""
+        motions = [one for latest in self._answers[1:] for one in self._new(latest) if isinstance(one, MotionOutcome)]
+        own_peak_n = max((one.peak_force_n for one in motions), default=0.0)
+        return AssemblyResult(
+            assembly_id=self._request.assembly_id,
+            strategy=self._request.strategy,
+            inserted=False,
+            failure=Failure.SERVICE_LOST,
+            failure_detail=detail,
+            backed_off=backed_off,
+            pose_base_hole=None,
+            pose_base_peg=max(motions, key=lambda one: one.stamp_ns).pose_base_peg if motions else None,
+            vision_pose_base_hole=None,
+            motion_s=sum(one.duration_s for one in motions),
+            thinking_s=0.0,
+            touches=len(self._new(self._touches)),
+            presses=0,
+            corrections=0,
+            pushes=sum(1 for one in self._new(self._answers[-1]) if isinstance(one, MotionOutcome)),
+            peak_force_n=own_peak_n,
+            peak_moment_nm=max((one.peak_moment_nm for one in motions), default=0.0),
+            insertion_depth_m=0.0,
+        )
