@@ -256,9 +256,7 @@ RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("op
 
 # vision ---------------------------------------------------------------------------------------------------------------
 LOCATE = Command("vision/locate", LocateHole, HoleEstimate, "vision", ("planning", "operator"), "where is the hole")
-ANNOTATED_LEFT = Topic(
-    "vision/annotated/left", Image, Kind.EVENT, "vision", SHOWN, "left picture with what vision saw"
-)
+ANNOTATED_LEFT = Topic("vision/annotated/left", Image, Kind.EVENT, "vision", SHOWN, "left picture with what vision saw")
 ANNOTATED_RIGHT = Topic(
     "vision/annotated/right", Image, Kind.EVENT, "vision", SHOWN, "right picture with what vision saw"
 )

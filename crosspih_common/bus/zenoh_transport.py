@@ -143,9 +143,10 @@ def _open_session(
         return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease, credentials))
     except zenoh.ZError as error:
         secure = f" or it refused {credentials.certificate} (`crosspih security show`)" if credentials else ""
+        said = str(error).splitlines()[0].split(" at /")[0]  # not where in Zenoh's sources
         raise BusUnreachable(
             f"no router answers at {endpoint} within {connect_timeout_s:g} s{secure}; start the stack with "
-            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({str(error).splitlines()[0].split(' at /')[0][:120]})"
+            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({said[:120]})"
         ) from None
 
 

@@ -1,7 +1,7 @@
 """Work with a running cell from a program or a notebook: `cell = connect()`, then `cell.assemble(seed=7)`.
 
-`connect` gives a `Cell`, `connect_async` an `AsyncCell` with the same methods as awaitables. `Recording` reads back what
-was recorded. docs/client.md shows all of it.
+`connect` gives a `Cell`, `connect_async` an `AsyncCell` with the same methods as awaitables. `Recording` reads back
+what was recorded. docs/client.md shows all of it.
 """
 
 from __future__ import annotations

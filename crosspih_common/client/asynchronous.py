@@ -29,8 +29,8 @@ ABORT_AGAIN_S = 0.2
 
 
 class Awaited(Generic[P, R]):
-    """A method of Cell as an awaitable one of AsyncCell. With `aborts`, whoever cancels it has the assembly ended first,
-    as Ctrl-C does, and waits until the peg is out."""
+    """A method of Cell as an awaitable one of AsyncCell. With `aborts`, whoever cancels it has the assembly ended
+    first, as Ctrl-C does, and waits until the peg is out."""
 
     def __init__(self, method: Callable[Concatenate[Cell, P], R], *, aborts: bool = False) -> None:
         self._method, self._aborts = method, aborts
@@ -168,7 +168,7 @@ class AsyncCell:
         return AsyncStream(self.cell.events(depth, timeout_s), self.threads)
 
     async def _end_assembly(self, waiting: asyncio.Future[Any]) -> None:
-        """Have this client's assembly ended, once it has begun, and wait for its end; no second cancel shortens that."""
+        """Have this client's assembly ended, once it has begun, and wait for its end."""
         loop, aborted = asyncio.get_running_loop(), False
         while not waiting.done():
             if not aborted:

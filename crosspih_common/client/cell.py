@@ -18,7 +18,6 @@ from crosspih_common.client.checked import require_checked
 from crosspih_common.client.new_events import only_new
 from crosspih_common.client.running_recording import FinishedRecording, RunningRecording
 from crosspih_common.client.streaming import DEPTH, Stream
-from crosspih_common.topic_names import topic_named
 from crosspih_common.config import CellFile, Workcell, load_cell
 from crosspih_common.errors import ConfigError, NoService
 from crosspih_common.holding.soundness import require_one_clock
@@ -64,6 +63,7 @@ from crosspih_common.messages import (
     Withdraw,
     WithdrawResult,
 )
+from crosspih_common.topic_names import topic_named
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 
@@ -268,9 +268,7 @@ class Cell:
         Raises ConfigError for a path that is no topic's, or one that only the recorder may read.
         """
         row = topic_named(topic, self.bus.service)
-        return Stream(
-            row.path, lambda push: self.bus.listening(row, push), depth, timeout_s, lambda: self.bus.closed
-        )
+        return Stream(row.path, lambda push: self.bus.listening(row, push), depth, timeout_s, lambda: self.bus.closed)
 
     def events(self, depth: int = DEPTH, timeout_s: float | None = None) -> Stream[Event]:
         """What people should know, from now on: events of before, which a late reader is told again, are left out."""
@@ -299,7 +297,7 @@ class Cell:
             self._joints = self.bus.latest(JOINT_STATE)
         return _newest(self._joints, JOINT_STATE, timeout_s)
 
-    # -------------------------------------------------------------------------------------------------------- commanding
+    # ------------------------------------------------------------------------------------------------------- commanding
 
     def reset(self, seed: int) -> None:
         """A new trial in a simulated cell: hole, light and noise drawn from the seed, the arm at home.
@@ -319,7 +317,7 @@ class Cell:
         return self.bus.call(LOCATE, LocateHole(method=LocateMethod(method)), LOCATE_DEADLINE_S)
 
     def calibrate_ft(self, samples_s: float = 0.25, temperature_c: float | None = None) -> FtCalibration:
-        """Drive the calibration poses, dwell `samples_s` in each, and identify what hangs on the force/torque sensor."""
+        """Drive the calibration poses, dwell `samples_s` in each, and identify what hangs on the sensor."""
         return self.bus.call(
             CALIBRATE_FT, CalibrateFt(samples_s=samples_s, temperature_c=temperature_c), CALIBRATE_DEADLINE_S
         )
@@ -421,7 +419,7 @@ def connect(
     timeout_s: float = CONNECT_S,
     needed: tuple[str, ...] = NEEDED,
 ) -> Cell:
-    """The running cell: `with connect() as cell: ...`.
+    """A place on the bus of the running cell, to be left at the end: use it in a `with` block.
 
     `endpoint` is the router, such as "tcp/127.0.0.1:7447" (CROSSPIH_ENDPOINT, or the one of this machine, where left
     out); `cell` the cell's file (CROSSPIH_CELL, or the default cell's); `timeout_s` the wall time that the router and

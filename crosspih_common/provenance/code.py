@@ -17,7 +17,6 @@ _SCORED_BY = (
     "scoring/score.py",
     "scoring/challenge_score.py",
     "assembly/session.py",
-    "assembly/asked.py",
     "bench/cells/own_cell.py",
 )
 _LIBRARIES = ("numpy", "scipy", "pybullet", "mujoco", "opencv-python-headless", "torch", "pin", "coal", "shapely")

@@ -75,7 +75,9 @@ def figure_of(recording: Recording) -> Figure:
                 at_s = (touch.stamp_ns - begin) * 1e-9
                 axes.axvline(at_s, color="0.2", linewidth=0.8, linestyle=":")
                 if axes is force:
-                    axes.annotate(str(number), (at_s, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom")
+                    axes.annotate(
+                        str(number), (at_s, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom"
+                    )
     _name_phases(moment, spans)
     moment.set_xlim(0.0, max(end_s, 1e-3))
     moment.set_xlabel("cell time since the command / s")

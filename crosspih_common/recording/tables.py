@@ -2,11 +2,11 @@
 
 - `t_s` is cell time since the recording began, `stamp_ns` the cell's clock itself, `seq` the sample's number; of topics
   that every service has, `service` is whose it is.
-- A wrench is `force_x_n`, `force_y_n`, `force_z_n`, `moment_x_nm`, ...; any other field of six such numbers has its name
-  before that (`wrench_sd_force_x_n`). A position is `pose_base_peg_x_m`, ..., a rotation `pose_base_peg_quaternion_x`, ...,
-  a joint `joint_1_rad`, ... from the base, any other vector of three `<name>_x_<unit>`.
-- A batch of samples (`ft/raw`) is a row a sample, each at its own time, with `channel_1` ... `channel_6` in the sensor's own
-  units, axes and sign.
+- A wrench is `force_x_n`, `force_y_n`, `force_z_n`, `moment_x_nm`, ...; any other field of six such numbers has its
+  name before that (`wrench_sd_force_x_n`). A position is `pose_base_peg_x_m`, ..., a rotation
+  `pose_base_peg_quaternion_x`, ..., a joint `joint_1_rad`, ... from the base, another vector `<name>_x_<unit>`.
+- A batch of samples (`ft/raw`) is a row a sample, each at its own time, with `channel_1` ... `channel_6` in the
+  sensor's own units, axes and sign.
 - Longer lists (covariances, row by row) and lists of parts stay one column of objects. A picture is a row with its
   pixels as an array.
 """
@@ -27,8 +27,27 @@ if TYPE_CHECKING:
 
     from crosspih_common.recording.reader import Recording, Sent
 
-UNITS = ("m_s3", "m_s2", "m_s", "rad_s2", "rad_s", "nm_rad", "n_m", "n_s", "nm", "rad", "deg", "mm", "ns", "px", "m", "n",
-         "s")  # fmt: skip
+UNITS = tuple(
+    [
+        "m_s3",
+        "m_s2",
+        "m_s",
+        "rad_s2",
+        "rad_s",
+        "nm_rad",
+        "n_m",
+        "n_s",
+        "nm",
+        "rad",
+        "deg",
+        "mm",
+        "ns",
+        "px",
+        "m",
+        "n",
+        "s",
+    ]
+)
 WRENCHES = ("wrench", "bias", "filtered", "free_mean", "run_wrench")
 AXES = ("x", "y", "z")
 WRENCH_PARTS = ("force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm")
@@ -53,7 +72,9 @@ def table_of(recording: Recording, topic: Topic[Any] | str) -> pandas.DataFrame:
     rows.sort(key=lambda entry: entry["stamp_ns"])  # of several services, one after the other in time
     table = pandas.DataFrame.from_records(rows)
     # of a part that is there in some rows alone: its fields have columns of their own
-    parts = [name for name in table if table[name].isna().all() and any(other.startswith(f"{name}_") for other in table)]
+    parts = [
+        name for name in table if table[name].isna().all() and any(other.startswith(f"{name}_") for other in table)
+    ]
     return table.drop(columns=parts)
 
 

@@ -35,7 +35,7 @@ ROUTER = "router"
 SERVICES = (*ALL, CAMERA_ALIVE, ROUTER)  # whoever has a certificate
 ADVANCED = "/@adv/**"  # where Zenoh's advanced publishers keep what they need beside their key
 IN, OUT = "ingress", "egress"
-# Who hears what a command answered, beside recorder and operator: ROS 2 is told where the hole is and how an assembly ended.
+# What ROS 2 hears that a command answered: where the hole is, and how an assembly ended.
 ANSWERS_TO_ROS2 = (ASSEMBLE, LOCATE)
 # ROS 2's own keys: its domains and its tokens, for the services that speak it
 ROS2_SPEAKERS = ("ros2", "hardware")

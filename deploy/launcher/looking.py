@@ -11,10 +11,10 @@ from typing import Annotated
 
 import typer
 
+from crosspih_common.modules import RUN_DIR_VARIABLE
 from deploy.launcher.display import LogView, TerminalConsole, services_table
 from deploy.launcher.errors import LauncherError, NotUpError
 from deploy.launcher.logfile import LogTail, merged
-from crosspih_common.modules import RUN_DIR_VARIABLE
 from deploy.launcher.state import DEFAULT_PROJECT, StackState, StateDirectory
 
 _FOLLOW_S = 0.1

@@ -42,7 +42,11 @@ def phase(text: str) -> AssemblyPhase:
 
 def test_an_assembly_is_asked_for_and_the_streams_tell_of_it(cell: Cell) -> None:
     begun: list[int] = []
-    with cell.stream(PHASE) as phases, cell.stream("planning/touch") as touches, cell.stream(CONTACT_WRENCH) as wrenches:
+    with (
+        cell.stream(PHASE) as phases,
+        cell.stream("planning/touch") as touches,
+        cell.stream(CONTACT_WRENCH) as wrenches,
+    ):
         done = cell.assemble(seed=SEED, record=False, on_begin=begun.append)
         told = [one for one in phases.take_all() if one.stamp_ns >= begun[0]]
         felt: list[Touch] = [one for one in touches.take_all() if one.stamp_ns >= begun[0]]
@@ -175,13 +179,14 @@ def test_only_news_is_an_event(hub: MemoryHub, alone: Cell) -> None:
 
 
 def test_the_samples_of_one_service_are_had_by_its_own_path(hub: MemoryHub, alone: Cell) -> None:
-    with Bus(hub.transport(), "cell1", "vision") as vision, Bus(hub.transport(), "cell1", "planning") as planning:
-        with alone.stream("service/vision/event") as one, alone.stream("service/*/event") as all_of_them:
-            for bus in (vision, planning):
-                said = Event(service=bus.service, severity=Severity.INFO, code="c", text="t")
+    one, everybody = alone.stream("service/vision/event"), alone.stream("service/*/event")
+    with one, everybody:
+        for service in ("vision", "planning"):
+            with Bus(hub.transport(), "cell1", service) as bus:
+                said = Event(service=service, severity=Severity.INFO, code="c", text="t")
                 bus.publisher(EVENTS).publish(said)
-            assert [event.service for event in one.take_all()] == ["vision"]
-            assert {event.service for event in all_of_them.take_all()} == {"vision", "planning"}
+        assert [event.service for event in one.take_all()] == ["vision"]
+        assert {event.service for event in everybody.take_all()} == {"vision", "planning"}
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from crosspih_common.refusals import REFUSALS
 from crosspih_common.wrench import IMPLAUSIBLE
 
 ROOT = Path(__file__).resolve().parents[2]
-READS, ASKS = ("latest", "hearing", "subscribe", "hear", "tap"), ("call", "ask")
+READS, ASKS = ("latest", "hearing", "listening", "subscribe", "hear", "tap"), ("call", "ask")
 BUS_METHODS = (*READS, *ASKS, "publisher", "serve")
 # where a key comes as an argument: the recorder's tap on every topic, planning's port and the arm's own `_serve`, whose
 # callers are counted, and what was asked in a recording or sent by a bench, on a bus of its own
@@ -29,7 +29,6 @@ NOT_SPELLED = {
     "services/recorder/shell.py": "topic",
     "services/planning/shell.py": "command",
     "services/hardware/shells/arm.py": "command",
-    "services/operator/assembly/asked.py": "command.reply_echo",
     "services/operator/bench/speed/bus/ways.py": "TOPIC",
     "services/operator/bench/speed/where_time_goes.py": "echo",
     "services/operator/bench/reliability/kills/watching.py": "command.reply_echo",
@@ -37,6 +36,9 @@ NOT_SPELLED = {
     "services/ros2/shell.py": "command.reply_echo",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it
+CLIENT = "crosspih_common.client"  # asks and hears for the services that import it
+# in it: the commands of an assembly, whose answers it hears, and the topic of a stream, which may be any
+CLIENTS_OWN = {"assembly_request.py": "command.reply_echo", "cell.py": "row"}
 STREAMS_HEARD = "StreamsHeard"  # of the same package: hears encoders and sensor for whoever has it look at a cell
 TABLE: dict[str, Topic[Any] | Command[Any, Any]] = {
     name: value for name, value in vars(keys).items() if isinstance(value, (Topic, Command))
@@ -79,6 +81,7 @@ def uses() -> Uses:
     """Who uses which constant how. Fails where a call on the bus spells no constant: the table could not be held."""
     found: Uses = defaultdict(lambda: defaultdict(set))
     holders: set[str] = set()
+    clients: set[str] = set()
     for path in sorted((ROOT / "services").rglob("*.py")):
         if path.name == MEASURING:
             continue
@@ -86,6 +89,8 @@ def uses() -> Uses:
         names, where = key_names(tree), path.relative_to(ROOT).as_posix()
         if any(isinstance(node, ast.ImportFrom) and (node.module or "").startswith(HOLDING) for node in ast.walk(tree)):
             holders.add(where.split("/")[1])
+        if any(isinstance(node, ast.ImportFrom) and (node.module or "").startswith(CLIENT) for node in ast.walk(tree)):
+            clients.add(where.split("/")[1])
         if STREAMS_HEARD in imported_names(tree):
             for name in ("JOINT_STATE", "WRENCH_RAW"):
                 found["latest"][name].add(where.split("/")[1])
@@ -100,6 +105,14 @@ def uses() -> Uses:
         for method, argument, _ in bus_calls(tree, names):
             if isinstance(argument, ast.Name) and argument.id in names:
                 found[method][names[argument.id]] |= holders
+    for path in sorted(ROOT.joinpath(*CLIENT.split(".")).glob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = key_names(tree)
+        for method, argument, line in bus_calls(tree, names):
+            if isinstance(argument, ast.Name) and argument.id in names:
+                found[method][names[argument.id]] |= clients
+            else:
+                assert ast.unparse(argument) == CLIENTS_OWN.get(path.name), (path, line, ast.unparse(argument))
     return found
 
 
@@ -117,7 +130,7 @@ def test_what_is_awaited_is_not_built(uses: Uses) -> None:
 def test_a_topic_has_the_readers_and_the_sender_that_the_source_has(uses: Uses, name: str) -> None:
     topic = TABLE[name]
     assert isinstance(topic, Topic)
-    reading = users(uses, READS, name) | {"recorder"}
+    reading = users(uses, READS, name) | {"recorder", "operator"}  # the one takes them all, the other may stream any
     if topic is CLOCK:
         reading |= set(ALL) - {topic.publisher}  # Bus listens to it for every service but the clock's own
     assert set(topic.readers) == reading, name
@@ -166,6 +179,7 @@ def codes_of(error: type[CrosspihError]) -> set[str]:
 
 # codes that are worked out: what they can be. The bus answers a ContractError, a BusClosed and a refusal as itself.
 WORKED_OUT = {
+    "refusal.refused": set(),  # planning's own, told again by the client whose answer was lost
     "step.refusal.refused": set(),  # a service's own, told again from a recording
     "f'{name}_limit'": {"speed_limit", "acceleration_limit"},
     "refusals[0].code": set(),  # services/vision/refusals.py spells them

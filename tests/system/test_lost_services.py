@@ -9,11 +9,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from crosspih_common.client.assembly_request import FOUND
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding import hold_arm
 from crosspih_common.keys import DWELL, EVENTS, JOINT_STATE, PHASE
 from crosspih_common.messages import AssemblyPhase, Dwell, Event, Failure, MotionOutcome, Phase, Severity, Strategy
-from services.operator.assembly.asked import FOUND
 from services.operator.assembly.session import Session
 from tests.system.running_cell import DEADLINE_S, KillOnPhase, RunningCell, wait_until
 

@@ -24,7 +24,7 @@ def ready_arm(session: Session, purpose: str) -> Iterator[ArmLease]:
         calibration = session.calibrate_ft(0.25)
     with hold_arm(session.bus, purpose) as lease:
         # a payload is judged by what the sensor reads at rest: not while the last contact still presses
-        session.reset(ResetCell(seed=0))
+        session.new_trial(ResetCell(seed=0))
         lease.ask(
             SET_PAYLOAD,
             SetPayload(

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from services.operator.assembly.recorded import Recorded
+from crosspih_common.client.running_recording import RunningRecording
 from services.operator.assembly.session import Session
 from services.operator.cli.for_cell import CELL_HELP
 
@@ -32,7 +32,7 @@ def recorded(session: Session, what: str, record: bool, console: Console) -> Ite
     if not record:
         yield
         return
-    tape = Recorded(session.bus, f"calibrate-{what}", required=True)
+    tape = RunningRecording(session.bus, f"calibrate-{what}", required=True)
     try:
         yield
     finally:

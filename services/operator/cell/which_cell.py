@@ -7,30 +7,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from crosspih_common.bus import DEFAULT_ENDPOINT
-from crosspih_common.modules import DEFAULT_CELL
-
-
-def cell_path() -> str:
-    """The cell's file that this command uses."""
-    return os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL
+from crosspih_common.client.defaults import CELL_VARIABLE, cell_path, endpoint
 
 
 @contextmanager
 def using_cell(path: Path | None) -> Iterator[None]:
     """CROSSPIH_CELL names that file as long as this lasts, also for what is started; with None nothing is changed."""
-    before = os.environ.get("CROSSPIH_CELL")
+    before = os.environ.get(CELL_VARIABLE)
     if path is not None:
-        os.environ["CROSSPIH_CELL"] = str(path.absolute())  # services are started in another folder
+        os.environ[CELL_VARIABLE] = str(path.absolute())  # services are started in another folder
     try:
         yield
     finally:
         if before is not None:
-            os.environ["CROSSPIH_CELL"] = before
+            os.environ[CELL_VARIABLE] = before
         elif path is not None:
-            del os.environ["CROSSPIH_CELL"]
+            del os.environ[CELL_VARIABLE]
 
 
-def endpoint() -> str:
-    """The router that this command uses."""
-    return os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT
+__all__ = ["cell_path", "endpoint", "using_cell"]

@@ -57,7 +57,7 @@ def make_contact(
 
     pose_hole_peg = start_pose_hole_peg(angles, lateral, session.cell.workcell.peg.shape().tip_m)
     try:
-        truth = session.reset(ResetCell(seed=seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(pose_hole_peg)))
+        truth = session.new_trial(ResetCell(seed=seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(pose_hole_peg)))
         pose_base_peg = truth.pose_base_hole.pose() @ pose_hole_peg
         outcome = lease.ask(
             GUARDED_MOVE,

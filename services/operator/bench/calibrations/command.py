@@ -49,7 +49,7 @@ NEEDED = {PICTURES: ("hardware",), PUSHES: ("hardware", "force_torque", "plannin
 def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """Stereo, and hand-eye by its cameras, against the truth. For a worker."""
     seed = payload["seed"]
-    session.reset(ResetCell(seed=seed))
+    session.new_trial(ResetCell(seed=seed))
     section = session.cell.section("operator", OperatorConfig).board
     assert section is not None
     with ExitStack() as stack:
@@ -63,7 +63,7 @@ def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, 
 
 def pushes_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """Tip, mounting and stiffness, each by what the one before found, against the truth. For a worker."""
-    session.reset(ResetCell(seed=payload["seed"]))
+    session.new_trial(ResetCell(seed=payload["seed"]))
     manner = Manner(payload["presses"], payload["force_n"], payload["seed"])
     pressed = take_presses(session, Console(file=io.StringIO()), manner, 1.0, "bench", weighed=True)
     folder = _kept(payload)

@@ -119,7 +119,7 @@ class OwnCell:
         if "hardware" in self._task.services and self._task.speed and session.speed() != self._task.speed:
             raise NoService(f"hardware: the cell came up at {session.speed()}, wanted {self._task.speed}")
         if self._task.calibrate:
-            session.reset(ResetCell(seed=CALIBRATION_SEED))
+            session.new_trial(ResetCell(seed=CALIBRATION_SEED))
             session.calibrate_ft(CALIBRATION_DWELL_S)
         return session
 

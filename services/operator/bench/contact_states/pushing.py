@@ -96,7 +96,7 @@ def _placed(session: Session, task: PushTask) -> SimulationTruth:
     for short_m in SHORT_M:
         place = PoseData.of(start_pose_hole_peg(task.push, short_m))
         try:
-            return session.reset(ResetCell(seed=task.seed, offset_hole=(0.0,) * 6, place_peg=place))
+            return session.new_trial(ResetCell(seed=task.seed, offset_hole=(0.0,) * 6, place_peg=place))
         except CommandRefused as error:
             if error.code != "peg_in_contact" or short_m == SHORT_M[-1]:
                 raise

@@ -64,7 +64,7 @@ def row_of(session: Session, size_and_seeds: tuple[int, int, range]) -> SizeRow:
     lateral_mm: list[float] = []
     refusals: dict[str, int] = {}
     for seed in (seeds.start, *seeds):
-        truth = session.reset(ResetCell(seed=seed))
+        truth = session.new_trial(ResetCell(seed=seed))
         started = time.perf_counter()
         try:
             seen = session.bus.call(LOCATE, LocateHole(), LOCATE_DEADLINE_S)

@@ -84,7 +84,7 @@ class SightSummary(BaseModel):
 
 def see(session: Session, seed: int, scene: SceneFaults | None) -> Sight:
     """A new trial's hole, and where vision says it is."""
-    truth = session.reset(ResetCell(seed=seed, scene=scene))
+    truth = session.new_trial(ResetCell(seed=seed, scene=scene))
     try:
         seen = session.bus.call(LOCATE, LocateHole(), LOCATE_DEADLINE_S)
     except CommandRefused as refusal:

@@ -10,7 +10,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from crosspih_common.client.checked import note_checked
 from crosspih_common.errors import BusUnreachable
+from crosspih_common.modules import run_folder
 from services.operator.assembly.session import Session
 from services.operator.assembly.stack import cell_session
 from services.operator.bench.options import AsJson, told
@@ -48,6 +50,8 @@ def check(
             manner = Manner(arm=not camera, camera_needed=not no_camera)
             rows = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))
             name = session.bus.cell
-        wrong = len(wrong_ones(rows))
+            wrong = len(wrong_ones(rows))
+            if manner.arm and not wrong and not session.simulated:
+                note_checked(run_folder() / name, session.clock().boot_id)  # and so may be asked for an assembly
         tell(rows, name, console, as_json, f"{wrong} of {len(rows)} wrong" if wrong else "nothing is wrong",
              f"cell {name}")  # fmt: skip

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 from crosspih_common.bus import Bus
+from crosspih_common.client.checked import checked_boot, note_checked
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding.soundness import UNFIT
 from services.operator.cell.check.measuring import Manner, check_cell
 from services.operator.cli.rows import wrong_ones
-
-FILE = "cell-check.json"
-
 
 GENTLE = Manner(provoking=False, camera_needed=False)  # by force alone it goes without a camera
 
@@ -31,21 +28,11 @@ def check_before_first(
 
     Raises CommandRefused `cell_unfit`, naming what fails and how to mend it.
     """
-    file = folder / FILE
-    if _passed_boot(file) == boot_id:
+    if checked_boot(folder) == boot_id:
         return False
     wrong = wrong_ones(check_cell(bus, workcell, manner, say))
     if wrong:
         listed = "; ".join(f"{one.name}: {one.found} -> {one.mend}" for one in wrong)
         raise CommandRefused(UNFIT, f"{listed}. `crosspih cell check` shows all")
-    folder.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps({"boot_id": boot_id}) + "\n", encoding="utf-8")
+    note_checked(folder, boot_id)
     return True
-
-
-def _passed_boot(file: Path) -> str | None:
-    try:
-        said = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return said.get("boot_id") if isinstance(said, dict) else None

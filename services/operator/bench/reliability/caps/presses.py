@@ -103,7 +103,7 @@ def press_once(session: Session, lease: ArmLease, press: Press) -> Pressed:
     start = Pose.from_rotvec(
         [press.tilt_rad, 0.0, 0.0], [BESIDE_M[0] - across, BESIDE_M[1], -workcell.peg.shape().tip_m - BEFORE_M]
     )
-    placed = session.reset(ResetCell(seed=press.seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(start)))
+    placed = session.new_trial(ResetCell(seed=press.seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(start)))
     rest = lease.ask(DWELL, Dwell(duration_s=0.05), DEADLINE_S)
     # free and never turned: what the sensor reads here is all that hangs on it
     load = SetPayload(bias=rest.wrench_raw, weight_n=0.0, centroid_ft_m=(0.0, 0.0, 0.0), gravity_base=(0.0, 0.0, -1.0))

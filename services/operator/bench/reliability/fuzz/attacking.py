@@ -108,7 +108,7 @@ def _assemble(session: Session) -> Part:
     part = Part(what=AFTERWARDS)
     try:
         session.wait_for_services(DEADLINE_S, NEEDED)
-        session.reset(ResetCell(seed=0))
+        session.new_trial(ResetCell(seed=0))
         session.calibrate_ft(0.25)
         figures, _ = session.trial(1000, Strategy.FUSED, record=False)
         part.answers["inserted" if figures.inserted else "not inserted"] += 1

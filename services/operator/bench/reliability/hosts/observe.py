@@ -91,7 +91,7 @@ def observe(seed: int) -> Seen:
         session.wait_for_services(SERVICES_S, (*NEEDED, "recorder"))
         with session.bus.hearing(FT_CALIBRATION) as calibrated:
             if calibrated.wait_for(lambda told: told.calibrated, CALIBRATED_S) is None:
-                session.reset(ResetCell(seed=CALIBRATION_SEED))
+                session.new_trial(ResetCell(seed=CALIBRATION_SEED))
                 session.calibrate_ft(CALIBRATION_DWELL_S)
         session.follow_events(on_phase, lambda touch: None, on_event)
         wall = measured(session.bus)

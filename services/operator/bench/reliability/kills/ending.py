@@ -9,10 +9,10 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
+from crosspih_common.client.running_recording import RECORDER_DEADLINE_S
 from crosspih_common.errors import CrosspihError, NoService
 from crosspih_common.keys import ASSEMBLE, RECORD_START
 from crosspih_common.messages import Assemble, AssemblyResult, ResetCell, StartRecording
-from services.operator.assembly.recorded import RECORDER_DEADLINE_S
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.reliability.kills.judging import NAMED_S, Observed, stopped_after_s
 from services.operator.bench.reliability.kills.plan import Case, Ending
@@ -29,7 +29,7 @@ NAMED_LATE_S = 1.0  # waited on, so that a late word is told from none
 def end_service(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """The work of a CellTask: `payload` is a Case, the result an Observed, both as plain data."""
     case = Case.model_validate(payload)
-    session.reset(ResetCell(seed=case.seed))
+    session.new_trial(ResetCell(seed=case.seed))
     # what is heard of this case, and of no other
     with _hearing_in_time(), Session() as own:
         own.wait_for_services(RESTART_DEADLINE_S, (*NEEDED, "recorder"))

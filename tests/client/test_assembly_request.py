@@ -9,6 +9,8 @@ import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.transport import Query
+from crosspih_common.client import assembly_request
+from crosspih_common.client.assembly_request import ask_assembly
 from crosspih_common.errors import STOPPING, CommandRefused, NoService, NotSent
 from crosspih_common.keys import ASSEMBLE, EVENTS, REFUSAL, STATUS, WITHDRAW
 from crosspih_common.messages import (
@@ -24,8 +26,6 @@ from crosspih_common.messages import (
     Withdraw,
     WithdrawResult,
 )
-from services.operator.assembly import asked
-from services.operator.assembly.asked import ask_assembly
 
 DEADLINE_S = 10.0
 REQUEST = Assemble(strategy=Strategy.FUSED, assembly_id="a")
@@ -65,10 +65,10 @@ class Scene:
 
 @pytest.fixture
 def scene(monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
-    monkeypatch.setattr(asked, "LATE_S", 0.3)
-    monkeypatch.setattr(asked, "BACK_S", 5.0)
-    monkeypatch.setattr(asked, "FOUND_S", 5.0)
-    monkeypatch.setattr(asked, "YOUNGER_S", 0.0)
+    monkeypatch.setattr(assembly_request, "LATE_S", 0.3)
+    monkeypatch.setattr(assembly_request, "BACK_S", 5.0)
+    monkeypatch.setattr(assembly_request, "FOUND_S", 5.0)
+    monkeypatch.setattr(assembly_request, "YOUNGER_S", 0.0)
     scene = Scene()
     yield scene
     scene.close()
@@ -159,7 +159,7 @@ def test_an_answer_that_was_lost_on_the_way_and_a_planner_that_stays_away_are_na
     scene.then = lambda: scene.status(1, 1e4)
     lost = ask_assembly(scene.operator, REQUEST, DEADLINE_S)
     assert lost.failure is Failure.SERVICE_LOST and "lost on the way" in lost.failure_detail and not lost.backed_off
-    monkeypatch.setattr(asked, "BACK_S", 0.3)
+    monkeypatch.setattr(assembly_request, "BACK_S", 0.3)
     scene.then = lambda: None
     # the status of before says nothing of now
     away = ask_assembly(scene.operator, REQUEST, DEADLINE_S)

@@ -10,15 +10,15 @@ import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.clock import BusClock
+from crosspih_common.client import running_recording
+from crosspih_common.client.new_events import only_new
+from crosspih_common.client.running_recording import RunningRecording
 from crosspih_common.config import load_cell
 from crosspih_common.errors import CommandRefused, NoService
 from crosspih_common.keys import CLOCK, PHASE
 from crosspih_common.messages import AssemblyPhase, CellClock, Event, Phase, Severity
 from crosspih_common.recording import read_recording
 from crosspih_common.service.lifecycle import ServiceContext
-from services.operator.assembly import recorded
-from services.operator.assembly.new_events import only_new
-from services.operator.assembly.recorded import Recorded
 from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
 
@@ -46,7 +46,7 @@ def test_a_recorder_that_is_started_again_goes_on_and_the_result_names_all_files
         hardware, operator, planning = (stack.enter_context(bus) for bus in buses)
         hardware.publisher(CLOCK).publish(CellClock(stamp_ns=5, boot_id="b", realtime=True))
         with recorder(hub, tmp_path):
-            tape = Recorded(operator, "twice", required=True)
+            tape = RunningRecording(operator, "twice", required=True)
             say(planning, "before")
         say(planning, "while nobody listens")
         with recorder(hub, tmp_path) as context:
@@ -63,16 +63,16 @@ def test_a_recorder_that_is_started_again_goes_on_and_the_result_names_all_files
 
 
 def test_without_a_recorder_the_assembly_is_done_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorded, "BACK_S", 0.0)
+    monkeypatch.setattr(running_recording, "BACK_S", 0.0)
     hub = MemoryHub()
     with Bus(hub.transport(), "m", "operator") as operator:
-        tape = Recorded(operator, "none", required=False)
+        tape = RunningRecording(operator, "none", required=False)
         assert "nobody answers" in tape.trouble
         assert tape.end().path is None and "nothing was recorded" in tape.end().warnings[0]
         with pytest.raises(NoService):
-            Recorded(operator, "none", required=True)
+            RunningRecording(operator, "none", required=True)
         with recorder(hub, tmp_path):
-            tape = Recorded(operator, "gone", required=False)
+            tape = RunningRecording(operator, "gone", required=False)
         kept = tape.end()
     assert kept.path is not None and kept.parts == (kept.path,)
     assert "the recorder is gone" in kept.warnings[0]
@@ -83,12 +83,12 @@ def test_a_disk_that_takes_nothing(tmp_path: Path) -> None:
     hub = MemoryHub()
     with Bus(hub.transport(), "m", "operator") as operator:
         with recorder(hub, tmp_path) as context:
-            tape = Recorded(operator, "x", required=False)
+            tape = RunningRecording(operator, "x", required=False)
             assert "recorder.directory" in tape.trouble
             assert context.status().reason.startswith("nothing is recorded: cannot make a file")
             assert tape.end().path is None and tape.end().warnings == (f"nothing was recorded: {tape.trouble}",)
         with recorder(hub, tmp_path, required=True), pytest.raises(CommandRefused, match="unwritable"):
-            Recorded(operator, "x", required=False)
+            RunningRecording(operator, "x", required=False)
 
 
 def event(stamp_ns: int, seq: int = 0) -> Event:
