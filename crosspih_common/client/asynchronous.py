@@ -117,6 +117,8 @@ class AsyncCell:
     calibrate_ft = Awaited(Cell.calibrate_ft)
     withdraw = Awaited(Cell.withdraw)
     abort = Awaited(Cell.abort)
+    pause = Awaited(Cell.pause)
+    resume = Awaited(Cell.resume)
     assemble = Awaited(Cell.assemble, aborts=True)
 
     async def __aenter__(self) -> AsyncCell:

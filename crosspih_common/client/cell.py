@@ -30,6 +30,7 @@ from crosspih_common.keys import (
     JOINT_STATE,
     LEASE,
     LOCATE,
+    PAUSE,
     PHASE,
     RESET,
     STATUS,
@@ -53,6 +54,7 @@ from crosspih_common.messages import (
     LeaseState,
     LocateHole,
     LocateMethod,
+    PauseAssembly,
     Phase,
     PosePrior,
     ResetCell,
@@ -74,6 +76,7 @@ ASSEMBLY_DEADLINE_S = 900.0
 WITHDRAW_DEADLINE_S = 300.0
 CALIBRATE_DEADLINE_S = 300.0
 LOCATE_DEADLINE_S = 120.0
+ANSWER_DEADLINE_S = 5.0
 RESET_DEADLINE_S = 120.0  # a busy machine builds a scene slowly
 BACK_OFF_DEADLINE_S = 30.0
 CLOCK_DEADLINE_S = 5.0
@@ -328,7 +331,16 @@ class Cell:
 
     def abort(self) -> bool:
         """End the running assembly, whosever it is: planning takes the peg out. Whether one was running."""
-        return self.bus.call(ABORT, AbortAssembly(), 5.0).was_running
+        return self.bus.call(ABORT, AbortAssembly(), ANSWER_DEADLINE_S).was_running
+
+    def pause(self) -> bool:
+        """Hold the running assembly: the motion under way is finished, and the arm then stays where it is. Whether one
+        was running."""
+        return self.bus.call(PAUSE, PauseAssembly(paused=True), ANSWER_DEADLINE_S).was_running
+
+    def resume(self) -> bool:
+        """Let a paused assembly go on. Whether one was running."""
+        return self.bus.call(PAUSE, PauseAssembly(paused=False), ANSWER_DEADLINE_S).was_running
 
     def assemble(
         self,

@@ -27,26 +27,9 @@ if TYPE_CHECKING:
 
     from crosspih_common.recording.reader import Recording, Sent
 
-UNITS = tuple(
-    [
-        "m_s3",
-        "m_s2",
-        "m_s",
-        "rad_s2",
-        "rad_s",
-        "nm_rad",
-        "n_m",
-        "n_s",
-        "nm",
-        "rad",
-        "deg",
-        "mm",
-        "ns",
-        "px",
-        "m",
-        "n",
-        "s",
-    ]
+UNITS = (
+    *("m_s3", "m_s2", "m_s", "rad_s2", "rad_s", "nm_rad", "n_m", "n_s"),
+    *("nm", "rad", "deg", "mm", "ns", "px", "m", "n", "s"),
 )
 WRENCHES = ("wrench", "bias", "filtered", "free_mean", "run_wrench")
 AXES = ("x", "y", "z")
