@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crosspih_common.client.checked import FILE
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import CLOCK, DWELL
 from crosspih_common.messages import Dwell
-from services.operator.cell.check.first import FILE, check_before_first
+from services.operator.cell.check.first import check_before_first
 from services.operator.cell.check.measuring import Manner, check_cell
 from services.operator.cli.rows import Verdict, table_of, wrong_ones
 from tests.operator.mistaken_cells import (
