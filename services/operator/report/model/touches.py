@@ -1,0 +1,49 @@
+"""What was felt: touches on the way in, and presses against the bore's walls once the peg sits in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from crosspih_common.keys import ESTIMATE, NETWORK, SEATED, SEQUENCE_NETWORK, TOUCH
+from crosspih_common.messages import PoseErrorEstimate, Touch, TouchUse
+from crosspih_common.recording import Recording, Sent
+from services.operator.report.model.window import Window
+
+
+@dataclass(frozen=True, slots=True)
+class TouchEntry:
+    """A touch, its number among its kind, when it was, what was concluded from it and all before, and what the last
+    estimate makes of it."""
+
+    number: int
+    touch: Touch
+    time_s: float
+    estimate: PoseErrorEstimate | None
+    use: TouchUse | None
+
+
+def touches_of(recording: Recording, window: Window) -> tuple[list[TouchEntry], list[TouchEntry]]:
+    """(touches on the way in, presses once seated), each in order."""
+    touches = [sent for sent in recording.sent(TOUCH) if window.holds(sent.value.stamp_ns)]
+    answers: list[Sent[PoseErrorEstimate]] = []
+    for command in (ESTIMATE, NETWORK, SEQUENCE_NETWORK, SEATED):
+        answers += [sent for sent in recording.sent(command.reply_echo) if window.holds(sent.value.stamp_ns)]
+    answers.sort(key=lambda sent: sent.wall_ns)
+    uses = {use.index: use for answer in answers for use in answer.value.rests_on}
+    felt: list[TouchEntry] = []
+    pressed: list[TouchEntry] = []
+    for index, sent in enumerate(touches):
+        until = touches[index + 1].wall_ns if index + 1 < len(touches) else None
+        after = [
+            answer.value
+            for answer in answers
+            if answer.wall_ns >= sent.wall_ns and (until is None or answer.wall_ns < until)
+        ]
+        among = pressed if sent.value.seated else felt
+        among.append(
+            TouchEntry(
+                len(among) + 1, sent.value, window.s(sent.value.stamp_ns), after[0] if after else None,
+                uses.get(sent.value.index),
+            )
+        )  # fmt: skip
+    return felt, pressed

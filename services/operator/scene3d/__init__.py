@@ -1,0 +1,10 @@
+"""Pictures of the arm, the peg and the hole in space, drawn without a graphics card.
+
+Needs OpenCV 5 (`triangleRasterize`); whoever can do without the pictures asks `can_draw` first.
+"""
+
+from __future__ import annotations
+
+from services.operator.scene3d.rasterising import View, can_draw, draw
+
+__all__ = ["View", "can_draw", "draw"]
