@@ -16,11 +16,12 @@ JOINT: Colour = (0.30, 0.34, 0.40)
 TOOL: Colour = (0.42, 0.45, 0.50)
 PEG: Colour = (0.95, 0.62, 0.18)
 PLATE: Colour = (0.58, 0.65, 0.74)
-CUT: Colour = (0.78, 0.36, 0.30)
+CUT: Colour = (0.33, 0.42, 0.56)
 FLOOR: Colour = (0.80, 0.82, 0.85)
 SHADOW: Colour = (0.66, 0.68, 0.72)
 THINNER = 0.8  # of the capsules for collisions, which hold the link with room to spare
-PLATE_HALF_M = 0.05
+JOINT_WIDER = 1.08
+POST_M = 0.016
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +40,7 @@ class Bodies:
         solid = [convex(piece.vertices_m(), PEG) for piece in peg.pieces()]
         blocks = [piece.vertices_m() for piece in workcell.hole.shape(peg).pieces()]
         plate = [convex(corners, PLATE) for corners in blocks]
-        # half of the plate is taken away: what has x > 0 in the hole's frame
-        cut = [convex(corners, PLATE, (np.array([1.0, 0.0, 0.0]), 0.0, CUT)) for corners in blocks]
+        cut = [convex(corners, PLATE, (cut_normal(workcell), 0.0, CUT)) for corners in blocks]
         return cls(workcell, *(joined([mesh for mesh in each if mesh is not None]) for each in (solid, plate, cut)))
 
     def arm(self, joints_rad: Array | tuple[float, ...]) -> Mesh:
@@ -48,13 +48,13 @@ class Bodies:
         arm = self.workcell.arm()
         poses = arm.link_poses(joints_rad)
         parts = []
-        for index, (line, radius) in enumerate(zip(arm.link_lines_m, arm.link_radii_m, strict=True)):
+        thick = THINNER * np.asarray(arm.link_radii_m)
+        for index, (line, radius) in enumerate(zip(arm.link_lines_m, thick, strict=True)):
             start, end = poses[index + 1].apply(line)
-            parts.append(capsule(start, end, THINNER * float(radius), LINK))
-            axis = poses[index].rotation[:, 2]
-            origin = poses[index].translation_m
-            half = 1.05 * THINNER * float(radius)
-            parts.append(cylinder(origin - half * axis, origin + half * axis, 1.05 * THINNER * float(radius), JOINT))
+            parts.append(capsule(start, end, float(radius), LINK))
+            origin, axis = poses[index].translation_m, poses[index].rotation[:, 2]
+            half = JOINT_WIDER * float(thick[max(0, index - 1) : index + 1].max())
+            parts.append(cylinder(origin - half * axis, origin + half * axis, half, JOINT))
         flange = poses[-1]
         tool_m = self.workcell.surroundings.tool_radius_m
         end = (flange @ self.workcell.pose_flange_peg()).apply([0.0, 0.0, self.workcell.peg.shape().body_start_m])
@@ -62,10 +62,56 @@ class Bodies:
             parts.append(cylinder(flange.translation_m, end, 0.8 * tool_m, TOOL))
         return joined(parts)
 
-    def floor(self, half_m: float = 0.9) -> Mesh:
-        """The ground at the height of the base."""
-        corners = np.array([[-half_m, -half_m, 0], [half_m, -half_m, 0], [half_m, half_m, 0], [-half_m, half_m, 0]])
-        return flat(np.array([corners[[0, 1, 2]], corners[[0, 2, 3]]], float), FLOOR)
+    def post(self, hole: Pose) -> Mesh:
+        """What the plate stands on."""
+        depth_m = self.workcell.hole.shape(self.workcell.peg.shape()).depth_m
+        top = hole.apply([0.0, 0.0, depth_m / 2.0])
+        return cylinder(top * np.array([1.0, 1.0, 0.0]), top, POST_M, TOOL)
+
+    def floor(self, half_m: float = 1.4, pieces: int = 20) -> Mesh:
+        """The ground at the height of the base, in small pieces: one that reaches behind the eye is not drawn."""
+        edges = np.linspace(-half_m, half_m, pieces + 1)
+        x, y = (each.ravel() for each in np.meshgrid(edges[:-1], edges[:-1]))
+        step = edges[1] - edges[0]
+        a, b, c, d = (
+            np.stack([x + dx * step, y + dy * step, np.zeros_like(x)], axis=1)
+            for dx, dy in ((0, 0), (1, 0), (1, 1), (0, 1))
+        )
+        return _matt(np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]), FLOOR)
+
+
+def _matt(triangles_m: Array, colour: Colour) -> Mesh:
+    """Triangles that are as bright from everywhere."""
+    return Mesh(triangles_m, np.zeros_like(triangles_m), np.tile(colour, (len(triangles_m), 1)))
+
+
+def cut_normal(workcell: Workcell) -> Array:
+    """Which half of the plate is taken away to see the bore: of the hole's own x and y the way (3,) that is most
+    upwards, or where the hole itself looks up, most towards the viewer."""
+    rotation = workcell.hole_prior.pose_base_hole().rotation
+    towards = np.array([0.0, 0.0, 1.0]) if abs(rotation[2, 2]) < 0.7 else np.array([0.0, -1.0, 0.0])
+    ways = np.vstack([np.eye(3)[:2], -np.eye(3)[:2]])
+    return np.asarray(ways[int(np.argmax(ways @ rotation.T @ towards))])
+
+
+def arrow(start_m: Array, way_m: Array, colour: Colour) -> Mesh:
+    """An arrow from a point (3,) along a way (3,), m."""
+    length = float(np.linalg.norm(way_m))
+    axis = way_m / length
+    head_m = min(0.012, 0.5 * length)
+    tip = start_m + way_m
+    cone = _cone(tip - head_m * axis, tip, 0.005, colour)
+    return joined([cylinder(start_m, tip - head_m * axis, 0.0022, colour), cone])
+
+
+def _cone(start_m: Array, tip_m: Array, radius_m: float, colour: Colour) -> Mesh:
+    axis = (tip_m - start_m) / np.linalg.norm(tip_m - start_m)
+    aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    aside /= np.linalg.norm(aside)
+    angles = np.linspace(0.0, 2.0 * np.pi, 21)
+    ring = start_m + radius_m * (np.cos(angles)[:, None] * aside + np.sin(angles)[:, None] * np.cross(axis, aside))
+    tips = np.broadcast_to(tip_m, ring[1:].shape)
+    return flat(np.stack([ring[:-1], ring[1:], tips], axis=1), colour)
 
 
 def shadow(mesh: Mesh, light: Array) -> Mesh:
@@ -73,7 +119,7 @@ def shadow(mesh: Mesh, light: Array) -> Mesh:
     light = np.asarray(light, float)
     points = mesh.corners_m - mesh.corners_m[..., 2:] / light[2] * light
     points[..., 2] = 0.0008
-    return Mesh(points, np.broadcast_to([0.0, 0.0, 1.0], points.shape), np.tile(SHADOW, (len(points), 1)))
+    return _matt(points, SHADOW)
 
 
 def where_peg_is(workcell: Workcell, joints_rad: Array | tuple[float, ...], wrench: Array | None = None) -> Pose:

@@ -24,9 +24,7 @@ class Mesh:
 
     def at(self, pose: Pose) -> Mesh:
         """The same body, its frame put at a pose."""
-        return Mesh(
-            self.corners_m @ pose.rotation.T + pose.translation_m, self.normals @ pose.rotation.T, self.colours
-        )
+        return Mesh(self.corners_m @ pose.rotation.T + pose.translation_m, self.normals @ pose.rotation.T, self.colours)
 
     def painted(self, colour: Colour) -> Mesh:
         """The same body in one colour."""

@@ -85,7 +85,8 @@ def facts_of(recording: Recording) -> Facts:
     motions = motions_of(recording, window)
     joints = joints_of(recording, window, workcell, calibrated_s)
     reference, reference_name = reference_hole(workcell, result)
-    touches, presses = touches_of(recording, window)
+    forces = forces_of(recording, window, workcell, joints, motions, reference, calibrated_s)
+    touches, presses = touches_of(recording, window, motions, forces.main)
     located = [estimate for estimate in recording.messages(LOCATE.reply_echo) if window.holds(estimate.stamp_ns)]
     seen = (recording.last(ANNOTATED_LEFT), recording.last(ANNOTATED_RIGHT))
     left, right = (image if image is not None and window.holds(image.stamp_ns) else None for image in seen)
@@ -107,7 +108,7 @@ def facts_of(recording: Recording) -> Facts:
         uses=joint_uses(joints, workcell) if joints is not None else [],
         reference=reference,
         reference_name=reference_name,
-        forces=forces_of(recording, window, workcell, joints, motions, reference, calibrated_s),
+        forces=forces,
         touches=touches,
         presses=presses,
         poses=poses_of(workcell, result, truth),

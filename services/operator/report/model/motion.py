@@ -87,9 +87,7 @@ def motions_of(recording: Recording, window: Window) -> list[Motion]:
     return sorted(found, key=lambda motion: motion.start_s)
 
 
-def joints_of(
-    recording: Recording, window: Window, workcell: Workcell, start_s: float = 0.0
-) -> JointTrace | None:
+def joints_of(recording: Recording, window: Window, workcell: Workcell, start_s: float = 0.0) -> JointTrace | None:
     """The encoders from `start_s` to the assembly's end; None where too little of them is recorded."""
     states = [state for state in recording.messages(JOINT_STATE) if window.holds(state.stamp_ns)]
     states = [

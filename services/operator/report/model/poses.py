@@ -26,9 +26,9 @@ class HolePose:
 
 def poses_of(workcell: Workcell, result: AssemblyResult | None, truth: SimulationTruth | None) -> list[HolePose]:
     """T1 as the cameras saw it, T2 as found (or as last believed), and the truth; what is not known is left out."""
-    believed = "as found in the end (T2)" if result is not None and result.inserted else "as last believed"
+    believed = "as found (T2)" if result is not None and result.inserted else "as last believed"
     said = [
-        ("as the cameras saw it (T1)", result.vision_pose_base_hole if result else None),
+        ("as seen (T1)", result.vision_pose_base_hole if result else None),
         (believed, result.pose_base_hole if result else None),
     ]
     order = workcell.peg.shape().outline.symmetry_order
@@ -41,7 +41,7 @@ def poses_of(workcell: Workcell, result: AssemblyResult | None, truth: Simulatio
         error = None if true_hole is None else pose_error(pose, true_hole, order)
         found.append(HolePose(name, pose, error, None if true_hole is None else _off(pose, true_hole, order)))
     if true_hole is not None:
-        found.append(HolePose("as it is (the simulator's truth)", true_hole, None, None))
+        found.append(HolePose("as it is (truth)", true_hole, None, None))
     return found
 
 

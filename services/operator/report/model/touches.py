@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from crosspih_common.keys import ESTIMATE, NETWORK, SEATED, SEQUENCE_NETWORK, TOUCH
 from crosspih_common.messages import PoseErrorEstimate, Touch, TouchUse
 from crosspih_common.recording import Recording, Sent
+from services.operator.report.model.forces import Trace
+from services.operator.report.model.motion import Motion
 from services.operator.report.model.window import Window
 
 
 @dataclass(frozen=True, slots=True)
 class TouchEntry:
-    """A touch, its number among its kind, when it was, what was concluded from it and all before, and what the last
-    estimate makes of it."""
+    """A touch, its number among its kind, when it was felt most, what was concluded from it and all before, and what the
+    last estimate makes of it."""
 
     number: int
     touch: Touch
@@ -22,8 +26,11 @@ class TouchEntry:
     use: TouchUse | None
 
 
-def touches_of(recording: Recording, window: Window) -> tuple[list[TouchEntry], list[TouchEntry]]:
-    """(touches on the way in, presses once seated), each in order."""
+def touches_of(
+    recording: Recording, window: Window, motions: list[Motion], trace: Trace | None
+) -> tuple[list[TouchEntry], list[TouchEntry]]:
+    """(touches on the way in, presses once seated), each in order; when each was felt most is told by the forces within
+    its motion."""
     touches = [sent for sent in recording.sent(TOUCH) if window.holds(sent.value.stamp_ns)]
     answers: list[Sent[PoseErrorEstimate]] = []
     for command in (ESTIMATE, NETWORK, SEQUENCE_NETWORK, SEATED):
@@ -42,8 +49,17 @@ def touches_of(recording: Recording, window: Window) -> tuple[list[TouchEntry], 
         among = pressed if sent.value.seated else felt
         among.append(
             TouchEntry(
-                len(among) + 1, sent.value, window.s(sent.value.stamp_ns), after[0] if after else None,
+                len(among) + 1, sent.value, _felt_s(window.s(sent.value.stamp_ns), motions, trace), after[0] if after else None,
                 uses.get(sent.value.index),
             )
         )  # fmt: skip
     return felt, pressed
+
+
+def _felt_s(told_s: float, motions: list[Motion], trace: Trace | None) -> float:
+    """When the force was largest in the motion whose end a touch is stamped with; that end where it is not known."""
+    motion = next((motion for motion in motions if abs(motion.end_s - told_s) < 1e-6), None)
+    if motion is None or trace is None:
+        return told_s
+    within = np.flatnonzero((trace.time_s >= motion.start_s) & (trace.time_s <= motion.end_s))
+    return told_s if not len(within) else float(trace.time_s[within[int(np.argmax(trace.force_n[within]))]])

@@ -1,0 +1,73 @@
+"""The two pictures that tell an assembly: the arm in its cell, and peg and hole from near with the plate cut open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crosspih_common.geometry import Pose
+from crosspih_common.geometry.pose import Array
+from services.operator.scene3d.bodies import Bodies, arrow, cut_normal, shadow, where_peg_is
+from services.operator.scene3d.meshes import Colour, Mesh, joined
+from services.operator.scene3d.rasterising import Picture, View, draw
+
+LIGHT = np.array([-0.15, -0.55, 0.85])
+BACKGROUND: Colour = (0.90, 0.92, 0.945)
+FORCE: Colour = (0.82, 0.10, 0.16)
+ARROW_M_N = 0.004  # an arrow's length for each newton
+LONGEST_ARROW_M = 0.06
+LEAST_ARROW_N = 0.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """What is known of one moment: the joints (n,), rad, and the load on the peg (6,), peg frame, about its origin; the
+    arm is drawn as it gives way to that load."""
+
+    joints_rad: Array
+    wrench: Array | None = None
+
+
+def overview(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -> Picture:
+    """The whole arm before the plate."""
+    peg = bodies.peg.at(where_peg_is(bodies.workcell, moment.joints_rad))
+    solid = joined([bodies.arm(moment.joints_rad), peg, bodies.plate.at(hole), bodies.post(hole)])
+    return draw(joined([bodies.floor(), shadow(solid, LIGHT), solid]), whole_view(hole), size, BACKGROUND, LIGHT)
+
+
+def whole_view(hole: Pose) -> View:
+    """From the side of the hole, so that arm and plate are both in the picture."""
+    target = 0.5 * hole.translation_m + np.array([0.02, 0.0, 0.13])
+    along = hole.translation_m * np.array([1.0, 1.0, 0.0])
+    along = along / np.linalg.norm(along)
+    aside = np.array([along[1], -along[0], 0.0])
+    eye = target + 1.25 * (0.93 * aside - 0.06 * along) + np.array([0.0, 0.0, 0.34])
+    return View(tuple(eye), tuple(target), angle_deg=36.0)
+
+
+def closeup(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -> Picture:
+    """Peg and hole, half of the plate taken away, with the force on the peg as an arrow that ends at its tip."""
+    workcell = bodies.workcell
+    pose = where_peg_is(workcell, moment.joints_rad, moment.wrench)
+    parts: list[Mesh] = [bodies.plate_cut.at(hole), bodies.peg.at(pose)]
+    if moment.wrench is not None:
+        force = np.asarray(moment.wrench[:3])
+        felt_n = float(np.linalg.norm(force))
+        if felt_n > LEAST_ARROW_N:
+            way = pose.rotate(force) / felt_n * min(LONGEST_ARROW_M, felt_n * ARROW_M_N)
+            tip = pose.apply([0.0, 0.0, workcell.peg.shape().tip_m])
+            parts.append(arrow(tip - way, way, FORCE))
+    return draw(joined(parts), near_view(bodies, hole), size, BACKGROUND, LIGHT)
+
+
+def near_view(bodies: Bodies, hole: Pose) -> View:
+    """On the open side of the plate, the peg coming from one side of the picture."""
+    normal = cut_normal(bodies.workcell)
+    axis = np.array([0.0, 0.0, 1.0])
+    side = np.cross(axis, normal)
+    far = hole.apply(0.29 * (0.72 * normal + 0.62 * side - 0.30 * axis))
+    if far[1] > hole.translation_m[1]:
+        far = hole.apply(0.29 * (0.72 * normal - 0.62 * side - 0.30 * axis))
+    target = hole.apply([0.0, 0.0, -0.006])
+    return View(tuple(far), tuple(target), angle_deg=27.0)
