@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from crosspih_common.arm.inverse import nearest
 from crosspih_common.bus.codec import encode
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
@@ -17,10 +18,13 @@ from crosspih_common.keys import (
     CONTACT_WRENCH,
     ESTIMATE,
     EVENTS,
+    FT_CALIBRATION,
+    JOINT_STATE,
     PHASE,
     STATUS,
     TOUCH,
     TRUTH,
+    WRENCH_RAW,
     Topic,
 )
 from crosspih_common.messages import (
@@ -30,10 +34,13 @@ from crosspih_common.messages import (
     ContactState,
     ContactWrench,
     Event,
+    FtCalibration,
     Image,
+    JointState,
     Phase,
     PoseData,
     PoseErrorEstimate,
+    RawWrenchBatch,
     ServiceState,
     ServiceStatus,
     Severity,
@@ -43,6 +50,7 @@ from crosspih_common.messages import (
     TouchUse,
     floats,
 )
+from crosspih_common.wrench import Payload
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile
 from services.recorder.sample import Sample
@@ -113,10 +121,11 @@ def wrench_at(time_s: float, rng: np.random.Generator) -> tuple[float, ...]:
     return floats(force + rng.normal(0.0, [0.1] * 3 + [0.005] * 3))
 
 
-def touch(index: int, time_s: float) -> Touch:
+def touch(index: int, time_s: float, seated: bool = False) -> Touch:
     return Touch(
         stamp_ns=at(time_s),
         index=index,
+        seated=seated,
         pose_base_peg=PoseData.of(HOLE),
         direction_base=(1.0, 0.0, 0.0),
         joints_rad=(0.0,) * 6,
@@ -145,8 +154,44 @@ def estimate(time_s: float, off_m: float, count: int) -> PoseErrorEstimate:
     )
 
 
-def write_assembly(path: Path, *, inserted: bool = True, finish: bool = True) -> None:
-    """A whole assembly, 12.4 s long, with two touches."""
+def raw_samples(recording: SyntheticRecording, push_n: float) -> None:
+    """What the sensor and the encoders say from 0 to 12.4 s, at 200 Hz: the arm stands in front of the hole and then in
+    it, the tool's weight of 8 N is felt throughout, and from 9 to 12 s a force of `push_n` against the peg's tip."""
+    cell, calibration = Workcell(), FtCalibration(
+        stamp_ns=at(-5.0), bias=(0.5, -0.2, 0.1, 0.01, 0.0, 0.0), weight_n=8.0, centroid_m=(0.0, 0.0, 0.03),
+        gravity_base=(0.0, 0.0, -1.0), residual_force_n=0.01, residual_moment_nm=0.001, poses=6,
+    )  # fmt: skip
+    recording.add(FT_CALIBRATION, calibration)
+    outside, inside = (posture(depth_m) for depth_m in (-0.02, 0.01))
+    mounting = cell.sensor_mounting()
+    payload = Payload(
+        np.array(calibration.bias), np.array([0.0, 0.0, -8.0]), np.array(calibration.centroid_m), mounting
+    )
+    for step in range(248):
+        time_s = step * 0.05
+        joints = outside if time_s < 8.5 else inside
+        recording.add(JOINT_STATE, JointState(stamp_ns=at(time_s), joints_rad=joints, speeds_rad_s=(0.0,) * 6))
+        contact = np.zeros((10, 6))
+        if 9.0 <= time_s < 12.0:
+            contact[:, 2] = -push_n * np.sin(np.pi * (time_s - 9.0 + 0.005 * np.arange(10)) / 3.0)
+        load = payload.load(cell.pose_base_peg(joints).rotation)
+        raw = mounting.raw(contact + load)
+        batch = RawWrenchBatch(stamp_ns=at(time_s), period_ns=5_000_000, samples=tuple(floats(row) for row in raw))
+        recording.add(WRENCH_RAW, batch)
+
+
+def posture(depth_m: float) -> tuple[float, ...]:
+    """Joints with which the peg's tip is that deep in the hole, on its axis."""
+    cell = Workcell()
+    peg = HOLE @ Pose.from_translation([0.0, 0.0, depth_m - cell.peg.shape().tip_m])
+    return floats(nearest(cell.arm(), peg @ cell.pose_flange_peg().inverse(), np.array(cell.home_joints_rad)))
+
+
+def write_assembly(
+    path: Path, *, inserted: bool = True, finish: bool = True, presses: int = 0, push_n: float | None = None
+) -> None:
+    """A whole assembly, 12.4 s long, with two touches, and presses once seated; with `push_n` the sensor's own samples
+    are in it too, and its peak is that force."""
     recording, rng = SyntheticRecording(path), np.random.default_rng(3)
     drawing = Workcell()
     # the body's end is 16.2 mm past the chamfer when the assembly is over
@@ -175,6 +220,9 @@ def write_assembly(path: Path, *, inserted: bool = True, finish: bool = True) ->
     for index, time_s in enumerate((6.4, 8.1)):
         events.append((time_s - 0.01, TOUCH, touch(index, time_s - 0.01)))
         events.append((time_s, ESTIMATE.reply_echo, estimate(time_s, 0.0006 / (index + 1) ** 2, index + 1)))
+    for index in range(presses):
+        time_s = 12.21 + 0.01 * index
+        events.append((time_s, TOUCH, touch(2 + index, time_s, seated=True)))
     for step in range(1240):
         time_s = step * 0.01
         wrench = ContactWrench(
@@ -185,6 +233,8 @@ def write_assembly(path: Path, *, inserted: bool = True, finish: bool = True) ->
             drift_suspected=False,
         )
         events.append((time_s, CONTACT_WRENCH, wrench))
+    if push_n is not None:
+        raw_samples(recording, push_n)
     for _, topic, message in sorted(events, key=lambda event: event[0]):
         recording.add(topic, message)
     for service in ("hardware", "planning"):
@@ -195,14 +245,14 @@ def write_assembly(path: Path, *, inserted: bool = True, finish: bool = True) ->
     )
     recording.add(EVENTS, warning, "vision")
     if finish:
-        recording.add(ASSEMBLE.reply_echo, result(inserted))
+        recording.add(ASSEMBLE.reply_echo, result(inserted, presses))
         recording.finish()
     else:
         recording.file.flush()
         recording.file.abandon()
 
 
-def result(inserted: bool) -> AssemblyResult:
+def result(inserted: bool, presses: int = 0) -> AssemblyResult:
     found = HOLE @ Pose.from_rotvec([0.001, 0.0, 0.0], [0.00003, -0.00002, 0.0001])
     saw = HOLE @ Pose.from_rotvec([0.012, -0.004, 0.0], [0.0002, 0.0001, -0.0006])
     return AssemblyResult.model_validate(
@@ -220,7 +270,7 @@ def result(inserted: bool) -> AssemblyResult:
             "motion_s": 12.4,
             "thinking_s": 0.31,
             "touches": 2,
-            "presses": 0,
+            "presses": presses,
             "corrections": 1,
             "pushes": 2,
             "peak_force_n": 15.31,

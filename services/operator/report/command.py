@@ -1,4 +1,4 @@
-"""`crosspih report FILE`."""
+"""`crosspih report FILE`, and `crosspih report FILE FILE`."""
 
 from __future__ import annotations
 
@@ -8,19 +8,33 @@ from typing import Annotated
 import typer
 
 from crosspih_common.recording import RecordingError
-from services.operator.report import make_report
+from services.operator.report import make_comparison, make_report
 
 
 def report(
-    file: Annotated[Path, typer.Argument(help="A recording (.mcap), also one that was torn off.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="A recording (.mcap), also one that was torn off; or two, which are compared."),
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The page; beside the recording when left out.")
+        Path | None, typer.Option("--output", "-o", help="The page; beside the first recording when left out.")
     ] = None,
 ) -> None:
-    """Make one self-contained HTML page about a recorded assembly."""
-    page = output or file.with_suffix(".html")
+    """Make one self-contained HTML page about a recorded assembly, or about two side by side.
+
+    Example: crosspih report recordings/assembly-fused-seed1-0001.mcap
+    """
+    if len(files) > 2:
+        typer.echo(f"report: {len(files)} recordings; want one, or two to compare", err=True)
+        raise typer.Exit(2)
+    first = files[0]
+    name = first.with_suffix(".html") if len(files) == 1 else first.with_name(f"{first.stem}-and-{files[1].stem}.html")
+    page = output or name
     try:
-        make_report(file, page)
+        if len(files) == 1:
+            make_report(first, page)
+        else:
+            make_comparison(first, files[1], page)
     except (RecordingError, OSError) as error:
         typer.echo(f"report: {error}", err=True)
         raise typer.Exit(1) from None

@@ -40,9 +40,9 @@ def environment() -> jinja2.Environment:
 
 
 def scripts(data: dict[str, Any] | None) -> dict[str, str]:
-    """What the page's head and foot need so that it works from one file: styles, scripts and data, and the rule by which
-    the browser fetches nothing and runs no other script."""
-    style = "\n".join((VENDORED / name).read_text(encoding="utf-8") for name in ("uPlot.min.css",))
+    """What the page's head and foot need so that it works from one file: styles, scripts and data, and the rule by
+    which the browser fetches nothing and runs no other script."""
+    style = (VENDORED / "uPlot.min.css").read_text(encoding="utf-8") + "\n"
     style += (TEMPLATES / "report.css").read_text(encoding="utf-8")
     code = [
         (VENDORED / "uPlot.iife.min.js").read_text(encoding="utf-8"),

@@ -1,4 +1,4 @@
-"""Pictures of a report as `data:` addresses: what the cameras saw, and the arm and the peg as the recording has them."""
+"""Pictures of a report as `data:` addresses: what the cameras saw, and arm and peg as the recording has them."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,7 @@ def thinned(columns: Array, interest: Array | None = None, buckets: int = BUCKET
         return np.arange(count)
     keep = {0, count - 1}
     edges = np.linspace(0, count, buckets + 1).astype(int)
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         piece = columns[start:end]
         keep.update((start + piece.argmin(axis=0)).tolist())
         keep.update((start + piece.argmax(axis=0)).tolist())

@@ -62,12 +62,13 @@ def _force_tiles(facts: Facts) -> list[Tile]:
         moment_note += "; filtered {}"
         moment_also.append(Quantity(forces.contact_filtered.moment_nm, "Nm"))
     if forces.inertia is not None:
-        note += f". Not counted: {{}} in free air, the tool's inertia"
+        note += ". Not counted: {} in free air, the tool's inertia"
         also.append(Quantity(forces.inertia.force_n, "N"))
+    moment_note += "; about the sensor's origin"
     return [
         Tile("peak contact force", Quantity(peak.force_n, "N"), note, tuple(also)),
-        Tile("peak contact moment", Quantity(peak.moment_nm, "Nm"), f"{moment_note}; about the sensor's origin", tuple(moment_also)),
-    ]  # fmt: skip
+        Tile("peak contact moment", Quantity(peak.moment_nm, "Nm"), moment_note, tuple(moment_also)),
+    ]
 
 
 def _pose_tiles(facts: Facts) -> list[Tile]:

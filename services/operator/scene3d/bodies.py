@@ -1,4 +1,4 @@
-"""The cell's bodies as meshes: the arm by its capsules, tool and peg, and the plate with the hole, cut open if wanted."""
+"""The cell's bodies as meshes: the arm by its capsules, tool and peg, and the plate with the hole, also cut open."""
 
 from __future__ import annotations
 

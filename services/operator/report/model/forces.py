@@ -27,7 +27,8 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Contact wrenches (n, 6), N and Nm, peg frame, at times (n,), s since the command; `free` (n,): touches nothing."""
+    """Contact wrenches (n, 6), N and Nm, peg frame, at times (n,), s since the command; `free` (n,): where it can touch
+    nothing."""
 
     time_s: Array
     wrench: Array

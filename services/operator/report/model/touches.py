@@ -16,8 +16,8 @@ from services.operator.report.model.window import Window
 
 @dataclass(frozen=True, slots=True)
 class TouchEntry:
-    """A touch, its number among its kind, when it was felt most, what was concluded from it and all before, and what the
-    last estimate makes of it."""
+    """A touch, its number among its kind, when it was felt most, what was concluded from it and all before, and what
+    the last estimate makes of it."""
 
     number: int
     touch: Touch
@@ -49,10 +49,13 @@ def touches_of(
         among = pressed if sent.value.seated else felt
         among.append(
             TouchEntry(
-                len(among) + 1, sent.value, _felt_s(window.s(sent.value.stamp_ns), motions, trace), after[0] if after else None,
+                len(among) + 1,
+                sent.value,
+                _felt_s(window.s(sent.value.stamp_ns), motions, trace),
+                after[0] if after else None,
                 uses.get(sent.value.index),
             )
-        )  # fmt: skip
+        )
     return felt, pressed
 
 
