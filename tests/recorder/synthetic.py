@@ -77,9 +77,9 @@ START_NS = 40 * SECOND
 class SyntheticRecording:
     """Adds samples to a recording; `finish` writes what belongs at its end."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, cell_yaml: str = CELL_YAML) -> None:
         self.file = RecordingFile(
-            path, path.open("xb"), RecorderConfig(), {"cell": {"name": "synth", "yaml": CELL_YAML}}
+            path, path.open("xb"), RecorderConfig(), {"cell": {"name": "synth", "yaml": cell_yaml}}
         )
         self._numbers: dict[str, int] = {}
         self._wall_ns = 1_700_000_000 * SECOND
@@ -188,11 +188,20 @@ def posture(depth_m: float) -> tuple[float, ...]:
 
 
 def write_assembly(
-    path: Path, *, inserted: bool = True, finish: bool = True, presses: int = 0, push_n: float | None = None
+    path: Path,
+    *,
+    inserted: bool = True,
+    finish: bool = True,
+    presses: int = 0,
+    push_n: float | None = None,
+    told_touches: int = 2,
+    strategy: str = "fused",
+    saw: bool = True,
+    cell_yaml: str = CELL_YAML,
 ) -> None:
     """A whole assembly, 12.4 s long, with two touches, and presses once seated; with `push_n` the sensor's own samples
     are in it too, and its peak is that force."""
-    recording, rng = SyntheticRecording(path), np.random.default_rng(3)
+    recording, rng = SyntheticRecording(path, cell_yaml), np.random.default_rng(3)
     drawing = Workcell()
     # the body's end is 16.2 mm past the chamfer when the assembly is over
     shoulder_m = drawing.peg.shape().taper_start_m
@@ -208,8 +217,9 @@ def write_assembly(
         ),
     )
     recording.add(ASSEMBLE.request_echo, Assemble(stamp_ns=at(0.0)))
-    recording.add(ANNOTATED_LEFT, seen("camera_left", 0))
-    recording.add(ANNOTATED_RIGHT, seen("camera_right", -40))
+    if saw:
+        recording.add(ANNOTATED_LEFT, seen("camera_left", 0))
+        recording.add(ANNOTATED_RIGHT, seen("camera_right", -40))
     events: list[tuple[float, Topic[Any], Any]] = []
     for time_s, phase, text in STEPS:
         figures = {"force_n": 12.5} if phase is Phase.PUSHING else {}
@@ -245,31 +255,33 @@ def write_assembly(
     )
     recording.add(EVENTS, warning, "vision")
     if finish:
-        recording.add(ASSEMBLE.reply_echo, result(inserted, presses))
+        recording.add(ASSEMBLE.reply_echo, result(inserted, presses, told_touches, strategy, saw))
         recording.finish()
     else:
         recording.file.flush()
         recording.file.abandon()
 
 
-def result(inserted: bool, presses: int = 0) -> AssemblyResult:
+def result(
+    inserted: bool, presses: int = 0, touches: int = 2, strategy: str = "fused", saw_hole: bool = True
+) -> AssemblyResult:
     found = HOLE @ Pose.from_rotvec([0.001, 0.0, 0.0], [0.00003, -0.00002, 0.0001])
     saw = HOLE @ Pose.from_rotvec([0.012, -0.004, 0.0], [0.0002, 0.0001, -0.0006])
     return AssemblyResult.model_validate(
         {
             "stamp_ns": at(12.4),
             "assembly_id": "s",
-            "strategy": Strategy.FUSED,
+            "strategy": Strategy(strategy),
             "inserted": inserted,
             "failure": None if inserted else "not_converged",
             "failure_detail": "" if inserted else "5 pushes did not enter",
             "backed_off": not inserted,
             "pose_base_hole": PoseData.of(found),
             "pose_base_peg": PoseData.of(found),
-            "vision_pose_base_hole": PoseData.of(saw),
+            "vision_pose_base_hole": PoseData.of(saw) if saw_hole else None,
             "motion_s": 12.4,
             "thinking_s": 0.31,
-            "touches": 2,
+            "touches": touches,
             "presses": presses,
             "corrections": 1,
             "pushes": 2,

@@ -47,7 +47,8 @@ COMMANDS = {
         f"{_HERE}.locate.command:locate", "Where the hole is in a pair of pictures, with no stack running."
     ),
     "report": OnDemand(
-        f"{_HERE}.report.command:report", "Make one self-contained HTML page about a recorded assembly."
+        f"{_HERE}.report.command:report",
+        "Make one self-contained HTML page about a recorded assembly, or about two side by side.",
     ),
     "replay": OnDemand(
         f"{_HERE}.recordings.replay.command:replay",

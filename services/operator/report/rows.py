@@ -11,7 +11,7 @@ from services.operator.report.model import Facts
 from services.operator.report.model.forces import Peak
 from services.operator.report.model.touches import TouchEntry
 from services.operator.report.numbers import Quantity, number
-from services.operator.scoring import PoseError, pose_error
+from services.operator.scoring.score import PoseError, pose_error
 
 
 @dataclass(frozen=True, slots=True)

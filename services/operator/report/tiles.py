@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from services.operator.report.model import Facts
-from services.operator.report.numbers import Quantity
+from services.operator.report.numbers import Quantity, number
 from services.operator.report.words import counted
 
 PAPER_DURATION_S = 27  # the paper's one experiment, for comparison
@@ -88,11 +88,13 @@ def _pose_tiles(facts: Facts) -> list[Tile]:
     elif figures.vision_refused:
         note = f"refused: {figures.vision_refused.replace('_', ' ')}" + (", found by force" if figures.felt_for else "")
         found.append(Tile("vision", Quantity(None), note))
-    if figures.insertion_depth_mm is not None:
-        own = Quantity(result.insertion_depth_m * 1e3, "mm", 1)
-        wanted = Quantity(facts.workcell.insertion_depth_m * 1e3, "mm", 1)
-        note = "of the body past the rim, by the truth; {} by the cell's own estimate; {} are wanted"
-        if facts.truth is None:
-            note = "of the body past the rim, by the cell's own estimate; {1} are wanted"
-        found.append(Tile("insertion depth", Quantity(figures.insertion_depth_mm, "mm", 1), note, (own, wanted)))
+    if result.inserted and figures.insertion_depth_mm is not None:
+        wanted = number(facts.workcell.insertion_depth_m * 1e3, 1)
+        also: tuple[Quantity, ...] = ()
+        whose = "by the cell's own estimate"
+        if facts.truth is not None:
+            whose = "by the truth; {} by the cell's own estimate"
+            also = (Quantity(result.insertion_depth_m * 1e3, "mm", 1),)
+        note = f"of the body past the rim, {whose}; {wanted} mm are wanted"
+        found.append(Tile("insertion depth", Quantity(figures.insertion_depth_mm, "mm", 1), note, also))
     return found

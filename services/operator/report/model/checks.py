@@ -66,7 +66,7 @@ def checks_of(facts: Facts) -> list[Check]:
             abs(moved_s - result.motion_s) <= NEAR_S,
         )
     )  # fmt: skip
-    if facts.truth is not None and result.inserted and facts.figures is not None:
+    if result.inserted and facts.truth is not None and facts.figures is not None:
         truly = facts.figures.insertion_depth_mm
         own = result.insertion_depth_m * 1e3
         checks.append(

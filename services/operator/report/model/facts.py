@@ -28,7 +28,7 @@ from services.operator.report.model.phases import PhaseTime, Span, calibrated_un
 from services.operator.report.model.poses import HolePose, poses_of, reference_hole
 from services.operator.report.model.touches import TouchEntry, touches_of
 from services.operator.report.model.window import Window, window_of, workcell_of
-from services.operator.scoring import TrialFigures, score
+from services.operator.scoring.score import TrialFigures, score
 
 
 @dataclass(slots=True, eq=False)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, SimulationTruth
-from services.operator.scoring import PoseError, pose_error
+from services.operator.scoring.score import PoseError, pose_error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
