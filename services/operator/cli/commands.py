@@ -56,7 +56,7 @@ COMMANDS = {
         "compare bit for bit.",
     ),
     "recording": OnDemand(
-        f"{_HERE}.recordings.commands:recording_app", "Look into recordings, mend, cut, merge and export them."
+        f"{_HERE}.recordings.commands:recording_app", "Look into recordings, mend, cut, merge, animate and export them."
     ),
     "results": OnDemand(
         f"{_HERE}.results.command:results",

@@ -1,4 +1,4 @@
-"""The commands `crosspih recording info|check|recover|cut|merge`."""
+"""The commands `crosspih recording info|check|recover|cut|merge|animate`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rich.table import Table
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
 from services.operator.recordings import looking, making
+from services.operator.recordings.animating.command import animate
 from services.operator.recordings.export.commands import export_app
 from services.operator.recordings.making import Made
 
@@ -140,7 +141,7 @@ def _told(console: Console, as_json: bool, made: Made, out: Path) -> None:
     console.print(f"{out}: {made.messages} messages", highlight=False, soft_wrap=True)
 
 
-recording_app = typer.Typer(no_args_is_help=True, help="Look into recordings, mend, cut, merge and export them.")
-for _command in (info, check, recover, cut, merge):
+recording_app = typer.Typer(no_args_is_help=True, help="Look into recordings, mend, cut, merge, animate and export them.")
+for _command in (info, check, recover, cut, merge, animate):
     recording_app.command()(_command)
 recording_app.add_typer(export_app, name="export")

@@ -1,0 +1,1 @@
+"""A moving picture of an assembly, made from its recording alone."""
