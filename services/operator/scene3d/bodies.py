@@ -9,7 +9,7 @@ import numpy as np
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.scene3d.meshes import Colour, Mesh, capsule, convex, cylinder, flat, joined
+from services.operator.scene3d.meshes import Colour, Mesh, capsule, convex, cylinder, joined
 
 LINK: Colour = (0.86, 0.87, 0.89)
 JOINT: Colour = (0.30, 0.34, 0.40)
@@ -92,26 +92,6 @@ def cut_normal(workcell: Workcell) -> Array:
     towards = np.array([0.0, 0.0, 1.0]) if abs(rotation[2, 2]) < 0.7 else np.array([0.0, -1.0, 0.0])
     ways = np.vstack([np.eye(3)[:2], -np.eye(3)[:2]])
     return np.asarray(ways[int(np.argmax(ways @ rotation.T @ towards))])
-
-
-def arrow(start_m: Array, way_m: Array, colour: Colour) -> Mesh:
-    """An arrow from a point (3,) along a way (3,), m."""
-    length = float(np.linalg.norm(way_m))
-    axis = way_m / length
-    head_m = min(0.012, 0.5 * length)
-    tip = start_m + way_m
-    cone = _cone(tip - head_m * axis, tip, 0.005, colour)
-    return joined([cylinder(start_m, tip - head_m * axis, 0.0022, colour), cone])
-
-
-def _cone(start_m: Array, tip_m: Array, radius_m: float, colour: Colour) -> Mesh:
-    axis = (tip_m - start_m) / np.linalg.norm(tip_m - start_m)
-    aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    aside /= np.linalg.norm(aside)
-    angles = np.linspace(0.0, 2.0 * np.pi, 21)
-    ring = start_m + radius_m * (np.cos(angles)[:, None] * aside + np.sin(angles)[:, None] * np.cross(axis, aside))
-    tips = np.broadcast_to(tip_m, ring[1:].shape)
-    return flat(np.stack([ring[:-1], ring[1:], tips], axis=1), colour)
 
 
 def shadow(mesh: Mesh, light: Array) -> Mesh:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.scene3d.bodies import Bodies, arrow, cut_normal, shadow, where_peg_is
-from services.operator.scene3d.meshes import Colour, Mesh, joined
+from services.operator.scene3d.bodies import Bodies, cut_normal, shadow, where_peg_is
+from services.operator.scene3d.meshes import Colour, joined
 from services.operator.scene3d.rasterising import Picture, View, draw
 
 LIGHT = np.array([-0.15, -0.55, 0.85])
 BACKGROUND: Colour = (0.90, 0.92, 0.945)
-FORCE: Colour = (0.82, 0.10, 0.16)
-ARROW_M_N = 0.004  # an arrow's length for each newton
-LONGEST_ARROW_M = 0.06
+FORCE = (200, 22, 40)
+ARROW_M_N = 0.0025  # an arrow's length for each newton
+SHORTEST_ARROW_M, LONGEST_ARROW_M = 0.012, 0.06
 LEAST_ARROW_N = 0.8
 
 
@@ -47,18 +48,28 @@ def whole_view(hole: Pose) -> View:
 
 
 def closeup(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -> Picture:
-    """Peg and hole, half of the plate taken away, with the force on the peg as an arrow that ends at its tip."""
+    """Peg and hole, half of the plate taken away; over all the force on the peg as an arrow that ends at its tip."""
     workcell = bodies.workcell
-    pose = where_peg_is(workcell, moment.joints_rad, moment.wrench)
-    parts: list[Mesh] = [bodies.plate_cut.at(hole), bodies.peg.at(pose)]
+    pose, view = where_peg_is(workcell, moment.joints_rad, moment.wrench), near_view(bodies, hole)
+    picture = draw(joined([bodies.plate_cut.at(hole), bodies.peg.at(pose)]), view, size, BACKGROUND, LIGHT)
     if moment.wrench is not None:
         force = np.asarray(moment.wrench[:3])
         felt_n = float(np.linalg.norm(force))
         if felt_n > LEAST_ARROW_N:
-            way = pose.rotate(force) / felt_n * min(LONGEST_ARROW_M, felt_n * ARROW_M_N)
+            way = pose.rotate(force) / felt_n * min(LONGEST_ARROW_M, SHORTEST_ARROW_M + felt_n * ARROW_M_N)
             tip = pose.apply([0.0, 0.0, workcell.peg.shape().tip_m])
-            parts.append(arrow(tip - way, way, FORCE))
-    return draw(joined(parts), near_view(bodies, hole), size, BACKGROUND, LIGHT)
+            _arrow(picture, *view.pixels(np.stack([tip - way, tip]), size))
+    return picture
+
+
+def _arrow(picture: Picture, start: Array, end: Array) -> None:
+    """Drawn over what is there: the peg's tip, where it ends, is often hidden in the hole."""
+    (x, y), (to_x, to_y) = (np.round(point).astype(int).tolist() for point in (start, end))
+    length = max(1.0, float(np.hypot(to_x - x, to_y - y)))
+    for colour, thickness in (((255, 255, 255), 6), (FORCE, 3)):
+        cv2.arrowedLine(
+            picture, (x, y), (to_x, to_y), colour, thickness, cv2.LINE_AA, tipLength=min(0.5, 13.0 / length)
+        )
 
 
 def near_view(bodies: Bodies, hole: Pose) -> View:

@@ -18,7 +18,7 @@ from services.operator.report.charts import AXES, PHASE_COLOURS
 from services.operator.report.model import Facts
 from services.operator.scene3d.bodies import Bodies
 from services.operator.scene3d.rasterising import Picture
-from services.operator.scene3d.scenes import Moment, closeup, overview
+from services.operator.scene3d.scenes import FORCE, Moment, closeup, overview
 
 WIDTH, HEAD, VIEW, STRIP = 880, 34, 330, 176
 PAGE, INK, QUIET = (255, 255, 255), (27, 32, 39), (96, 105, 117)
@@ -107,16 +107,18 @@ class Film:
             draw.text((x + 8, HEAD / 2), name, font=self._bold, fill=(16, 18, 22), anchor="lm")
             x += wide + 28
             text = span.message.text
-            while text and draw.textlength(text, font=self._font) > WIDTH - x - 100:
-                text = text[:-2].rstrip() + "…" if not text.endswith("…") else text[:-2].rstrip() + "…"
+            while len(text) > 1 and draw.textlength(text, font=self._font) > WIDTH - x - 100:
+                text = text[:-2].rstrip() + "…"
             draw.text((x, HEAD / 2), text, font=self._font, fill=INK, anchor="lm")
         draw.text((WIDTH - 12, HEAD / 2), f"{at.time_s:.1f} s", font=self._bold, fill=INK, anchor="rm")
-        low = HEAD + VIEW - 9
-        right = "left camera, with the rim that vision fitted" if at.looking else f"half of the plate taken away; {self._marked}"
-        draw.text((WIDTH - 10, low), right, font=self._small, fill=(190, 196, 204) if at.looking else QUIET, anchor="rb")
+        said = f"half of the plate taken away; {self._marked}"
+        if at.looking:
+            said = "left camera, with the rim that vision fitted"
+        tone = (190, 196, 204) if at.looking else QUIET
+        draw.text((WIDTH / 2 + 12, HEAD + 8), said, font=self._small, fill=tone, anchor="lt")
         if wrench is not None and not at.looking:
-            force = float(np.linalg.norm(wrench[:3]))
-            draw.text((WIDTH - 10, HEAD + 10), f"{force:.1f} N on the peg", font=self._bold, fill=(190, 24, 40), anchor="rt")
+            force = f"{float(np.linalg.norm(wrench[:3])):.1f} N"
+            draw.text((WIDTH - 14, HEAD + 28), force, font=self._bold, fill=FORCE, anchor="rt")
         return np.asarray(image)
 
 
