@@ -279,7 +279,7 @@ def test_thinning_keeps_every_peak(seed: int, rows: int, columns: int) -> None:
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 1.0))
 def test_a_peak_is_in_free_air_or_it_is_not(seed: int, share: float) -> None:
     rng = np.random.default_rng(seed)
-    trace = Trace(np.arange(200) * 0.01, rng.normal(size=(200, 6)), rng.random(200) < share, 100.0)
+    trace = Trace(np.linspace(0.0, 2.0, 200), rng.normal(size=(200, 6)), rng.random(200) < share, 100.0)
     peaks = [peak for peak in (peak_of(trace, free=True), peak_of(trace, free=False)) if peak is not None]
     assert max(peak.force_n for peak in peaks) == trace.force_n.max()
     assert max(peak.moment_nm for peak in peaks) == trace.moment_nm.max()

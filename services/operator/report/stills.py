@@ -81,11 +81,12 @@ def _drawn(facts: Facts, seen: list[Still]) -> Stills:
     from services.operator.scene3d.bodies import Bodies
     from services.operator.scene3d.scenes import Moment, closeup, overview
 
-    assert facts.joints is not None
+    joints = facts.joints
+    assert joints is not None
     bodies, hole = Bodies.of(facts.workcell), facts.reference
 
     def arm(time_s: float, caption: str, alt: str) -> Still:
-        picture = overview(bodies, hole, Moment(facts.joints.at(time_s)), ARM_SIZE)
+        picture = overview(bodies, hole, Moment(joints.at(time_s)), ARM_SIZE)
         return Still(address_of(picture), f"{caption}, at {number(time_s)} s", alt)
 
     def near(joints_rad: Array, wrench: Array | None, caption: str, alt: str) -> Still:
@@ -110,7 +111,7 @@ def _drawn(facts: Facts, seen: list[Still]) -> Stills:
 
     result = facts.window.result
     end = "in its hole" if result is not None and result.inserted else "where it was left"
-    at_end = near(facts.joints.at(facts.end_s), None, f"at the end, {number(facts.end_s)} s",
+    at_end = near(joints.at(facts.end_s), None, f"at the end, {number(facts.end_s)} s",
                   f"The peg {end}, half of the plate taken away.")  # fmt: skip
     return Stills(
         seen, driven, [felt(entry) for entry in facts.touches[:MOST_TOUCHES]],

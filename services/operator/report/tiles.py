@@ -81,8 +81,8 @@ def _pose_tiles(facts: Facts) -> list[Tile]:
         vision = "(T1)" in pose.name
         name = "vision's error (T1)" if vision else "final error (T2)" if result.inserted else "last belief's error"
         note = "across the hole's axis; {} turned, {} in depth"
-        also = (Quantity(pose.error.rotation_deg, "°"), Quantity(pose.error.depth_mm, "mm", 3))
-        found.append(Tile(name, Quantity(pose.error.lateral_mm, "mm", 3), note, also))
+        turned, deep = Quantity(pose.error.rotation_deg, "°"), Quantity(pose.error.depth_mm, "mm", 3)
+        found.append(Tile(name, Quantity(pose.error.lateral_mm, "mm", 3), note, (turned, deep)))
     if not figures.looked:
         pass
     elif figures.vision_refused:

@@ -74,7 +74,7 @@ def _lit(mesh: Mesh, view: View, light: Array) -> NDArray[np.float32]:
     """A colour (3 n, 3) for each corner: Lambert's law, some light from everywhere, and a little gloss."""
     light = np.asarray(light, float) / np.linalg.norm(light)
     normals = mesh.normals.reshape(-1, 3)
-    matt = ~normals.any(axis=1)  # the ground and what lies on it as a shadow: as bright everywhere
+    matt = np.all(normals == 0.0, axis=1)[:, None]  # the ground and what lies on it as a shadow: as bright everywhere
     towards = np.asarray(view.eye_m) - mesh.corners_m.reshape(-1, 3)
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     # a wall seen from inside is lit as seen
@@ -84,5 +84,5 @@ def _lit(mesh: Mesh, view: View, light: Array) -> NDArray[np.float32]:
     gloss = np.clip(np.sum(normals * between, axis=1), 0.0, 1.0) ** 24
     shade = AMBIENT + DIFFUSE * np.clip(normals @ light, 0.0, 1.0)
     colours = np.repeat(mesh.colours, 3, axis=0)
-    lit = np.where(matt[:, None], colours, colours * shade[:, None] + GLOSS * gloss[:, None])
+    lit = np.where(matt, colours, colours * shade[:, None] + GLOSS * gloss[:, None])
     return np.clip(lit, 0.0, 1.0).astype(np.float32)

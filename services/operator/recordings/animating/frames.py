@@ -147,7 +147,8 @@ def _forces(facts: Facts) -> tuple[Picture, tuple[float, float, float, float]]:
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(length=2)
         axes.annotate("s", (1.0, 0.0), xycoords="axes fraction", xytext=(0, -14), textcoords="offset points", ha="right")
-        canvas.draw()
-        picture = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        canvas.draw()  # type: ignore[no-untyped-call]
+        picture = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        picture = picture[..., :3].copy()
         box = axes.get_position()
     return picture, (box.x0 * WIDTH, box.x1 * WIDTH, start_s, end_s)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
@@ -32,7 +33,7 @@ class Trace:
 
     time_s: Array
     wrench: Array
-    free: Array
+    free: NDArray[np.bool_]
     rate_hz: float
 
     @property
