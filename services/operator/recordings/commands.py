@@ -141,7 +141,9 @@ def _told(console: Console, as_json: bool, made: Made, out: Path) -> None:
     console.print(f"{out}: {made.messages} messages", highlight=False, soft_wrap=True)
 
 
-recording_app = typer.Typer(no_args_is_help=True, help="Look into recordings, mend, cut, merge, animate and export them.")
+recording_app = typer.Typer(
+    no_args_is_help=True, help="Look into recordings, mend, cut, merge, animate and export them."
+)
 for _command in (info, check, recover, cut, merge, animate):
     recording_app.command()(_command)
 recording_app.add_typer(export_app, name="export")

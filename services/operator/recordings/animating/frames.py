@@ -142,11 +142,12 @@ def _forces(facts: Facts) -> tuple[Picture, tuple[float, float, float, float]]:
                 felt = np.where(trace.free, trace.wrench[:, index], np.nan)
                 axes.plot(trace.time_s, felt, color=colour, linewidth=0.8, alpha=0.28)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=3, frameon=False, handlelength=1.3)
-        axes.set_title("contact force on the peg / N (pale: free air, the tool's inertia)", fontsize=8.5, loc="right", pad=4)
+        title = "contact force on the peg / N (pale: free air, the tool's inertia)"
+        axes.set_title(title, fontsize=8.5, loc="right", pad=5)
         axes.set_xlim(start_s, end_s)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(length=2)
-        axes.annotate("s", (1.0, 0.0), xycoords="axes fraction", xytext=(0, -14), textcoords="offset points", ha="right")
+        axes.annotate("s", (1.0, 0.0), (0, -14), "axes fraction", "offset points", ha="right")
         canvas.draw()  # type: ignore[no-untyped-call]
         picture = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         picture = picture[..., :3].copy()
