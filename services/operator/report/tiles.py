@@ -38,8 +38,11 @@ def tiles(facts: Facts) -> list[Tile]:
         found.append(Tile("duration", Quantity(figures.duration_s, "s"), note, tuple(also)))
     found += _force_tiles(facts)
     if result is not None and figures is not None:
-        presses = counted(len(facts.presses), "press", "presses") + " against the bore's walls, once in"
-        found.append(Tile("touches", Quantity(len(facts.touches), "", 0), f"on the way in; then {presses}"))
+        on_the_way = "on the way in"
+        if facts.presses:
+            presses = counted(len(facts.presses), "press", "presses")
+            on_the_way += f"; then {presses} against the bore's walls, once in"
+        found.append(Tile("touches", Quantity(len(facts.touches), "", 0), on_the_way))
         pushes = counted(result.pushes, "push", "pushes")
         found.append(Tile("corrections", Quantity(result.corrections, "", 0), f"{pushes} in all"))
         found += _pose_tiles(facts)
@@ -86,7 +89,7 @@ def _pose_tiles(facts: Facts) -> list[Tile]:
     if not figures.looked:
         pass
     elif figures.vision_refused:
-        note = f"refused: {figures.vision_refused.replace('_', ' ')}" + (", found by force" if figures.felt_for else "")
+        note = f"refused: {figures.vision_refused.replace('_', ' ')}" + (", then felt for" if figures.felt_for else "")
         found.append(Tile("vision", Quantity(None), note))
     if result.inserted and figures.insertion_depth_mm is not None:
         wanted = number(facts.workcell.insertion_depth_m * 1e3, 1)

@@ -63,7 +63,7 @@ def _looking(facts: Facts) -> str:
     if figures is None or not figures.looked:
         return "the cameras are not asked; " if not _told(facts) else ""
     if figures.vision_refused:
-        return f"the cameras refused ({figures.vision_refused.replace('_', ' ')}); "
+        return f"the cameras are asked (here vision refused: {figures.vision_refused.replace('_', ' ')}); then "
     return "two cameras tell where the hole is; then "
 
 

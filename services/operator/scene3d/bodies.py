@@ -98,7 +98,7 @@ def shadow(mesh: Mesh, light: Array) -> Mesh:
     """What a mesh darkens on the ground, a little above it, under light from `light` (3,)."""
     light = np.asarray(light, float)
     points = mesh.corners_m - mesh.corners_m[..., 2:] / light[2] * light
-    points[..., 2] = 0.0008
+    points[..., 2] = 0.002
     return _matt(points, SHADOW)
 
 

@@ -12,7 +12,7 @@ from crosspih_common.geometry.pose import Array
 from services.operator.scene3d.meshes import Colour, Mesh
 
 FINER = 2  # pixels drawn for one shown, each way
-NEAR_M, FAR_M = 0.01, 10.0
+NEAR_M, FAR_M = 0.05, 5.0
 AMBIENT, DIFFUSE, GLOSS = 0.42, 0.58, 0.18
 Picture = NDArray[np.uint8]
 

@@ -20,8 +20,8 @@ QUALITY = 62  # of a WebP
 
 
 def animate(path: Path, out: Path, seconds: float, fps: float, truth: bool) -> int:
-    """Write the moving picture; how many frames it was made of. The plate stands where the cell itself found it, or with
-    `truth` where it really is.
+    """Write the moving picture; how many frames it was made of. The plate stands where the cell itself found it,
+    or with `truth` where it really is.
 
     Raises RecordingError, and ConfigError where it cannot be made.
     """

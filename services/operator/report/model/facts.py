@@ -146,7 +146,7 @@ def _name_what_is_missing(facts: Facts) -> None:
         say("The encoders: no trajectory can be shown.")
     if not facts.spans:
         say("The phases: planning told of none.")
-    asked = facts.figures is None or facts.figures.looked
+    asked = facts.figures is None or (facts.figures.looked and not facts.figures.vision_refused)
     if asked and (facts.left is None or facts.right is None):
         say("The annotated pictures: vision sent none, or only one of the two.")
     if not facts.health.services:
