@@ -86,7 +86,7 @@ def facts_of(recording: Recording) -> Facts:
     joints = joints_of(recording, window, workcell, calibrated_s)
     reference, reference_name = reference_hole(workcell, result)
     forces = forces_of(recording, window, workcell, joints, motions, reference, calibrated_s)
-    touches, presses = touches_of(recording, window, motions, forces.main)
+    touches, presses = touches_of(recording, window, motions, forces.filtered or forces.main)
     located = [estimate for estimate in recording.messages(LOCATE.reply_echo) if window.holds(estimate.stamp_ns)]
     seen = (recording.last(ANNOTATED_LEFT), recording.last(ANNOTATED_RIGHT))
     left, right = (image if image is not None and window.holds(image.stamp_ns) else None for image in seen)

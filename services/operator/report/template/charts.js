@@ -127,6 +127,8 @@
   function show(min, max) {
     if (moving || !(max > min)) return;
     moving = true;
+    // a double-click shows all samples: from the first to the last, which is all but the edges
+    if (min - data.start < 0.05 && data.end - max < 0.05) [min, max] = [data.start, data.end];
     shown = [min, max];
     for (const { u } of charts) u.setScale("x", { min, max });
     for (const button of document.querySelectorAll("[data-from]")) {
@@ -181,7 +183,7 @@
       ticks: { stroke: () => css("--grid"), width: 1, size: 4 } };
     const u = new uPlot({
       width: element.clientWidth, height: spec.height,
-      padding: [spec.strip ? 24 : 8, 10, 0, 0],
+      padding: [spec.strip ? 24 : 8, 20, 0, 0],
       cursor: { sync: { key: "time", setSeries: false }, drag: { x: true, y: false, dist: 6 }, points: { size: 6 } },
       legend: { live: true },
       scales: { x: { time: false }, y: { range: (self, low, high) => {
