@@ -15,7 +15,8 @@ from typer.main import get_command
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-MADE = {"results.md", "fuzz.md", "wire.md"}  # pages that commands write; results.md shows what was typed, some of it cut
+# pages that commands write; results.md shows what was typed, some of it cut
+MADE = {"results.md", "fuzz.md", "wire.md"}
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 ASSIGNMENT = re.compile(r"[A-Z_]+=.*")
 CUT = re.compile(r"\s(…|\.\.\.)(\s|$)")

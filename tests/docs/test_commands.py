@@ -1,8 +1,8 @@
 """Every command that README and docs show exists as shown, and is run by a test or marked as long.
 
 - Each `crosspih ...` is parsed by the real command line: a command, an option or a value that it does not have fails.
-- Each is run by the test that `RUN_BY` names, run here (`RUN_HERE`), or begins its comment with "long": it takes more than
-  a minute, or needs hands or devices.
+- Each is run by the test that `RUN_BY` names, is run here (`RUN_HERE`), or has a comment that begins with "long": it
+  takes more than a minute, or needs hands or devices.
 - Modules, make targets, extras and test files that are shown exist. Other programs are those of `OTHERS`.
 """
 
