@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.core import TyperGroup
 from typer.testing import CliRunner
 
 from tests.docs.commands import ROOT, Shown, command_line, parsed, shown_commands
@@ -40,6 +41,7 @@ RUN_BY = {
     "keys": "tests/system/test_commands.py",
     "locate": "tests/operator/test_locate.py",
     "logs": "tests/deploy/test_stack.py",
+    "peg check": "tests/operator/test_peg_check.py",
     "ps": "tests/deploy/test_stack.py",
     "recording check": "tests/operator/test_recording_commands.py",
     "recording cut": "tests/operator/test_recording_commands.py",
@@ -57,7 +59,6 @@ RUN_BY = {
 }
 RUN_HERE = {
     "cell drivers": ("cell", "drivers"),
-    "peg check": ("peg", "check", "docs/drawings/flower.svg", "--json"),
 }
 # of the system, of Python or of ROS
 OTHERS = {
@@ -74,13 +75,25 @@ def test_the_commands_are_found() -> None:
     assert {one.page for one in OURS} >= {"README.md", "docs/start.md", "docs/benches.md", "docs/hardware/in-a-day.md"}
 
 
-def test_each_command_is_parsed_by_the_command_line_itself() -> None:
-    root, wrong = command_line(), list[str]()
+@pytest.fixture(scope="module")
+def root() -> TyperGroup:
+    return command_line()
+
+
+@pytest.fixture(scope="module")
+def names(root: TyperGroup) -> dict[Shown, str | Exception]:
+    """What each command calls, "bench assembly", or why the command line does not take it."""
+    found: dict[Shown, str | Exception] = {}
     for one in OURS:
         try:
-            parsed(root, one.words[1:])
+            found[one] = " ".join(parsed(root, one.words[1:]))
         except Exception as error:
-            wrong.append(f"{one}: {type(error).__name__}: {getattr(error, 'message', error)}")
+            found[one] = error
+    return found
+
+
+def test_each_command_is_parsed_by_the_command_line_itself(names: dict[Shown, str | Exception]) -> None:
+    wrong = [f"{one}: {getattr(what, 'message', what)!r}" for one, what in names.items() if isinstance(what, Exception)]
     assert not wrong, "\n".join(wrong)
 
 
@@ -88,18 +101,14 @@ def test_each_command_is_parsed_by_the_command_line_itself() -> None:
     "words",
     [("bench", "asembly"), ("assemble", "--sed", "7"), ("assemble", "--seed", "seven"), ("report",), ("ps", "extra")],
 )
-def test_a_misspelt_command_is_found(words: tuple[str, ...]) -> None:
+def test_a_misspelt_command_is_found(root: TyperGroup, words: tuple[str, ...]) -> None:
     with pytest.raises(Exception, match=r"(?i)no such|not a valid|missing|unexpected|asembly|unable to parse"):
-        parsed(command_line(), words)
+        parsed(root, words)
 
 
-def test_each_command_is_run_by_a_test_or_marked_as_long() -> None:
-    root = command_line()
-    neither = [
-        str(one)
-        for one in OURS
-        if LONG.match(one.comment) is None and (name := _name(root, one)) and name not in (*RUN_BY, *RUN_HERE)
-    ]
+def test_each_command_is_run_by_a_test_or_marked_as_long(names: dict[Shown, str | Exception]) -> None:
+    run = {"", *RUN_BY, *RUN_HERE}
+    neither = [str(one) for one, name in names.items() if LONG.match(one.comment) is None and name not in run]
     assert not neither, "\n".join(neither)
 
 
@@ -136,10 +145,6 @@ def test_modules_targets_extras_and_tests_exist() -> None:
         for names in re.findall(r"crosspih\[([\w,-]+)\]", " ".join(rest)):
             wrong += [f"{one}: no extra {name}" for name in names.split(",") if name not in extras]
     assert not wrong, "\n".join(wrong)
-
-
-def _name(root: object, one: Shown) -> str:
-    return " ".join(parsed(root, one.words[1:]))  # type: ignore[arg-type]
 
 
 def _of_python(one: Shown, rest: list[str]) -> list[str]:
