@@ -36,7 +36,7 @@ from services.vision.stereo import StereoModel
 FOLDER = Path(__file__).parent / "figures"
 PICTURES = Path("tests/pictures/set")
 CHI2_95_2DOF = 5.991
-TRIALS = 40
+TRIALS = 20
 
 
 @dataclass(frozen=True, slots=True)

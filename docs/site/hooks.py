@@ -72,8 +72,8 @@ def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files
         if files.get_file_from_path(dark) is None:
             return found.group(0)
         return (
-            f'<img class="only-light" {before}src="{name}.svg"{after}>'
-            f'<img class="only-dark" {before}src="{name}-dark.svg"{after}>'
+            f'<img {before}src="{name}.svg#only-light"{after}>'
+            f'<img {before}src="{name}-dark.svg#only-dark"{after}>'
         )
 
     return PICTURE.sub(by_theme, MATH.sub(mathml, content))
