@@ -78,8 +78,8 @@ def services(theme: Theme) -> Figure:
                 boxstyle="round,pad=0.02,rounding_size=0.1", facecolor=theme.box, edgecolor=theme.fine,
             )
         )  # fmt: skip
-        axes.text(x, y + 0.24, name, ha="center", va="center", fontsize=10, weight="bold")
-        axes.text(x, y - 0.14, does, ha="center", va="center", fontsize=7.5, color=theme.ink)
+        axes.text(x, y + 0.24, name, ha="center", va="center", fontsize=11.5, weight="bold")
+        axes.text(x, y - 0.14, does, ha="center", va="center", fontsize=9, color=theme.ink)
 
     def arrow(start: tuple[float, float], end: tuple[float, float], dotted: bool, bend: float = 0.0) -> None:
         axes.add_patch(
@@ -98,9 +98,9 @@ def services(theme: Theme) -> Figure:
     arrow((8.3, 1.5), (7.05, 0.7), True)
     axes.plot([3.3, 3.3, 9.4], [2.5, 4.0, 4.0], color=theme.ink, linewidth=1.2)
     arrow((9.4, 4.0), (9.4, 2.5), False)
-    axes.text(6.3, 4.07, "trajectories, guarded moves, compliant pushes", ha="center", fontsize=7.5, color=theme.ink)
-    axes.text(8.25, 3.2, "capture, images", fontsize=7.5, color=theme.ink)
-    axes.text(8.0, 0.85, "raw wrench, joints", fontsize=7.5, color=theme.ink)
+    axes.text(6.3, 4.07, "trajectories, guarded moves, compliant pushes", ha="center", fontsize=9, color=theme.ink)
+    axes.text(8.25, 3.2, "capture, images", fontsize=9, color=theme.ink)
+    axes.text(8.0, 0.85, "raw wrench, joints", fontsize=9, color=theme.ink)
     axes.set(xlim=(-0.2, 10.2), ylim=(-0.25, 4.3))
     return figure
 
@@ -130,8 +130,8 @@ def assembly(theme: Theme) -> Figure:
                 facecolor=theme.box, edgecolor=colour,
             )
         )  # fmt: skip
-        axes.text(x, y + 0.22, name, ha="center", va="center", fontsize=10, weight="bold")
-        axes.text(x, y - 0.14, does, ha="center", va="center", fontsize=7.5)
+        axes.text(x, y + 0.22, name, ha="center", va="center", fontsize=11.5, weight="bold")
+        axes.text(x, y - 0.14, does, ha="center", va="center", fontsize=9)
 
     def arrow(start: tuple[float, float], end: tuple[float, float], text: str = "") -> None:
         axes.add_patch(
@@ -139,7 +139,7 @@ def assembly(theme: Theme) -> Figure:
         )
         if text:
             x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-            axes.text(x, y + 0.12, text, fontsize=7.5, ha="center", color=theme.ink)
+            axes.text(x, y + 0.12, text, fontsize=9, ha="center", color=theme.ink)
 
     for index, (name, does) in enumerate(STEPS):
         box(1.0 + 2.1 * index, 2.0, name, does, theme.hole)
@@ -150,9 +150,9 @@ def assembly(theme: Theme) -> Figure:
         if index:
             arrow((3.1 + 2.1 * index - 1.23, 0.6), (3.1 + 2.1 * index - 0.87, 0.6))
     arrow((4.75, 1.56), (3.5, 1.04))
-    axes.text(3.42, 1.3, "stuck", fontsize=7.5, ha="center")
+    axes.text(3.42, 1.3, "stuck", fontsize=9, ha="center")
     arrow((6.9, 1.04), (5.65, 1.56))
-    axes.text(6.95, 1.3, "push again", fontsize=7.5, ha="center")
+    axes.text(6.95, 1.3, "push again", fontsize=9, ha="center")
     axes.set(xlim=(0.0, 10.4), ylim=(0.05, 2.55))
     return figure
 
@@ -177,7 +177,7 @@ def contact(theme: Theme) -> Figure:
     section = peg.outline_m(float(point[2]))[:, :2] * 1e3
     body = peg.outline_m(0.0)[:, :2] * 1e3
 
-    figure, (plan, side) = plt.subplots(1, 2, figsize=(10.0, 4.4), gridspec_kw={"width_ratios": [1, 1.05]})
+    figure, (plan, side) = plt.subplots(1, 2, figsize=(8.6, 4.0), gridspec_kw={"width_ratios": [1, 1.05]})
     plan.add_patch(Polygon(body, closed=True, fill=False, edgecolor=theme.peg, linewidth=0.8, linestyle=":"))
     plan.add_patch(Polygon(section, closed=True, facecolor=theme.peg, alpha=0.35, edgecolor=theme.peg, linewidth=1.4))
     plan.add_patch(Polygon(rim_peg[:, :2], closed=True, fill=False, edgecolor=theme.hole, linewidth=1.8))
@@ -205,7 +205,7 @@ def contact(theme: Theme) -> Figure:
     side.add_patch(Polygon(corners, closed=True, facecolor=theme.hole, alpha=0.4, edgecolor=theme.hole))
     side.plot(*here, "o", color=theme.felt, markersize=6, zorder=5)
     _force(side, here, push, theme)
-    side.text(13.0, here[1] - 3.0, "F along M₁N₁ × D₁D₂", color=theme.felt, fontsize=8)
+    side.text(-3.0, here[1] - 6.0, "F along M₁N₁ × D₁D₂", color=theme.felt, fontsize=8)
     side.annotate("", (0, 76), (0, 64), arrowprops={"arrowstyle": "-|>", "color": theme.ink})
     side.text(1.2, 75, "pushed", fontsize=8)
     side.text(facing * 20, here[1] + 5.5, "plate", ha="center", color=theme.hole, fontsize=8)
@@ -280,7 +280,7 @@ def _trials() -> tuple[Array, list[tuple[Array, Array]]]:
 def touches(theme: Theme) -> Figure:
     """The error that each touch leaves: one trial as ellipses, all as errors; touches made by the mechanics."""
     errors_of, shown_steps = _trials()
-    figure, (where, how) = plt.subplots(1, 2, figsize=(10.0, 4.0))
+    figure, (where, how) = plt.subplots(1, 2, figsize=(8.6, 3.8))
     colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.9, len(shown_steps)))
     for index, (mean, spread) in enumerate(shown_steps):
         values, vectors = np.linalg.eigh(spread)
@@ -296,14 +296,14 @@ def touches(theme: Theme) -> Figure:
         xlabel="x, mm", ylabel="y, mm", xlim=(-11, 11), ylim=(-9, 9), title="one trial: 95 % region of the hole's place"
     )
     where.set_aspect("equal", adjustable="box")
-    where.legend(fontsize=7, frameon=False, loc="upper right", title="touches", title_fontsize=7)
+    where.legend(fontsize=8, frameon=False, loc="upper right", title="touches", title_fontsize=8)
     counts = np.arange(errors_of.shape[1])
     for index, (name, unit, colour) in enumerate((("across the axis", "mm", theme.peg), ("rotation", "°", theme.hole))):
         middle, high = np.percentile(errors_of[..., index], [50, 95], axis=0)
         how.plot(counts, middle, "-o", color=colour, label=f"{name}, {unit}: p50")
         how.plot(counts, high, ":o", color=colour, markersize=3, label=f"{name}, {unit}: p95")
     how.set(yscale="log", xlabel="touches", ylabel="error", xticks=counts, title=f"{len(errors_of)} trials: error left")
-    how.legend(fontsize=7, frameon=False)
+    how.legend(fontsize=8, frameon=False)
     figure.tight_layout()
     return figure
 
@@ -329,7 +329,7 @@ def rim(theme: Theme) -> Figure:
     located = locate_rim(shot.left, shot.right, stereo, hole, prior.pose_base_hole(), prior.half_ranges())
     to_camera = stereo.pose_base_camera.inverse() @ located.pose_base_hole
     grey = linear_light(shot.left, "", stereo.left.gamma)
-    figure, (picture, profile) = plt.subplots(1, 2, figsize=(10.0, 4.0))
+    figure, (picture, profile) = plt.subplots(1, 2, figsize=(8.6, 3.8))
     picture.imshow(shown(grey, stereo.left.gamma), cmap="gray")
     lines = {"outer line": hole.outer_rim_m(), "inner line": hole.inner_rim_m()}
     middle = stereo.project(to_camera.translation_m)[0]
@@ -338,7 +338,7 @@ def rim(theme: Theme) -> Figure:
         picture.plot(at[:, 0], at[:, 1], color=colour, linewidth=1.0, label=name)
     picture.set(xlim=(middle[0] - 75, middle[0] + 75), ylim=(middle[1] + 60, middle[1] - 60), xticks=[], yticks=[])
     picture.set_title("left picture, and the rim as fitted", fontsize=9)
-    picture.legend(fontsize=7, loc="lower right")
+    picture.legend(fontsize=8, loc="lower right", facecolor=theme.box)
     outer, inner = (stereo.project(to_camera.apply(line))[0] for line in lines.values())
     longest = int(np.argmax(np.linalg.norm(np.roll(outer, -1, axis=0) - outer, axis=1)))
     start, end = outer[longest], outer[(longest + 1) % len(outer)]
@@ -356,7 +356,7 @@ def rim(theme: Theme) -> Figure:
     profile.axvline(chamfer_px, color=theme.peg, label="inner line, as fitted")
     profile.set(xlabel="distance into the hole, px", ylabel="grey, linear light")
     profile.set_title("across its longest edge: face, chamfer, bore", fontsize=9)
-    profile.legend(fontsize=7, frameon=False)
+    profile.legend(fontsize=8, frameon=False)
     figure.tight_layout()
     return figure
 

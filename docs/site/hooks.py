@@ -4,6 +4,7 @@ Loaded by mkdocs.yml. Nothing here reaches a network.
 
 - `$...$` and `$$...$$` become MathML, which browsers draw themselves.
 - A link to a file of the repository that is no page (a module, an example, a folder) leads to a page with its text.
+- A link that is called by its file, as `[safety.md](safety.md)`, is called by the page's name in the navigation.
 - CONTRIBUTING.md and CHANGELOG.md stand in the root, where repositories have them, and are pages of the site too.
 - A picture `x.svg` with an `x-dark.svg` beside it is shown by the reader's theme.
 """
@@ -14,8 +15,9 @@ import ast
 import html
 import posixpath
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
@@ -28,6 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 DOCS = ROOT / "docs"
 ROOT_PAGES = {"contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".sh": "sh", ".svg": "xml"}
+BY_FILE = re.compile(r"\[[\w./-]+\.md\]\(([\w./-]+\.md)(#[\w-]+)?\)")
 FENCED = re.compile(r"^(```|~~~).*?^\1\s*$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"(?<!!)\]\((?!https?:|mailto:|#)([^)\s#]+)(#[^)\s]*)?\)")
 MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
@@ -58,7 +61,23 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             return found.group(0)
         return f"]({posixpath.relpath(_page_of(target), here or '.')})"
 
-    return _outside_fences(markdown, lambda text: LINK.sub(other, text))
+    names = _names(config.nav or [])
+
+    def by_name(found: re.Match[str]) -> str:
+        link, anchor = found.groups()
+        name = names.get(posixpath.normpath(posixpath.join(here, link)))
+        return found.group(0) if name is None else f"[{name}]({link}{anchor or ''})"
+
+    return _outside_fences(markdown, lambda text: LINK.sub(other, BY_FILE.sub(by_name, text)))
+
+
+def _names(nav: list[Any]) -> dict[str, str]:
+    """What the navigation calls each page that it gives a name, by the page's path."""
+    found: dict[str, str] = {}
+    for entry in nav:
+        for name, value in entry.items() if isinstance(entry, dict) else ():
+            found.update(_names(value) if isinstance(value, list) else {value: name})
+    return found
 
 
 def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
@@ -71,15 +90,12 @@ def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files
         dark = posixpath.normpath(posixpath.join(posixpath.dirname(page.file.src_uri), f"{name}-dark.svg"))
         if files.get_file_from_path(dark) is None:
             return found.group(0)
-        return (
-            f'<img {before}src="{name}.svg#only-light"{after}>'
-            f'<img {before}src="{name}-dark.svg#only-dark"{after}>'
-        )
+        return f'<img {before}src="{name}.svg#only-light"{after}><img {before}src="{name}-dark.svg#only-dark"{after}>'
 
     return PICTURE.sub(by_theme, MATH.sub(mathml, content))
 
 
-def _outside_fences(markdown: str, change) -> str:  # type: ignore[no-untyped-def]
+def _outside_fences(markdown: str, change: Callable[[str], str]) -> str:
     """`change` applied to all of a page but its fenced blocks."""
     parts, at = [], 0
     for fence in FENCED.finditer(markdown):
