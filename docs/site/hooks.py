@@ -37,6 +37,23 @@ MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', 
 PICTURE = re.compile(r'<img ([^>]*?)src="([^"]+)\.svg"([^>]*)>')
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """A page that the navigation names and that is not there is left out; one that it lacks ends the build."""
+    config.nav = _there(config.nav or [])
+    return config
+
+
+def _there(nav: list[Any]) -> list[Any]:
+    kept: list[Any] = []
+    for entry in nav:
+        for name, value in entry.items() if isinstance(entry, dict) else [("", entry)]:
+            if isinstance(value, list):
+                kept.append({name: _there(value)})
+            elif value in ROOT_PAGES or (DOCS / value).exists():
+                kept.append(entry)
+    return kept
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the root's pages, and one for each file or folder of the repository that a page links to."""
     for page, name in ROOT_PAGES.items():

@@ -19,7 +19,6 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 MADE = {"results.md", "fuzz.md", "wire.md"}
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 ASSIGNMENT = re.compile(r"[A-Z_]+=.*")
-CUT = re.compile(r"\s(…|\.\.\.)(\s|$)")
 
 
 @dataclass(frozen=True, slots=True)

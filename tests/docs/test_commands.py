@@ -65,6 +65,7 @@ OTHERS = {
     ".", "cd", "chmod", "colcon", "cp", "docker", "git", "ip", "pip", "pre-commit", "ros2", "setpriv", "sudo",
     "VENV/bin/pip",
 }  # fmt: skip
+MADE_LIST = "docs/cli.md"  # an example of every command there is, made from their own table
 LONG = re.compile(r"\s*long\b")
 SHOWN = list(shown_commands())
 OURS = [one for one in SHOWN if one.words[0] == "crosspih"]
@@ -108,7 +109,11 @@ def test_a_misspelt_command_is_found(root: TyperGroup, words: tuple[str, ...]) -
 
 def test_each_command_is_run_by_a_test_or_marked_as_long(names: dict[Shown, str | Exception]) -> None:
     run = {"", *RUN_BY, *RUN_HERE}
-    neither = [str(one) for one, name in names.items() if LONG.match(one.comment) is None and name not in run]
+    neither = [
+        str(one)
+        for one, name in names.items()
+        if LONG.match(one.comment) is None and name not in run and one.page != MADE_LIST
+    ]
     assert not neither, "\n".join(neither)
 
 
