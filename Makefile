@@ -17,7 +17,7 @@ ARGS ?=
 
 BIN := $(VENV)/bin
 
-.PHONY: help env env-run assemble up results test lint format typecheck clean distclean
+.PHONY: help env env-run assemble up results test docs lint format typecheck clean distclean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -42,6 +42,9 @@ results: env ## every table and figure of docs/results.md; hours, and a stopped 
 
 test: env ## run the tests in three workers; ARGS='-n 0 tests/bus' runs one folder in this process
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
+
+docs: env ## the site of docs/ into build/site, without a network; open build/site/index.html
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet && echo build/site/index.html
 
 lint: env ## style and common errors
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check .

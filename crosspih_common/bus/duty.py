@@ -1,4 +1,4 @@
-"""What a thread of a service is at, so that one that died or hangs is told from one that works or waits for work."""
+"""What each thread of a service is doing: tells one that died or hangs from one that works or waits for work."""
 
 from __future__ import annotations
 

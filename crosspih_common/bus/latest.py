@@ -1,4 +1,4 @@
-"""The newest samples of a topic, kept for whoever looks or waits."""
+"""The newest samples of a topic, to be read or waited for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done with each sample that comes, on the transport's thread: is it what its key says, and its author's?"""
+"""Checks of each incoming sample, on the transport's thread: is it of the key's type, and from its author?"""
 
 from __future__ import annotations
 

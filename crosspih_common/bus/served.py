@@ -1,4 +1,4 @@
-"""Waiting for whoever serves a command: a service that is being started again, or everybody behind a lost router.
+"""Waiting for the server of a command: a service that is being restarted, or all of them behind a lost router.
 
 A query that finds nobody ends at once, as one does whose server died while it thought; and nobody can tell from outside
 whether it was carried out. So before it is sent its server is waited for, as long as the caller's deadline and

@@ -56,7 +56,7 @@ class Pressed(BaseModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """A level reckoned: `pose_base_peg` by the encoders, the contact's raw wrench against free air and its sd (6,)."""
+    """A level evaluated: `pose_base_peg` by the encoders, the contact's raw wrench against free air and its sd (6,)."""
 
     joints_rad: Array
     pose_base_peg: Pose

@@ -30,7 +30,7 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 class Reports(str, Enum):
-    """Whose load the sensor tells."""
+    """Which of the two forces at the sensor its numbers are: the load on the peg, or the reaction."""
 
     LOAD = "load"  # a push against the tip reads -Fz: the load on the peg
     REACTION = "reaction"  # the same push reads +Fz: what the peg does to the world

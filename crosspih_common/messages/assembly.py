@@ -118,12 +118,12 @@ class AssemblyResult(Message):
     pose_base_peg: PoseData | None
     vision_pose_base_hole: PoseData | None
     warnings: tuple[str, ...] = Field(
-        default=(), description="what casts doubt on T2 or on vision though the peg is in, with what to look at"
+        default=(), description="doubts about T2 or vision although the peg is in, with what to look at"
     )
     vision_refused: str = Field(default="", description="why vision did not see the hole: a refusal, its code first")
     felt_for: bool = Field(
         default=False,
-        description="vision was asked, and the hole was found by force alone: it refused, or what it saw led nowhere",
+        description="the hole was found by force alone although vision was asked: it refused, or its pose was wrong",
     )
     motion_s: float = Field(description="cell clock")
     thinking_s: float = Field(description="wall time of the services between motions")
@@ -148,7 +148,10 @@ class CalibrateFt(Message):
 
     samples_s: float = Field(default=0.25, gt=0.0, le=5.0)
     temperature_c: float | None = Field(
-        default=None, ge=-MOST, le=MOST, description="of sensor or room now; kept with the calibration"
+        default=None,
+        ge=-MOST,
+        le=MOST,
+        description="present temperature of sensor or room; stored with the calibration",
     )
 
 
@@ -156,12 +159,12 @@ class Withdraw(Message):
     """Take a seated peg straight out along its own axis, slowly and under a force watch."""
 
     pose_base_hole: PoseData | None = Field(
-        default=None, description="how far in the peg is counts from there; the last assembly's, or the drawing's"
+        default=None, description="the pose from which depth is counted: that of the last assembly, or of the drawing"
     )
     clear_m: float = Field(default=0.03, gt=0.0, le=0.1, description="tip to the hole's face at the end")
     speed_m_s: float = Field(default=0.01, gt=0.0, le=0.05)
     force_limit_n: float = Field(
-        default=20.0, gt=0.0, le=MOST, description="more pull than this means that it is stuck"
+        default=20.0, gt=0.0, le=MOST, description="a pull above this means that the peg is stuck"
     )
 
 
@@ -171,7 +174,7 @@ class WithdrawResult(Message):
     withdrawn: bool
     failure: Failure | None
     failure_detail: str = ""
-    distance_m: float = Field(description="that the peg moved out")
+    distance_m: float = Field(description="distance that the peg moved out")
     pose_base_peg: PoseData | None
     motion_s: float = Field(description="cell clock")
     peak_force_n: float

@@ -41,7 +41,7 @@ class TouchUse(Part):
 
     index: int
     used: bool
-    hypothesis: str = Field(description="which features the fit takes to be in contact")
+    hypothesis: str = Field(description="the features that the fit assumes to be in contact")
     residual_sigma: float = Field(description="root mean square of its residuals, in standard deviations")
 
 
@@ -56,7 +56,7 @@ class PoseErrorEstimate(Message):
     covariance: Covariance6
     angles_rad: Vector3
     translation_m: Vector3
-    rank: int = Field(ge=0, le=6, description="directions that the touches narrowed clearly against the prior")
+    rank: int = Field(ge=0, le=6, description="number of directions in which the touches clearly narrowed the prior")
     residual_cost: float
     friction: float
     friction_sd: float

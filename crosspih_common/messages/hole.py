@@ -31,6 +31,6 @@ class HoleEstimate(Message):
     method: LocateMethod
     orientation_measured: bool = Field(description="False where the method assumes the nominal orientation")
     capture_id: int
-    capture_wall_s: float = Field(description="wall time in which the camera, not vision, was at work")
+    capture_wall_s: float = Field(description="wall time spent by the camera, not by vision")
     diagnostics: dict[str, float] = Field(default_factory=dict)
-    warnings: tuple[str, ...] = Field(default=(), description="what a person should be told though there is a pose")
+    warnings: tuple[str, ...] = Field(default=(), description="what a person should know although there is a pose")

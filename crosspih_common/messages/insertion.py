@@ -37,7 +37,7 @@ class AdviseInsertion(Message):
     joints_rad: Joints
     wrench: Vector6 = Field(description="contact wrench on the peg, in the peg frame")
     push_force_n: float = Field(gt=0.0, le=MOST, description="the axial force that the push went up to")
-    force_limit_n: float = Field(default=20.0, gt=0.0, le=MOST, description="no push may go beyond")
+    force_limit_n: float = Field(default=20.0, gt=0.0, le=MOST, description="the largest axial force of any push")
     friction: float | None = Field(default=None, ge=0.0, le=1.0, description="None: the cell's expected one")
 
 

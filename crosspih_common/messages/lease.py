@@ -10,17 +10,17 @@ from crosspih_common.messages.base import Message
 class TakeLease(Message):
     """Hold the arm. Refused with code `held`, naming the holder, while somebody else does."""
 
-    holder: str = Field(min_length=1, max_length=100, description="who: the service's name")
-    purpose: str = Field(default="", max_length=200, description="what for, in words for people")
+    holder: str = Field(min_length=1, max_length=100, description="the service's name")
+    purpose: str = Field(default="", max_length=200, description="what the arm is held for, in words for people")
 
 
 class LeaseGranted(Message):
     """The arm is held. `lease` stands in every motion from now on, and beats keep it."""
 
-    lease: str = Field(min_length=1, description="a random token; nobody else knows it")
+    lease: str = Field(min_length=1, description="a random token that only its holder knows")
     holder: str
-    timeout_s: float = Field(gt=0.0, description="without a beat for so long the holder counts as lost, wall time")
-    beat_s: float = Field(gt=0.0, description="how often to beat, wall time")
+    timeout_s: float = Field(gt=0.0, description="a holder without a beat for this long counts as lost, wall time")
+    beat_s: float = Field(gt=0.0, description="period of the beats, wall time")
 
 
 class GiveLease(Message):
@@ -48,7 +48,5 @@ class LeaseState(Message):
     holder: str = ""
     purpose: str = ""
     since_ns: int = Field(ge=0, description="cell clock: since when it is so")
-    lost_holder: str = Field(
-        default="", description="who held it last, where it did not give the arm back: the arm let go of it"
-    )
+    lost_holder: str = Field(default="", description="who held it last, if it was lost and did not give the arm back")
     lost_purpose: str = Field(default="", description="what for")

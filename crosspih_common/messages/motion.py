@@ -107,7 +107,9 @@ class GuardedMove(Held, Message):
     moment_threshold_nm: float = Field(default=1.0, ge=LEAST_MOMENT_NM, le=MOST)
     travel_limit_m: float = Field(ge=LEAST_TRAVEL_M, le=MOST_TRAVEL_M)
     observe_s: float = Field(default=0.1, ge=LEAST_TIME_S, le=2.0)
-    average_s: float = Field(default=0.025, ge=LEAST_TIME_S, le=2.0, description="at the end of the creep")
+    average_s: float = Field(
+        default=0.025, ge=LEAST_TIME_S, le=2.0, description="averaging time at the end of the creep"
+    )
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
 
 
@@ -116,7 +118,7 @@ class PathKnot(Part):
 
     time_s: float = Field(ge=LEAST_TIME_S, le=60.0)
     offset_m: SmallOffset = Field(
-        default=(0.0, 0.0, 0.0), description="of the centre; what of it is along the push is left"
+        default=(0.0, 0.0, 0.0), description="of the centre; its component along the push is ignored"
     )
     turn_rad: SmallTurn = Field(default=(0.0, 0.0, 0.0), description="rotation vector, about the centre")
 
@@ -187,7 +189,9 @@ class MotionOutcome(Message):
 
     stop_reason: StopReason
     detail: str = ""
-    notes: tuple[str, ...] = Field(default=(), description="what was done otherwise than asked, such as a lower speed")
+    notes: tuple[str, ...] = Field(
+        default=(), description="where the motion differed from the request, such as a lower speed"
+    )
     start_stamp_ns: int
     duration_s: float
     travel_m: float

@@ -31,5 +31,5 @@ class RecordingStatus(Message):
     )
     trouble: str = Field(default="", description="why nothing is being recorded though it was asked for")
     warnings: tuple[str, ...] = Field(
-        default=(), description="what is missing from it, in words, where it is enough to matter"
+        default=(), description="what is missing from the recording, in words, if it matters"
     )

@@ -18,9 +18,9 @@ class SceneFaults(Part):
     light_scale: float = Field(default=1.0, ge=0.0, le=4.0, description="factor on all light")
     glare: float = Field(default=0.0, ge=0.0, le=500.0, description="grey levels of a round reflection near the rim")
     covered_arm: int | None = Field(default=None, ge=0, le=3, description="an obstacle hides the +x, +y, -x or -y side")
-    hole: bool = Field(default=True, description="False: a blank plate")
+    hole: bool = Field(default=True, description="False: a plate without a hole")
     square: bool = Field(default=False, description="a dark square pocket on the plate")
-    second_cross: bool = Field(default=False, description="the same fixture once more beside the first")
+    second_cross: bool = Field(default=False, description="a second, identical fixture beside the first")
     swapped: bool = Field(default=False, description="left and right pictures exchanged")
     right_rows_px: float = Field(default=0.0, ge=-20.0, le=20.0, description="rows the right camera is off by")
 

@@ -51,14 +51,16 @@ class ServiceStatus(Message):
     traffic: tuple[KeyTraffic, ...] = ()
     rejected: int = 0
     dropped: int = 0
-    last_error: str = Field(default="", description="the newest warning or error of the last 600 s; then empty again")
+    last_error: str = Field(
+        default="", description="the newest warning or error of the last 600 s; empty if there was none"
+    )
     last_error_age_s: float | None = Field(default=None, ge=0.0, description="since then, wall time; None without one")
-    host: str = Field(default="", description="the machine's name; empty in recordings of before")
-    wall_ns: int = Field(default=-1, description="that machine's wall clock when this was sent; -1: not told")
+    host: str = Field(default="", description="the machine's name; empty in older recordings")
+    wall_ns: int = Field(default=-1, description="that machine's wall clock when this was sent; -1: not known")
     wall_ahead_s: float | None = Field(
         default=None, description="of the wall clock of the cell's machine; None: not known"
     )
-    wall_bound_s: float | None = Field(default=None, description="by how much wall_ahead_s may be wrong")
+    wall_bound_s: float | None = Field(default=None, description="bound of the error of wall_ahead_s")
 
 
 class Severity(str, Enum):

@@ -34,7 +34,7 @@ class WrenchMemory(Part):
     """What the service remembers after a batch: with it a recording can be gone through again from there."""
 
     filtered: Vector6 = Field(description="the low-pass's last output, peg frame")
-    run_samples: int = Field(description="samples in a row that speak against the present state of contact")
+    run_samples: int = Field(description="consecutive samples that contradict the present state of contact")
     run_stamp_ns: int = Field(description="of the first of them")
     run_wrench: Vector6
     free_mean: Vector6 = Field(description="running mean of the contact wrench in free air")
@@ -52,9 +52,9 @@ class ContactWrench(Message):
     frame: Frame = Frame.PEG
     wrench: Vector6
     in_contact: bool
-    free_residual_n: float = Field(description="running mean of |F| while in free air: what calibration leaves")
+    free_residual_n: float = Field(description="running mean of |F| in free air: the error that the calibration leaves")
     drift_suspected: bool
-    joint_stamp_ns: int = Field(default=-1, description="of that joint state; -1: not told (recordings of before)")
+    joint_stamp_ns: int = Field(default=-1, description="stamp of that joint state; -1: not known (older recordings)")
     calibration_seq: int = Field(default=-1, description="the `seq` of the calibration in use")
     memory: WrenchMemory | None = Field(default=None, description="now and then")
 
@@ -106,7 +106,9 @@ class IdentifyPayload(Message):
 
     readings: tuple[RawReading, ...] = Field(max_length=1000)
     save: bool = True
-    temperature_c: float | None = Field(default=None, ge=-MOST, le=MOST, description="now; kept with the calibration")
+    temperature_c: float | None = Field(
+        default=None, ge=-MOST, le=MOST, description="present temperature; stored with the calibration"
+    )
 
 
 class FtCalibration(Message):
@@ -124,7 +126,7 @@ class FtCalibration(Message):
     centroid_m: Vector3
     gravity_base: Vector3
     weight_base_n: Vector3 | None = Field(
-        default=None, description="weight_n times gravity_base, to the last bit; None in recordings of before"
+        default=None, description="weight_n times gravity_base, to the last bit; None in older recordings"
     )
     residual_force_n: float
     residual_moment_nm: float

@@ -1,4 +1,4 @@
-"""Whether the links to other machines' routers carry anything: Zenoh alone does not always make them anew.
+"""Whether the links to other machines' routers still work: Zenoh does not always restore them by itself.
 
 After a cut about as long as its lease one router may have given the link up while the other still holds it for whole;
 the one is then sent what it throws away, and does not connect again. So linked routers answer each other, whoever

@@ -1,4 +1,4 @@
-"""Whom the router refused, read from Zenoh's own log: it tells it nowhere else.
+"""Whom the router refused, read from Zenoh's log, the only place where Zenoh reports it.
 
 Links that fail their TLS handshake are warnings; what the access rules deny is traced, message by message. Zenoh also
 traces what it *would* deny, once for each key that is declared; those lines follow one that says so, and tell of no

@@ -1,4 +1,4 @@
-"""The secure router's ear on itself: what Zenoh logs of refusals becomes events on the bus and lines of the log."""
+"""The refusals of a secure router, from Zenoh's log, as events on the bus and lines of the service's log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A camera worse than the one there is: an error of stated size on what was found, and its covariance grown by it.
+"""A worse camera, for experiments: an error of given size added to the pose found, and to its covariance.
 
 The error is drawn from the two pictures themselves, so that the same pictures always give the same answer, also when
 they come from a recording, and two looks at the same hole give two draws.

@@ -1,4 +1,4 @@
-"""Why no pose is given. A lie is worse than a refusal.
+"""Refusals: why no pose is given. A confident wrong pose is worse than a refusal.
 
 VisionRefusal
 ├── WrongImage         not a picture of this camera's size

@@ -1,4 +1,4 @@
-"""What to change before looking again: a picture that was refused is refused again under the same light."""
+"""Which lamp and exposure to try next after a refusal: under the same light it would be refused again."""
 
 from __future__ import annotations
 
