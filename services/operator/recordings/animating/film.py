@@ -16,7 +16,7 @@ from services.operator.report.model import facts_of
 from services.operator.scene3d.rasterising import Picture, can_draw
 
 KINDS = (".webp", ".gif", ".mp4")
-QUALITY = 62  # of a WebP
+QUALITY = 84  # of a WebP
 
 
 def animate(path: Path, out: Path, seconds: float, fps: float, truth: bool) -> int:
