@@ -39,8 +39,8 @@ def test_every_page_is_there(site: Path) -> None:
     for page in (ROOT / "docs").rglob("*.md"):
         name = page.relative_to(ROOT / "docs").with_suffix(".html")
         assert (site / (name.with_name("index.html") if name.stem == "README" else name)).exists(), name
-    for name in ("index", "contributing", "changelog", "source/services/hardware/protocols.py"):
-        assert (site / f"{name}.html").exists(), name
+    for made in ("index", "contributing", "changelog", "source/services/hardware/protocols.py"):
+        assert (site / f"{made}.html").exists(), made
 
 
 def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
