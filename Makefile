@@ -44,7 +44,7 @@ test: env ## run the tests in three workers; ARGS='-n 0 tests/bus' runs one fold
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 docs: env ## the site of docs/ into build/site, without a network; open build/site/index.html
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet && echo build/site/index.html
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict && echo build/site/index.html
 
 lint: env ## style and common errors
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check .

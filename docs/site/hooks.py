@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent.parent.parent
 DOCS = ROOT / "docs"
 ROOT_PAGES = {"contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+EXCLUDED = {".py", ".yaml", ".j2", ".json"}  # as mkdocs.yml has it: of docs/, but no part of the site as they are
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".sh": "sh", ".svg": "xml"}
 BY_FILE = re.compile(r"\[[\w./-]+\.md\]\(([\w./-]+\.md)(#[\w-]+)?\)")
 FENCED = re.compile(r"^(```|~~~).*?^\1\s*$", re.DOTALL | re.MULTILINE)
@@ -73,6 +74,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     here = posixpath.dirname(page.file.src_uri)
 
     def other(found: re.Match[str]) -> str:
+        path = posixpath.normpath(posixpath.join("docs", here, found.group(1)))
+        own = next((name for name, root in ROOT_PAGES.items() if root == path), None)
+        if own is not None:
+            return f"]({posixpath.relpath(own, here or '.')}{found.group(2) or ''})"
         target = _repository_path(found.group(1), page.file.src_uri)
         if target is None:
             return found.group(0)
@@ -136,8 +141,8 @@ def _repository_path(link: str, page: str) -> str | None:
     if path in ROOT_PAGES.values() or path.startswith("..") or not (ROOT / path).exists():
         return None
     inside = path.startswith("docs/")
-    if inside and (path.endswith((".md", ".png", ".jpg", ".svg", ".gif", ".html", ".mp4", ".webp"))):
-        return path if path.startswith("docs/drawings/") else None
+    if inside and not (Path(path).suffix in EXCLUDED or path.startswith("docs/drawings") or (ROOT / path).is_dir()):
+        return None
     if inside and (ROOT / path / "README.md").exists():
         return None
     return path

@@ -99,7 +99,7 @@ def parsed(root: TyperGroup, words: tuple[str, ...]) -> tuple[str, ...]:
         if not rest or rest[0].startswith("-"):
             return tuple(names)
         found = command.get_command(context, rest[0])
-        if found is None:
+        if not isinstance(found, TyperCommand | TyperGroup):
             raise NoSuchCommand(" ".join([*names, rest[0]]))
         names.append(rest.pop(0))
         command, context = found, typer.Context(found, info_name=names[-1], parent=context)
@@ -111,7 +111,7 @@ def parsed(root: TyperGroup, words: tuple[str, ...]) -> tuple[str, ...]:
 
 @contextmanager
 def _files_need_not_be_there(command: TyperCommand) -> Iterator[None]:
-    told = [parameter.type_descriptor.parameter_info for parameter in command.params]
+    told = [getattr(parameter, "type_descriptor").parameter_info for parameter in command.params]  # noqa: B009  no type
     asked = [(info, info.exists) for info in told if getattr(info, "exists", False)]
     for info, _ in asked:
         info.exists = False

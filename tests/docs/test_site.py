@@ -23,7 +23,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """`make docs` into a folder of its own; a warning ends it."""
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
         cwd=ROOT,
         env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
@@ -39,8 +39,8 @@ def test_every_page_is_there(site: Path) -> None:
     for page in (ROOT / "docs").rglob("*.md"):
         name = page.relative_to(ROOT / "docs").with_suffix(".html")
         assert (site / (name.with_name("index.html") if name.stem == "README" else name)).exists(), name
-    for name in ("index", "contributing", "changelog", "source/services/hardware/protocols.py"):
-        assert (site / f"{name}.html").exists(), name
+    for made in ("index", "contributing", "changelog", "source/services/hardware/protocols.py"):
+        assert (site / f"{made}.html").exists(), made
 
 
 def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
