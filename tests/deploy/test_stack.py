@@ -56,7 +56,8 @@ def test_up_ps_logs_and_down_from_other_shells(stacks: Stacks) -> None:
     refused = stacks.cli("logs", "third")
     assert refused.returncode == 1 and refused.stderr.count("\n") == 1 and "third" in refused.stderr
 
-    assert stacks.cli("down").returncode == 0
+    down = stacks.cli("down")
+    assert down.returncode == 0 and "second  ended after" in down.stdout and "the stack is down" in down.stdout
     assert not any(is_alive(rows[name]["pid"]) for name in rows)
     wait_until(lambda: not is_alive(shown["supervisor_pid"]), "the supervisor ends just after it let go of its lock")
     after = stacks.cli("ps")
