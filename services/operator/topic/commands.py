@@ -11,6 +11,7 @@ COMMANDS = {
     "list": OnDemand(
         f"{_HERE}.listing:list_topics",
         "All topics: key, type, who sends it, and whether that service is alive now.",
+        by_cell=True,
     ),
     "echo": OnDemand(
         f"{_HERE}.echoing:echo",

@@ -14,7 +14,7 @@ from crosspih_common.bus.codec import decode, label_of
 from crosspih_common.bus.traffic import Counts
 from crosspih_common.bus.transport import Tap
 from crosspih_common.config import cell_name
-from crosspih_common.errors import BusUnreachable, ContractError
+from crosspih_common.errors import ContractError
 from crosspih_common.keys import Payload
 from services.operator.cell.which_cell import cell_path, endpoint
 from services.operator.topic.naming import ChosenTopic
@@ -37,14 +37,9 @@ class Heard:
 
 @contextmanager
 def listening_bus() -> Iterator[Bus]:
-    """A bus that claims no service's name. Raises BusUnreachable, with what to start, and ConfigError."""
-    where = endpoint()
+    """A bus that claims no service's name. Raises BusUnreachable and ConfigError."""
     name = cell_name(cell_path())
-    try:
-        transport = open_zenoh(where, CONNECT_S)
-    except BusUnreachable as error:
-        raise BusUnreachable(f"{error}; is a stack running? `crosspih up` starts one") from None
-    with Bus(transport, name, "operator", claim=False) as bus:
+    with Bus(open_zenoh(endpoint(), CONNECT_S), name, "operator", claim=False) as bus:
         yield bus
 
 
