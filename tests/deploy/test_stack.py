@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from crosspih_common.errors import CONFIG_STATUS
 from deploy.launcher import AlreadyUpError, NotUpError, StartError, is_up, stop_stack
 from deploy.launcher.conditions import Phase
 from deploy.launcher.health import Health
@@ -292,5 +293,5 @@ def test_a_malformed_endpoint_is_refused_in_one_line_before_anything_starts(
         ended = subprocess.run(
             command, env=stacks.environment(), capture_output=True, text=True, timeout=60.0, check=False
         )
-        assert ended.returncode == 1 and ended.stderr.count("\n") == 1, ended.stderr
+        assert ended.returncode == CONFIG_STATUS and ended.stderr.count("\n") == 1, ended.stderr
         assert "'nonsense' is no address of a router; write " in ended.stderr
