@@ -183,8 +183,8 @@ def _outline(drawing: PegDrawing) -> Outline:
         return outline_from_file(Path(drawing.outline))
     meant = did_you_mean(drawing.outline, OUTLINES)
     raise ValueError(
-        f"outline {drawing.outline!r}: {meant + ' ' if meant else ''}want one of {', '.join(OUTLINES)}, or a file that "
-        f"ends in {' or '.join(FILE_SUFFIXES)}"
+        f"outline {drawing.outline!r}: want one of {', '.join(OUTLINES)}, or a file that ends in "
+        f"{' or '.join(FILE_SUFFIXES)}" + (f": {meant}" if meant else "")
     )
 
 
