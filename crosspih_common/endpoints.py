@@ -49,5 +49,5 @@ def checked(endpoint: str, field: str = ENDPOINT_VARIABLE) -> str:
     """The endpoint as it is. Raises ConfigError, with the field that it stands in, where it is none."""
     problem, mend = fault_of(endpoint)
     if problem:
-        raise ConfigError(f"{field}: {problem}; {mend}")
+        raise ConfigError(f"{field}: {problem}; {mend}", field=field, mend=mend)
     return endpoint

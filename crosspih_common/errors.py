@@ -17,9 +17,19 @@ from __future__ import annotations
 
 
 class CrosspihError(Exception):
-    """Something crosspih expected might go wrong, did. `code` is how a service refuses that met it on its way."""
+    """Something crosspih expected might go wrong, did. `code` is how a service refuses that met it on its way.
+
+    `field` and `mend` are what the text is about and what would mend it, for programs; empty where nobody said.
+    """
 
     code: str = "internal"
+
+    def __init__(self, *text: object, field: str = "", mend: str = "") -> None:
+        super().__init__(*text)
+        self.field, self.mend = field, mend
+
+
+CONFIG_STATUS = 78  # how a service ends that cannot read its settings (EX_CONFIG): another start would not mend it
 
 
 class ConfigError(CrosspihError):

@@ -19,7 +19,12 @@ MOST_VALUES = 200_000  # once all aliases are followed
 
 
 class NotMeant(yaml.MarkedYAMLError):
-    """YAML that is none, or that nobody can have meant; the text names the line."""
+    """YAML that is none, or that nobody can have meant; the text names the line, and is one."""
+
+    def __str__(self) -> str:
+        mark = self.problem_mark
+        where = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
+        return where + " ".join(str(self.problem).split())
 
 
 class _Loader(yaml.SafeLoader):
@@ -69,8 +74,11 @@ def yaml_of(text: str) -> Any:
             loader.dispose()
     except RecursionError:
         raise NotMeant(problem="is nested deeper than anything that is meant") from None
-    except yaml.YAMLError:
+    except NotMeant:
         raise
+    except yaml.MarkedYAMLError as error:
+        # the whole of it draws the line and points below it: nothing for one line of a log
+        raise NotMeant(problem=error.problem, problem_mark=error.problem_mark) from None
     except ValueError as error:  # a date that is none, a number of 5,000 digits
         raise NotMeant(problem=" ".join(str(error).split())) from None
 

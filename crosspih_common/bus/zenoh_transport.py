@@ -144,9 +144,10 @@ def _open_session(
     except zenoh.ZError as error:
         secure = f" or it refused {credentials.certificate} (`crosspih security show`)" if credentials else ""
         said = str(error).splitlines()[0].split(" at /")[0]  # not where in Zenoh's sources
+        why = "" if said.startswith("Unable to connect") else f" ({said[:120]})"
         raise BusUnreachable(
             f"no router answers at {endpoint} within {connect_timeout_s:g} s{secure}; start the stack with "
-            f"`crosspih up` or name another with CROSSPIH_ENDPOINT ({said[:120]})"
+            f"`crosspih up` or name another with CROSSPIH_ENDPOINT{why}"
         ) from None
 
 

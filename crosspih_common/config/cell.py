@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from crosspih_common.config.arm import with_urdf_beside
 from crosspih_common.config.force_torque import with_correction_moved
 from crosspih_common.config.section import Section
+from crosspih_common.config.spelling import did_you_mean, fields_beside, words_of
 from crosspih_common.config.surroundings import with_mesh_files_beside
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
@@ -23,15 +24,20 @@ SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planni
 SectionT = TypeVar("SectionT", bound=Section)
 
 
-def _explain(path: Path, where: str, error: ValidationError) -> ConfigError:
-    lines = []
+def _explain(path: Path, where: str, error: ValidationError, model: type[Section]) -> ConfigError:
+    lines, fields, mends = [], [], []
     for problem in error.errors():
-        field = ".".join([where, *(str(part) for part in problem["loc"])])
+        fields.append(".".join([where, *(str(part) for part in problem["loc"])]))
         if problem["type"] == "extra_forbidden":
-            lines.append(f"{field}: no such setting; remove it or mend its spelling")
+            meant = did_you_mean(str(problem["loc"][-1]), fields_beside(model, problem["loc"]))
+            mends.append("remove it or mend its spelling" + (f": {meant}" if meant else ""))
+            lines.append(f"{fields[-1]}: no such setting; {mends[-1]}")
         else:
-            lines.append(f"{field}: {problem['msg'].removeprefix('Value error, ')} (got {problem['input']!r})")
-    return ConfigError(f"{path}: " + "; ".join(lines))
+            expected = str((problem.get("ctx") or {}).get("expected", ""))
+            mends.append(did_you_mean(str(problem["input"]), words_of(expected)))
+            said = f"{fields[-1]}: {problem['msg'].removeprefix('Value error, ')} (got {problem['input']!r})"
+            lines.append(said + (f"; {mends[-1]}" if mends[-1] else ""))
+    return ConfigError(f"{path}: " + "; ".join(lines), field=fields[0], mend=mends[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +54,7 @@ class CellFile:
         try:
             return model.model_validate(self.sections.get(service, {}))
         except ValidationError as error:
-            raise _explain(self.path, service, error) from None
+            raise _explain(self.path, service, error, model) from None
 
 
 def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
@@ -104,7 +110,9 @@ def cell_of_text(path: Path, text: str) -> CellFile:
     known = ("cell", *SERVICES)
     for name, section in content.items():
         if name not in known:
-            raise ConfigError(f"{path}: {name}: no such section; want one of {', '.join(known)}")
+            meant = did_you_mean(str(name), known)
+            mend = f"want one of {', '.join(known)}" + (f": {meant}" if meant else "")
+            raise ConfigError(f"{path}: {name}: no such section; {mend}", field=str(name), mend=mend)
         if section is not None and not isinstance(section, dict):
             raise ConfigError(f"{path}: {name}: wants a mapping, got {type(section).__name__}")
     try:
@@ -114,5 +122,5 @@ def cell_of_text(path: Path, text: str) -> CellFile:
     try:
         workcell = Workcell.model_validate(with_files_beside(path, content.get("cell") or {}))
     except ValidationError as error:
-        raise _explain(path, "cell", error) from None
+        raise _explain(path, "cell", error, Workcell) from None
     return CellFile(path, text, workcell, {name: content.get(name) or {} for name in SERVICES})

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from crosspih_common.config.section import Section
+from crosspih_common.config.spelling import did_you_mean
 from crosspih_common.errors import ConfigError
 from crosspih_common.shapes import CrossPeg, Hole, Outline, Peg
 from crosspih_common.shapes.importing import FILE_SUFFIXES, DrawingRead, outline_from_file, read_drawing
@@ -180,9 +181,10 @@ def _outline(drawing: PegDrawing) -> Outline:
         )
     if Path(drawing.outline).suffix.lower() in FILE_SUFFIXES:
         return outline_from_file(Path(drawing.outline))
+    meant = did_you_mean(drawing.outline, OUTLINES)
     raise ValueError(
         f"outline {drawing.outline!r}: want one of {', '.join(OUTLINES)}, or a file that ends in "
-        f"{' or '.join(FILE_SUFFIXES)}"
+        f"{' or '.join(FILE_SUFFIXES)}" + (f": {meant}" if meant else "")
     )
 
 

@@ -24,7 +24,7 @@ from typing import Protocol, TypeVar
 
 from crosspih_common.bus import DEFAULT_ENDPOINT, Bus, open_zenoh
 from crosspih_common.config import CellFile, Section, load_cell
-from crosspih_common.errors import BusError, ConfigError, CrosspihError
+from crosspih_common.errors import CONFIG_STATUS, BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS, WALL_CLOCK
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
 from crosspih_common.messages.status import LAST_ERROR_S, MOST_TEXT
@@ -165,7 +165,8 @@ def run_service(
     argv: Sequence[str] | None = None,
     section: str | None = None,
 ) -> int:
-    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status.
+    """Run a service until SIGINT, SIGTERM or its own failure; returns the exit status, CONFIG_STATUS where the cell's
+    file, its own section in it or the router's address is at fault.
 
     Its section of the cell's file has its name where `section` gives no other. `--check-config`: see `check_config`.
     """
@@ -185,7 +186,7 @@ def run_service(
         transport = open_zenoh(arguments.endpoint, service=name)
     except CrosspihError as error:
         print(f"{name}: {error}", file=sys.stderr, flush=True)
-        return 1
+        return CONFIG_STATUS if isinstance(error, ConfigError) else 1
     with Bus(transport, cell.workcell.name, name, claim=False) as bus:
         context = ServiceContext(name, cell, bus, stop)
         bus.on_reject = lambda why: _report_rejection(context, "rejected", why)
@@ -204,8 +205,10 @@ def run_service(
         status = bus.publisher(STATUS)
         status.publish(context.status())
         opened: Closeable | None = None
+        settings: SectionT | None = None
         try:
-            opened = build(context, cell.section(section, model))
+            settings = cell.section(section, model)
+            opened = build(context, settings)
             if not stop.is_set():
                 context.state = ServiceState.READY
                 bus.declare_alive()
@@ -230,7 +233,7 @@ def run_service(
             status.publish(context.status())
         if opened is not None:
             opened.close()
-    return 1 if failed else 0
+    return 0 if not failed else CONFIG_STATUS if settings is None else 1
 
 
 def _report_rejection(context: ServiceContext, code: str, why: str) -> None:

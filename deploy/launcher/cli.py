@@ -4,16 +4,21 @@ register(app)            adds the four commands to a typer app
 python -m deploy.launcher.cli up    is the same without the rest of the system
 """
 
+import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from deploy.launcher.display import LogView, TerminalConsole
+from crosspih_common.config import load_cell
+from crosspih_common.modules import DEFAULT_CELL
+from deploy.launcher.display import LogView, TerminalConsole, stopped_lines
 from deploy.launcher.foreground import supervise
 from deploy.launcher.looking import Project, RunDir, Services, logs, one_line_errors, ps
-from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, start_stack, stop_stack
+from deploy.launcher.port import require_free_port
+from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, is_up, start_stack, stop_stack
 from deploy.launcher.state import DEFAULT_PROJECT
 from deploy.launcher.supervisor import STOP_TIMEOUT_S
 
@@ -33,19 +38,27 @@ def up(
 ) -> None:
     """Start the services and show what they write; Ctrl-C stops them all."""
     with one_line_errors():
+        if compose_file == DEFAULT_COMPOSE_FILE:
+            # what is wrong in what all services share is said once, and before any of them starts
+            load_cell(os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL)
+            if not is_up(project, run_dir):
+                require_free_port()
         request = StackRequest(project, compose_file, tuple(services or ()), tuple(profile or ()), run_dir, timeout_s)
         if detach:
             console = TerminalConsole(highlight=False)
             start_stack(request, wait, wait_timeout_s, on_change=console.print)
             return
         view = LogView(TerminalConsole(highlight=False), request.chosen())
-        raise typer.Exit(supervise(request, view.show))
+        raise typer.Exit(supervise(request, view.show, whole=True))
 
 
 def down(project: Project = DEFAULT_PROJECT, run_dir: RunDir = None) -> None:
-    """Stop all services, in order, and the supervisor."""
+    """Stop all services, in order, and the supervisor; say how each of them ended."""
     with one_line_errors():
-        stop_stack(project, run_dir)
+        began_s = time.monotonic()
+        stopped = stop_stack(project, run_dir)
+        for line in stopped_lines(stopped, time.monotonic() - began_s):
+            print(line)
 
 
 def register(app: typer.Typer, ps: Callable[..., None] = ps) -> None:

@@ -1,7 +1,7 @@
 """How the launcher looks in a terminal: coloured interleaved logs and the table of ``crosspih ps``."""
 
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -10,7 +10,7 @@ from rich.text import Text
 from deploy.launcher.conditions import Phase, describe_exit
 from deploy.launcher.health import Health
 from deploy.launcher.logfile import LogLine
-from deploy.launcher.state import ServiceState, StackState
+from deploy.launcher.state import ServiceState, StackState, Stopped
 
 _COLOURS = ("cyan", "yellow", "green", "magenta", "blue", "bright_red", "bright_cyan", "bright_yellow", "bright_green")
 _PHASE_STYLE = {Phase.RUNNING: "green", Phase.RESTARTING: "yellow", Phase.WAITING: "yellow", Phase.BLOCKED: "red"}
@@ -59,6 +59,20 @@ def services_table(state: StackState) -> Table:
             Text(row.note),
         )
     return table
+
+
+def stopped_lines(stopped: Sequence[Stopped], spent_s: float) -> list[str]:
+    """What `crosspih down` says: a line a service, and one for all."""
+    if not stopped:
+        return ["stopped; its supervisor did not end in time and was killed, and so were the services"]
+    width = max(len(one.service) for one in stopped)
+    lines = [
+        f"{one.service:<{width}}  {'killed: it did not end' if one.killed else 'ended'} after {one.seconds:.2f} s"
+        for one in stopped
+    ]
+    killed = sum(one.killed for one in stopped)
+    ends = f"{len(stopped) - killed} ended" + (f", {killed} killed" if killed else "")
+    return [*lines, f"the stack is down after {spent_s:.1f} s: {ends}"]
 
 
 def _phase_text(row: ServiceState) -> str:

@@ -19,8 +19,9 @@ def _make_data_folder() -> None:
         raise LauncherError(f"{folder}: no folder can be made there ({error.strerror}); mend {DATA_VARIABLE}") from None
 
 
-def supervise(request: StackRequest, show: Callable[[LogLine], None]) -> int:
-    """Run a stack here; ``show`` gets every line its services write. Returns the exit status to end with.
+def supervise(request: StackRequest, show: Callable[[LogLine], None], whole: bool = False) -> int:
+    """Run a stack here; ``show`` gets every line its services write. Returns the exit status to end with. ``whole``: it
+    ends as a whole where one of its services cannot read its settings.
 
     SIGINT (Ctrl-C), SIGTERM and SIGHUP stop it in order, a second one kills what is left. Raises ComposeError and
     AlreadyUpError.
@@ -31,7 +32,7 @@ def supervise(request: StackRequest, show: Callable[[LogLine], None]) -> int:
     directory.acquire()
 
     async def run() -> int:
-        supervisor = Supervisor(services, request.compose_file, directory, show, request.stop_timeout_s)
+        supervisor = Supervisor(services, request.compose_file, directory, show, request.stop_timeout_s, whole)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, supervisor.stop)

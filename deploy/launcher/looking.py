@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from crosspih_common.errors import CrosspihError
 from crosspih_common.modules import RUN_DIR_VARIABLE
 from deploy.launcher.display import LogView, TerminalConsole, services_table
 from deploy.launcher.errors import LauncherError, NotUpError
@@ -31,7 +32,7 @@ def one_line_errors() -> Iterator[None]:
     """What the launcher cannot do is one line on standard error, and status 1."""
     try:
         yield
-    except LauncherError as error:
+    except CrosspihError as error:
         print(error, file=sys.stderr, flush=True)
         raise typer.Exit(1) from None
     except BrokenPipeError:
@@ -62,12 +63,15 @@ def show_stack(
         state = directory.read()
         if state is not None and not state.finished:
             state = add_notes(state)
-        if as_json:
-            nothing = {"project": project, "up": False, "services": []}
-            print(json.dumps({**state.model_dump(mode="json"), "up": not state.finished} if state else nothing))
         if state is None:
             why = f"; its supervisor (pid {stale_pid}) died, and its state was removed" if stale_pid else ""
-            raise NotUpError(f"project {project!r} is not up{why}")
+            said = f"project {project!r} is not up{why}"
+            if as_json:
+                error = {"code": "not_up", "text": said, "field": "--project", "mend": "crosspih up"}
+                print(json.dumps({"project": project, "up": False, "services": [], "error": error}))
+            raise NotUpError(said)
+        if as_json:
+            print(json.dumps({**state.model_dump(mode="json"), "up": not state.finished}))
         if not as_json:
             TerminalConsole(highlight=False).print(services_table(state), soft_wrap=True)
         if state.finished:

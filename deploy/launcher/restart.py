@@ -8,6 +8,8 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 
+from crosspih_common.errors import CONFIG_STATUS
+
 FIRST_DELAY_S = 0.1
 LONGEST_DELAY_S = 10.0
 STEADY_AFTER_S = 10.0
@@ -51,8 +53,11 @@ def decide(policy: RestartPolicy, exit_code: int, ran_s: float, attempt: int) ->
     """Whether a service is started again, after it ended with ``exit_code`` (negative: by that signal).
 
     ``ran_s`` is how long it ran and ``attempt`` the attempt of the decision that started it (0 for the first start).
-    None means that it stays down.
+    None means that it stays down, as whoever says by CONFIG_STATUS that it cannot read its settings: they are the same
+    the next time.
     """
+    if exit_code == CONFIG_STATUS:
+        return None
     if policy.when is RestartWhen.NO or (policy.when is RestartWhen.ON_FAILURE and exit_code == 0):
         return None
     so_far = 0 if ran_s >= STEADY_AFTER_S else attempt

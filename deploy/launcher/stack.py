@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import deploy
+from crosspih_common.errors import CONFIG_STATUS
 from crosspih_common.modules import DATA_VARIABLE, data_folder, module_command
 from deploy.launcher.compose import Service
 from deploy.launcher.conditions import Phase
@@ -23,7 +24,7 @@ from deploy.launcher.errors import AlreadyUpError, NotUpError, StartError
 from deploy.launcher.health import Health
 from deploy.launcher.loading import load_compose
 from deploy.launcher.order import select
-from deploy.launcher.state import DEFAULT_PROJECT, StackState, StateDirectory
+from deploy.launcher.state import DEFAULT_PROJECT, StackState, StateDirectory, Stopped
 from deploy.launcher.supervisor import STOP_TIMEOUT_S
 
 DEFAULT_COMPOSE_FILE = Path(deploy.__file__).resolve().parent / "compose.yaml"
@@ -173,12 +174,20 @@ def _refuse_failed(state: StackState, directory: StateDirectory) -> None:
     for row in state.services:
         gave_up = row.phase is Phase.EXITED and row.exit_code
         if gave_up or (row.phase is Phase.RESTARTING and row.restarts >= _HOPELESS_RESTARTS):
-            lines = directory.tails((row.service,))[row.service].read()
-            said = "\n  ".join(line.text for line in lines[-12:])
+            lines = [line.text for line in directory.tails((row.service,))[row.service].read()]
+            own = [line for line in lines if line.strip() and not line.startswith("[")]  # the launcher's: [launcher]
+            if row.exit_code == CONFIG_STATUS and own:
+                raise StartError(f"{row.service} did not start: {_without_level(own[-1])}")
+            said = "\n  ".join(lines[-12:])
             raise StartError(f"{row.service} did not start; it wrote:\n  {said}")
     blocked = [f"{row.service}: {row.note}" for row in state.services if row.phase is Phase.BLOCKED]
     if blocked:
         raise StartError("not started: " + "; ".join(blocked))
+
+
+def _without_level(line: str) -> str:
+    """A service's line for people, without how loud it is: `error: failed: ` in front."""
+    return line.removeprefix("error: failed: ")
 
 
 def is_up(project: str = DEFAULT_PROJECT, run_root: Path | None = None) -> bool:
@@ -188,10 +197,11 @@ def is_up(project: str = DEFAULT_PROJECT, run_root: Path | None = None) -> bool:
 
 def stop_stack(
     project: str = DEFAULT_PROJECT, run_root: Path | None = None, timeout_s: float = STOP_TIMEOUT_S + 2.0
-) -> None:
+) -> tuple[Stopped, ...]:
     """Take the stack down and return when it is gone; a supervisor that takes ``timeout_s`` is killed.
 
-    Its guard ends the services then. Raises NotUpError if none runs.
+    Its guard ends the services then. Returns how each service ended, in the order of their ends; nothing where the
+    supervisor was killed. Raises NotUpError if none runs.
     """
     directory = StateDirectory(project, run_root)
     pid = _supervisor_pid(directory)
@@ -203,6 +213,7 @@ def stop_stack(
     if pid in _children:
         # The lock is free a moment before the process has ended.
         _children.pop(pid).wait()
+    return directory.read_stopped(pid)
 
 
 def _reap() -> None:

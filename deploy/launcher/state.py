@@ -3,6 +3,7 @@
 lock             held (flock) by the supervisor as long as it lives, so that a dead one is never taken for alive
 state.json       StackState, replaced as a whole at every change
 <service>.log    see logfile.py
+stopped.json     StoppedStack, of the stack that was stopped last
 supervisor.log   what a detached supervisor itself said
 """
 
@@ -26,6 +27,7 @@ from deploy.launcher.logfile import SUFFIX, LogTail
 
 DEFAULT_PROJECT = "crosspih"
 _PROJECT_NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9._-]*")
+_STOPPED = "stopped.json"
 _SUPERVISOR_LOG = "supervisor.log"
 
 
@@ -60,6 +62,25 @@ class StackState(BaseModel):
 def default_run_root() -> Path:
     """Where stacks keep their state and logs: crosspih_common.modules.run_folder."""
     return run_folder()
+
+
+class Stopped(BaseModel):
+    """How one service ended when its stack was stopped: in order, or killed as it had not ended in its time."""
+
+    model_config = ConfigDict(frozen=True)
+
+    service: str
+    killed: bool
+    seconds: float
+
+
+class StoppedStack(BaseModel):
+    """What a supervisor leaves of the stack that it stopped."""
+
+    model_config = ConfigDict(frozen=True)
+
+    supervisor_pid: int
+    services: tuple[Stopped, ...] = ()
 
 
 def _locked(fd: int) -> bool:
@@ -119,6 +140,7 @@ class StateDirectory:
             )
         self._lock_fd = fd
         self._remove_state()
+        (self.path / _STOPPED).unlink(missing_ok=True)
         for path in self.path.glob(f"*{SUFFIX}"):
             if path != self.supervisor_log:
                 path.replace(path.with_name(path.name + ".1"))
@@ -160,6 +182,18 @@ class StateDirectory:
         scratch = target.with_suffix(".new")
         scratch.write_text(state.model_dump_json(indent=1), encoding="utf-8")
         scratch.replace(target)
+
+    def write_stopped(self, stopped: StoppedStack) -> None:
+        """What became of each service; stays until the next stack."""
+        (self.path / _STOPPED).write_text(stopped.model_dump_json(indent=1), encoding="utf-8")
+
+    def read_stopped(self, supervisor_pid: int) -> tuple[Stopped, ...]:
+        """What that supervisor left of its stack; nothing where it was killed itself."""
+        try:
+            found = StoppedStack.model_validate_json((self.path / _STOPPED).read_text(encoding="utf-8"))
+        except (OSError, ValidationError):
+            return ()
+        return found.services if found.supervisor_pid == supervisor_pid else ()
 
     def read(self) -> StackState | None:
         """The last state written, or None if there is none that can be read."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from crosspih_common.errors import CONFIG_STATUS
 from deploy.launcher.compose import Service
 from deploy.launcher.conditions import Phase, Standing, Verdict, describe_exit, judge
 from deploy.launcher.health import Health, HealthState, after_notification
@@ -18,7 +19,7 @@ from deploy.launcher.notify_socket import NotifyFolder, NotifySocket
 from deploy.launcher.order import start_levels
 from deploy.launcher.process import Guard, ServiceProcess
 from deploy.launcher.restart import decide
-from deploy.launcher.state import ServiceState, StackState, StateDirectory
+from deploy.launcher.state import ServiceState, StackState, StateDirectory, Stopped, StoppedStack
 from deploy.launcher.state_keeper import StateKeeper
 
 # Ctrl-C has to stop everything within 3 s; this leaves room for the kill and the clearing up.
@@ -55,18 +56,21 @@ class Supervisor:
         directory: StateDirectory,
         show: Callable[[LogLine], None],
         stop_timeout_s: float = STOP_TIMEOUT_S,
+        whole: bool = False,
     ) -> None:
         self._directory = directory
         self._compose_file = compose_file.resolve()
         self._show = show
         self._state = StateKeeper(directory, self._say_of_all)
         self._stop_timeout_s = stop_timeout_s
+        self._whole, self._hopeless = whole, False
         self._levels = start_levels(services)
         self._stopping = asyncio.Event()
         self._killing = asyncio.Event()
         self._changed = asyncio.Event()
         self._since = timestamp()
         self._guard = Guard()
+        self._stopped: list[Stopped] = []
         self._notify_folder = NotifyFolder(directory.notify_path)
         self._units = {
             name: _Unit(
@@ -83,7 +87,8 @@ class Supervisor:
     async def run(self) -> int:
         """Run until :meth:`stop`, or until every service ended for good.
 
-        Returns 0 if it was stopped, or if every service ended with exit status 0, and 1 otherwise.
+        Returns 0 if it was stopped, or if every service ended with exit status 0, and 1 otherwise. With ``whole`` a
+        service that says by CONFIG_STATUS that it cannot read its settings ends it too.
         """
         self._announce()
         lives = [asyncio.create_task(self._live(unit)) for unit in self._units.values()]
@@ -99,7 +104,7 @@ class Supervisor:
             self._clear_up()
             stopped.cancel()
         if self._stopping.is_set():
-            return 0
+            return 1 if self._hopeless else 0
         self._write_state(finished=True)
         return 0 if all(unit.standing.exit_code == 0 for unit in self._units.values()) else 1
 
@@ -121,6 +126,11 @@ class Supervisor:
                 if decision is None:
                     self._say(unit, f"ended ({describe_exit(exit_code)})")
                     self._enter(unit, Phase.EXITED)
+                    if self._whole and exit_code == CONFIG_STATUS:
+                        self._hopeless = True
+                        self._say(unit, "cannot start with these settings: the stack is stopped")
+                        self._stopping.set()
+                        self._announce()
                     return
                 attempt = decision.attempt
                 self._say(unit, f"ended ({describe_exit(exit_code)}); starts again in {decision.delay_s:.1f} s")
@@ -242,8 +252,11 @@ class Supervisor:
             # A level that hangs must not use up the time of those below it, so they are asked all the same.
             await asyncio.wait([asyncio.create_task(unit.down.wait()) for unit in units], timeout=share_s)
         await asyncio.gather(*ends)
+        with contextlib.suppress(OSError):  # a full disk must not keep it from ending
+            self._directory.write_stopped(StoppedStack(supervisor_pid=os.getpid(), services=tuple(self._stopped)))
 
     async def _end(self, unit: _Unit, deadline_s: float) -> None:
+        began_s, ran, killed = asyncio.get_running_loop().time(), unit.process is not None, False
         if unit.process is not None:
             unit.process.signal_group(signal.SIGTERM)
         left_s = deadline_s - asyncio.get_running_loop().time()
@@ -256,7 +269,11 @@ class Supervisor:
             if unit.process is not None:
                 self._say(unit, "did not end in time; killed")
                 unit.process.signal_group(signal.SIGKILL)
+                killed = True
             await unit.down.wait()
+        if ran:
+            seconds = round(asyncio.get_running_loop().time() - began_s, 2)
+            self._stopped.append(Stopped(service=unit.name, killed=killed, seconds=seconds))
 
     def _clear_up(self) -> None:
         for unit in self._units.values():

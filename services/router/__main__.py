@@ -18,7 +18,7 @@ import zenoh
 
 from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, router_config
 from crosspih_common.endpoints import checked
-from crosspih_common.errors import CrosspihError
+from crosspih_common.errors import CONFIG_STATUS, ConfigError, CrosspihError
 from crosspih_common.security import credentials_from_environment, open_to_whom, secure_endpoint
 from crosspih_common.service import notify
 from crosspih_common.service.ending import end_process
@@ -75,7 +75,7 @@ def main() -> int:
         kind, cell = _telling(given.cell) if credentials else (None, "")
     except CrosspihError as error:
         print(f"router: {error}", file=sys.stderr, flush=True)
-        return 1
+        return CONFIG_STATUS if isinstance(error, ConfigError) else 1
     stop = threading.Event()
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -95,7 +95,7 @@ def main() -> int:
             file=sys.stderr,
             flush=True,
         )
-        return 1
+        return 1  # and is started again: a predecessor may be letting go of the port just now
     bus = None
     try:
         if telling is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from crosspih_common.config import Section, Workcell, cell_name, load_cell
+from crosspih_common.config import Section, Workcell, cell_name, cell_of_text, load_cell
+from crosspih_common.config.spelling import did_you_mean, words_of
 from crosspih_common.errors import ConfigError
 
 
@@ -113,3 +115,26 @@ def test_what_is_no_name_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "cell.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=r"cell\.yaml: "):
         cell_name(tmp_path / "cell.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("cell: {nam: a}", "cell.nam: no such setting; remove it or mend its spelling: did you mean name?"),
+        ("cell: {hole: {clearence_m: 1.0e-4}}", "did you mean clearance_m?"),
+        ("cell: {surroundings: {boxes: [{nmae: post}]}}", "remove it or mend its spelling: did you mean name?"),
+        ("cell: {arm: {nmae: irb120}}", "did you mean name?"),
+        ("plannnig: {}", "did you mean planning?"),
+        ("cell: {peg: {outline: sqare}}", "did you mean square?"),
+    ],
+)  # fmt: skip
+def test_a_misspelt_word_is_told_what_it_was_meant_to_be(text: str, meant: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(meant)) as raised:
+        cell_of_text(Path("a.yaml"), text)
+    assert raised.value.field
+
+
+def test_what_is_near_nothing_is_told_nothing() -> None:
+    assert did_you_mean("zzz", ["name", "hole"]) == ""
+    assert did_you_mean("FRICTION", ["friction"]) == "did you mean friction?"
+    assert words_of("'realtime' or 'max'") == ["realtime", "max"]

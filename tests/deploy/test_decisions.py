@@ -1,16 +1,21 @@
 """The launcher's pure decisions: restarts, health, conditions; and what it does with bytes: lines and log files."""
 
+import socket
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.launcher import logfile
+from crosspih_common.errors import CONFIG_STATUS
+from deploy.launcher import StartError, logfile
 from deploy.launcher.conditions import Condition, Phase, Standing, Verdict, judge
+from deploy.launcher.display import stopped_lines
 from deploy.launcher.health import Health, HealthState, after_check, after_notification, after_silence
 from deploy.launcher.logfile import LineSplitter, LogLine, LogTail, LogWriter, merged
+from deploy.launcher.port import require_free_port
 from deploy.launcher.restart import LONGEST_DELAY_S, STEADY_AFTER_S, RestartDecision, RestartPolicy, decide
+from deploy.launcher.state import Stopped
 
 STARTING = HealthState(Health.STARTING)
 
@@ -24,6 +29,8 @@ STARTING = HealthState(Health.STARTING)
         ("on-failure", 0, False),
         ("on-failure", 1, True),
         ("on-failure", -9, True),
+        ("always", CONFIG_STATUS, False),
+        ("unless-stopped", CONFIG_STATUS, False),
     ],
 )
 def test_policy(policy: str, exit_code: int, restarted: bool) -> None:
@@ -155,3 +162,26 @@ def test_full_log_is_set_aside_and_followed(tmp_path: Path, monkeypatch: pytest.
     # The second line filled the file, which was set aside before the reader looked again.
     assert seen == lines
     assert path.with_name("a.log.1").read_text().count("\n") == 2
+
+
+def test_what_was_stopped_is_told_service_by_service() -> None:
+    stopped = [Stopped(service="planning", killed=False, seconds=0.31), Stopped(service="hw", killed=True, seconds=2.3)]
+    assert stopped_lines(stopped, 2.44) == [
+        "planning  ended after 0.31 s",
+        "hw        killed: it did not end after 2.30 s",
+        "the stack is down after 2.4 s: 1 ended, 1 killed",
+    ]
+    assert "was killed" in stopped_lines([], 5.0)[0]
+
+
+def test_a_port_that_is_taken_is_said_with_another_one() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(
+            StartError, match=rf"tcp/127.0.0.1:{port} is in use.*CROSSPIH_ENDPOINT=tcp/127.0.0.1:{port + 1}"
+        ):
+            require_free_port(f"tcp/127.0.0.1:{port}")
+    require_free_port(f"tcp/127.0.0.1:{port}")
+    require_free_port("tcp/192.0.2.1:7447")  # another machine's

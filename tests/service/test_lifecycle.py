@@ -13,7 +13,7 @@ import pytest
 
 from crosspih_common.bus import Bus, MemoryHub, open_zenoh
 from crosspih_common.config import load_cell
-from crosspih_common.errors import BusError
+from crosspih_common.errors import CONFIG_STATUS, BusError
 from crosspih_common.keys import FT_CALIBRATION, LOCATE, STATUS
 from crosspih_common.messages import LocateHole, ServiceState, ServiceStatus
 from crosspih_common.messages.status import LAST_ERROR_S
@@ -143,7 +143,7 @@ def test_a_wrong_setting_is_one_clear_line(spawn: Spawn, endpoint: str, tmp_path
     file = tmp_path / "cell.yaml"
     file.write_text(text)
     service = spawn("force_torque", "--cell", str(file), "--endpoint", endpoint)
-    assert service.process.wait(DEADLINE_S) == 1
+    assert service.process.wait(DEADLINE_S) == CONFIG_STATUS
     service.terminate()
     output = "".join(service.output)
     assert words in output

@@ -13,6 +13,7 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import BusUnreachable, ConfigError, CrosspihError
 from crosspih_common.security import CERTIFICATES
 from deploy.launcher import DEFAULT_PROJECT, StackRequest, is_up, start_stack, stop_stack
+from deploy.launcher.port import require_free_port
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.cells.stopping import stopped_in_order
 from services.operator.cell.which_cell import cell_path, endpoint
@@ -59,6 +60,7 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
                 )
             yield session, False
         return
+    require_free_port(endpoint())
     project = DEFAULT_PROJECT
     if is_up(project):
         project = f"{DEFAULT_PROJECT}-{uuid.uuid4().hex[:6]}"

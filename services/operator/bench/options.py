@@ -10,13 +10,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from crosspih_common.errors import CrosspihError
 from crosspih_common.provenance import ResultStore
-from deploy.launcher import LauncherError
 from services.operator.assembly.as_bench import watch_command
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
+from services.operator.cli.failure import Failed, Failure
+from services.operator.cli.failure import told as failures_told
+from services.operator.cli.options import AsJson as AsJson
 from services.operator.scoring.score import TrialFigures
 
 Cells = Annotated[int | None, typer.Option(min=1, help="Cells side by side; one a core when left out.")]
@@ -27,22 +28,18 @@ RayAddress = Annotated[
 Store = Annotated[
     Path | None, typer.Option(help="Results as JSON lines: what is there is not done again, what is new is added.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 
 @contextmanager
 def told(console: Console) -> Iterator[None]:
-    """Errors as one red line and exit status 1; Ctrl-C as 130."""
-    try:
-        yield
-    except TrialsStopped as stopped:
-        console.print(f"{stopped}; the same command goes on from there", highlight=False)
-        raise typer.Exit(130) from None
-    except (CrosspihError, LauncherError) as error:
-        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
-    except KeyboardInterrupt:
-        raise typer.Exit(130) from None
+    """As every command tells its errors (cli/failure.py); a bench that was stopped says that it can go on."""
+    with failures_told(console):
+        try:
+            yield
+        except TrialsStopped as stopped:
+            said = f"{stopped}; the same command goes on from there"
+            console.print(said, highlight=False)
+            raise Failed(Failure("stopped", said), 130) from None
 
 
 def trials_of(

@@ -37,6 +37,7 @@ from crosspih_common.messages import GuardedMove, MotionOutcome, SetPayload, Sto
 from services.operator.assembly.session import Session
 from services.operator.calibrate.folder import now
 from services.operator.calibrate.moving import HeldArm
+from services.operator.cli.time_left import TimeLeft
 
 TILTS_RAD = (0.2, 0.42)
 BESIDE_M = 0.014  # from the rim of the hole to the corner that touches
@@ -312,6 +313,7 @@ def take_presses(
                 "presses": tuple(presses), "weighings": tuple(weighings),
             })  # fmt: skip
 
+        left = TimeLeft(manner.presses)
         for rotation, place in postures(workcell, manner.presses, manner.seed):
             if len(presses) >= manner.presses:
                 break
@@ -319,8 +321,8 @@ def take_presses(
             if press is None:
                 continue
             presses.append(press)
-            console.print(f"  push {len(presses):2d} of {manner.presses}: {_told(press, presser.normal, workcell)}",
-                          highlight=False)  # fmt: skip
+            said = f"  push {len(presses):2d} of {manner.presses}: {_told(press, presser.normal, workcell)}"
+            console.print(said + left.after(len(presses)), highlight=False)
             on_push(so_far())
         presser.back_home(home)
     return so_far()

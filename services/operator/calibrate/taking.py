@@ -20,6 +20,7 @@ from services.operator.calibrate.folder import Taken, TakenPair, now, pair_job, 
 from services.operator.calibrate.moving import SETTLE_S, HeldArm, captured
 from services.operator.calibrate.page import DRAWN, LivePage
 from services.operator.calibrate.showing import outline_px, tour
+from services.operator.cli.time_left import TimeLeft
 from services.operator.config import BoardSection
 from services.operator.locate.worker import OfflineVision
 
@@ -116,8 +117,11 @@ def take_by_arm(
         console.print("choosing postures in which both cameras see the board", highlight=False)
         taker.say("choosing postures in which both cameras see the board")
         ways = tour(workcell, told, pattern, on_flange, arm.joints_rad, count, seed)
+        left = TimeLeft(len(ways) - 1)
         for index, way in enumerate(ways[:-1]):
-            taker.say(f"posture {index + 1} of {len(ways) - 1}")
+            going = f"posture {index + 1} of {len(ways) - 1}{left.after(index)}"
+            taker.say(going)
+            console.print(going, highlight=False)
             try:
                 arm.go(way[1:])
             except CommandRefused as refusal:

@@ -9,10 +9,12 @@ COMMANDS = {
     "check": OnDemand(
         f"{_HERE}.cell.check.command:check",
         "What is wrong with a cell, and how to mend it: moves little and gently. Status 1 when something is wrong.",
+        example="--cell deploy/cells/default.yaml",
     ),
     "init": OnDemand(
         f"{_HERE}.cell.init.command:init",
         "Make a cell's file by answering questions; each answer is checked at once.",
+        example="my-cell.yaml",
     ),
     "drivers": OnDemand(
         f"{_HERE}.cell.drivers:drivers",
@@ -24,6 +26,7 @@ COMMANDS = {
         "protocols at the addresses of docs/hardware/in-a-day.md, in a network of its own, and the cell "
         "behind them is not as its file says. Without a terminal and a command it stays until it is ended.",
         settings={"ignore_unknown_options": True},
+        example="run/day",
     ),
 }
 

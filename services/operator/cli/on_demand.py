@@ -3,13 +3,59 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
+
+from services.operator.cli.failure import (
+    Failed,
+    failure_of,
+    is_shown_whole,
+    print_json,
+    say,
+    usage_failure,
+    with_nearest,
+)
+
+PROGRAM = "crosspih"
+UsageError: Any = typer.BadParameter.__base__  # Click's, which Typer does not name
+
+
+class OneCommand(TyperCommand):
+    """A command whose every error is one line, and with `--json` an object too."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As Click does it; of a word that is none of a choice the nearest is named."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            error.message = with_nearest(error.message)
+            raise
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it."""
+        as_json = bool(ctx.params.get("as_json"))
+        try:
+            return super().invoke(ctx)
+        except Failed as failed:
+            if as_json:
+                print_json(failed.failure)
+            raise
+        except (typer.Exit, typer.Abort, UsageError, BrokenPipeError):
+            raise
+        except Exception as error:
+            if is_shown_whole(error):
+                raise
+            failure = failure_of(error)
+            say(failure)
+            if as_json:
+                print_json(failure)
+            raise typer.Exit(1) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +70,13 @@ class OnDemand:
     settings: Mapping[str, Any] = field(default_factory=dict)
     by_cell: bool = False
     """Whether it goes by a cell's file and has not its own `--cell` yet."""
+    example: str = ""
+    """The words behind its name in an example of its use, which stands below its help."""
+    panel: str = ""
+    """The heading under which a list of commands shows it."""
 
-    def load(self, name: str) -> TyperCommand | TyperGroup:
-        """The command itself, which imports all that it needs."""
+    def load(self, name: str, path: str = "") -> TyperCommand | TyperGroup:
+        """The command itself, which imports all that it needs. `path`: how it is called, for its example."""
         module, _, attribute = self.where.partition(":")
         found = getattr(importlib.import_module(module), attribute)
         if isinstance(found, typer.Typer):
@@ -38,37 +88,44 @@ class OnDemand:
 
             found = for_cell(found)
         alone = typer.Typer(add_completion=False, pretty_exceptions_show_locals=False)
-        alone.command(name, context_settings=dict(self.settings))(found)
+        shown = f"Example: {' '.join(filter(None, (path or name, self.example)))}"
+        alone.command(name, cls=OneCommand, context_settings=dict(self.settings), epilog=shown)(found)
         command = get_command(alone)
         assert isinstance(command, TyperCommand)
         return command
 
 
-def group_of(table: Mapping[str, OnDemand]) -> type[TyperGroup]:
-    """The class of a Typer app, `typer.Typer(cls=...)`, whose commands are those of the table, in its order."""
+def _called(ctx: Any) -> str:
+    """How a group is called by who has installed crosspih."""
+    return PROGRAM + ctx.command_path.removeprefix(ctx.find_root().command_path)
+
+
+def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
+    """The class of a Typer app, `typer.Typer(cls=...)`, whose commands are those of a table, in its order."""
 
     class CommandsOnDemand(TyperGroup):
         """Lists without an import, and imports what is called."""
 
+        table = commands
         _listing = False
 
         def __init__(self, **settings: Any) -> None:
             super().__init__(**settings)
-            self.commands = dict.fromkeys(table)  # type: ignore[assignment]  # Typer suggests the nearest of these names
+            self.commands = dict.fromkeys(commands)  # type: ignore[assignment]  # Typer suggests the nearest of these names
 
         def list_commands(self, ctx: Any) -> list[str]:
             """Their names."""
-            return list(table)
+            return list(commands)
 
         def get_command(self, ctx: Any, cmd_name: str) -> Any:
-            """The command; while help is printed only its name and what the list says of it."""
-            entry = table.get(cmd_name)
+            """The command; while help or a completion is printed only its name and what the list says of it."""
+            entry = commands.get(cmd_name)
             if entry is None:
                 return None
             if self._listing:
-                return TyperCommand(cmd_name, help=entry.says)
+                return TyperCommand(cmd_name, help=entry.says, rich_help_panel=entry.panel or None)
             if self.commands[cmd_name] is None:
-                self.commands[cmd_name] = entry.load(cmd_name)
+                self.commands[cmd_name] = entry.load(cmd_name, f"{_called(ctx)} {cmd_name}")
             return self.commands[cmd_name]
 
         def format_help(self, ctx: Any, formatter: Any) -> None:
@@ -78,5 +135,30 @@ def group_of(table: Mapping[str, OnDemand]) -> type[TyperGroup]:
                 super().format_help(ctx, formatter)
             finally:
                 self._listing = False
+
+        def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+            """As Typer does it: which commands begin so needs none of them."""
+            self._listing = True
+            try:
+                return super().shell_complete(ctx, incomplete)
+            finally:
+                self._listing = False
+
+        def main(self, args: Sequence[str] | None = None, standalone_mode: bool = True, **settings: Any) -> Any:
+            """As Typer does it; what cannot be asked so is with `--json` an object too."""
+            words = list(sys.argv[1:] if args is None else args)
+            if not standalone_mode or "--json" not in words:
+                return super().main(args, standalone_mode=standalone_mode, **settings)
+            try:
+                status = super().main(words, standalone_mode=False, **settings)
+            except UsageError as error:
+                from typer.rich_utils import rich_format_error
+
+                rich_format_error(error)
+                print_json(usage_failure(error))
+                sys.exit(error.exit_code)
+            except typer.Abort:
+                sys.exit(1)
+            sys.exit(status if isinstance(status, int) else 0)
 
     return CommandsOnDemand

@@ -4,9 +4,7 @@ whether this machine's wall clock is that of the cell's."""
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from crosspih_common.errors import CrosspihError
 from deploy.launcher.conditions import Phase
@@ -14,6 +12,7 @@ from deploy.launcher.health import Health
 from deploy.launcher.looking import Project, RunDir, show_stack
 from deploy.launcher.state import DEFAULT_PROJECT, StackState
 from services.operator.cell.which_cell import cell_path, endpoint
+from services.operator.cli.options import AsJson
 
 if TYPE_CHECKING:
     from crosspih_common.bus import Bus
@@ -82,7 +81,7 @@ def _with_signs_of_life(state: StackState) -> StackState:
 
 
 def ps(
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    as_json: AsJson = False,
     project: Project = DEFAULT_PROJECT,
     run_dir: RunDir = None,
 ) -> None:

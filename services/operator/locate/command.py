@@ -14,7 +14,9 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Gamma, LocateMethod
 from services.operator.cell.which_cell import cell_path, using_cell
+from services.operator.cli.failure import Failed, failure_of
 from services.operator.cli.for_cell import CELL_HELP
+from services.operator.cli.options import AsJson
 from services.operator.locate.calibration_file import Reading, read_calibration
 from services.operator.locate.reading import CalibrationFileError
 from services.operator.locate.showing import show
@@ -79,7 +81,7 @@ def locate(
         ),
     ],
     cell: Annotated[Path | None, typer.Option(help=CELL_HELP)] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    as_json: AsJson = False,
     annotated: Annotated[
         Path | None, typer.Option(help="Folder for left.png and right.png with what was seen; it is made.")
     ] = None,
@@ -104,10 +106,10 @@ def locate(
             answer, place = _asked(console, left, right, calibration, annotated, gamma, method, rectified, unit)
     except (BadInput, CalibrationFileError, ConfigError) as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(BAD_INPUT) from None
+        raise Failed(failure_of(error), BAD_INPUT) from None
     except VisionLost as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
+        raise Failed(failure_of(error)) from None
     if as_json:
         print(json.dumps({name: answer[name] for name in FIELDS}))
     else:

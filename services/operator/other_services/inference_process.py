@@ -52,5 +52,6 @@ def run_tool(arguments: Sequence[str], console: Console, module: str = "services
     if refused is not None:
         raise ToolFailed(refused)
     if process.returncode != 0 or result is None:
-        raise ToolFailed(f"python -m {module} {arguments[0]} ended with {process.returncode}")
+        told = f"python -m {module} {arguments[0]} ended with {process.returncode}; its own words stand above"
+        raise ToolFailed(told)
     return result

@@ -16,19 +16,9 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.geometry.pose import Array
 from services.operator.bench.options import AsJson, told
 from services.operator.cell.which_cell import cell_path
-from services.operator.cli.for_cell import for_cell
 from services.operator.peg.checking import Checked, check
 
-peg_app = typer.Typer(no_args_is_help=True, help="Pegs from drawings.")
 
-
-@peg_app.callback()
-def _pegs() -> None:
-    """Pegs from drawings."""
-
-
-@peg_app.command("check")
-@for_cell
 def check_drawing(
     file: Annotated[Path, typer.Argument(help="The drawing, SVG or DXF.")],
     as_json: AsJson = False,

@@ -15,8 +15,6 @@ from rich.table import Table
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
 from services.operator.recordings import looking, making
-from services.operator.recordings.animating.command import animate
-from services.operator.recordings.export.commands import export_app
 from services.operator.recordings.making import Made
 
 FILE_HELP = "A recording (.mcap); its further parts are found beside it."
@@ -139,11 +137,3 @@ def _told(console: Console, as_json: bool, made: Made, out: Path) -> None:
     if made.repeated:
         console.print(f"{made.repeated} messages were there more than once", highlight=False)
     console.print(f"{out}: {made.messages} messages", highlight=False, soft_wrap=True)
-
-
-recording_app = typer.Typer(
-    no_args_is_help=True, help="Look into recordings, mend, cut, merge, animate and export them."
-)
-for _command in (info, check, recover, cut, merge, animate):
-    recording_app.command()(_command)
-recording_app.add_typer(export_app, name="export")

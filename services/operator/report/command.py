@@ -25,9 +25,10 @@ def report(
     Example: crosspih report recordings/assembly-fused-seed1-0001.mcap
     """
     if len(files) > 2:
-        typer.echo(f"report: {len(files)} recordings; want one, or two to compare", err=True)
-        raise typer.Exit(2)
+        raise typer.BadParameter(f"{len(files)} recordings; want one, or two to compare", param_hint="files")
     first = files[0]
+    if folders := [str(one) for one in files if one.is_dir()]:
+        raise typer.BadParameter(f"{folders[0]} is a folder; name a recording (.mcap) in it", param_hint="files")
     name = first.with_suffix(".html") if len(files) == 1 else first.with_name(f"{first.stem}-and-{files[1].stem}.html")
     page = output or name
     try:

@@ -30,6 +30,7 @@ from services.operator.bench.cells.local_executor import usable_cores
 from services.operator.bench.cells.own_cell import free_port
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.options import Cells, RayAddress, Where
+from services.operator.cli.time_left import in_words
 from services.operator.results.page import Sections, make_page, when
 from services.operator.results.plan import PLAN, Entry, arguments, load_plan
 from services.operator.results.printed import Printed, PrintedFolder
@@ -102,6 +103,14 @@ def entries_named(entries: list[Entry], names: list[str]) -> list[Entry]:
     ]
 
 
+def _how_far(done: int, count: int, took_s: list[float | None]) -> str:
+    """Which one it is, and what it and those after it took the last time that they ran."""
+    known = [one for one in took_s if one is not None]
+    rest = f", about {in_words(sum(known))} left by the last time" if known else ""
+    unknown = f", {len(took_s) - len(known)} of them never ran here" if known and len(known) < len(took_s) else ""
+    return f"{done + 1} of {count}{rest}{unknown}"
+
+
 def results(
     names: Annotated[
         list[str] | None, typer.Argument(help="Only these, or those whose names begin so; all when none is named.")
@@ -147,7 +156,7 @@ def results(
         counts, watch, cell = write(), SourceWatch(), _default_cell()
         if os.environ.get("CROSSPIH_CELL") and not page_only:
             console.print("CROSSPIH_CELL is passed over: the page is about the default cell", style="yellow")
-        for entry in [] if page_only else chosen:
+        for number, entry in enumerate([] if page_only else chosen):
             command = entry.shown(folder.as_posix(), tuple(entry.quick.split()) if quick else ())
             before = shelf.get(entry.name)
             # what keeps its results is printed anew in seconds when the operator's own code makes other tables of them
@@ -156,6 +165,8 @@ def results(
                 console.print(f"{entry.name}: known", highlight=False)
                 continue
             console.print(f"{entry.name}: {command}", style="bold", markup=False, highlight=False, soft_wrap=True)
+            took = [None if (was := shelf.get(one.name)) is None else was.elapsed_s for one in chosen[number:]]
+            console.print(_how_far(number, len(chosen), took), style="dim", highlight=False)
             printed = _make(entry, command, where if entry.in_cells else (), folder / f"{entry.name}.json", cell)
             if not watch.unchanged():
                 raise CrosspihError(

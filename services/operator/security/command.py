@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
+from crosspih_common.errors import ConfigError
 from crosspih_common.security import CERTIFICATES
 from crosspih_common.security.access import SERVICES
 from deploy.launcher.display import TerminalConsole
-
-app = typer.Typer(no_args_is_help=True, help="Certificates: who may do what in a cell (docs/security.md).")
+from services.operator.cli.options import AsJson
 
 NEEDS = "crosspih security needs the package cryptography: pip install 'crosspih[security]'"
 Folder = Annotated[
@@ -23,12 +22,10 @@ Folder = Annotated[
 HERE = Path("certificates")
 
 
-def _stop(why: str) -> typer.Exit:
-    print(why, file=sys.stderr, flush=True)
-    return typer.Exit(1)
+def _stop(why: str) -> ConfigError:
+    return ConfigError(why)
 
 
-@app.command()
 def init(
     folder: Folder = HERE,
     days: Annotated[float, typer.Option("--days", min=0.01, help="Until all of them end.")] = 365.0,
@@ -63,10 +60,9 @@ def init(
     print(f"next: export {CERTIFICATES}={here} in every shell, then crosspih up --file deploy/compose.secure.yaml")
 
 
-@app.command()
 def show(
     folder: Folder = HERE,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Which certificates there are, and when they end; exit status 1 where one of them cannot be used."""
     try:

@@ -16,15 +16,17 @@ from crosspih_common.config.drawing import CROSS, OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
 from crosspih_common.recording import RecordingError
-from deploy.launcher import LauncherError
 from services.operator.assembly.as_bench import bench_session
+from services.operator.assembly.display.live import told_story
 from services.operator.assembly.pegs import cell_with_peg
 from services.operator.assembly.session import Session
-from services.operator.assembly.show import Story, pose_lines, summary
+from services.operator.assembly.show import pose_lines, summary
 from services.operator.assembly.stack import cell_session
 from services.operator.bench.cells.conditions import DEFAULT_PEG, Condition, condition_of
 from services.operator.bench.cells.trials import TrialJob
+from services.operator.cell.settings import require_settings
 from services.operator.cell.which_cell import using_cell
+from services.operator.cli.failure import Failed, Failure, failure_of
 from services.operator.cli.for_cell import CELL_HELP
 from services.operator.report import make_report
 from services.operator.scoring.score import TrialFigures
@@ -62,7 +64,7 @@ class _Cell:
 
 def _assemble(
     console: Console, cell: _Cell, seed: int, strategy: Strategy, record: bool, peg: str | None,
-    known: PosePrior | None = None,
+    plain: bool, known: PosePrior | None = None,
 ) -> _Done:  # fmt: skip
     job = TrialJob(seed=seed, strategy=strategy, condition=cell.condition, peg=peg or DEFAULT_PEG, known=known)
     with ExitStack() as stack:
@@ -73,11 +75,11 @@ def _assemble(
         console.print(f"{drawn}, peg {outline.name}, strategy {strategy.value}, {session.speed()}", highlight=False)
         if outline.symmetry_order == 0:
             console.print("a round peg: nothing it touches tells how it is turned about its axis", highlight=False)
-        story = Story(console)
-        session.follow_events(story.phase, story.touch, story.event)
-        figures, result = session.trial(
-            seed, strategy, record, on_begin=story.begin, known=known, on_check=story.checking
-        )
+        title = f"seed {seed}, peg {outline.name}, {strategy.value}"
+        with told_story(console, session, title, plain) as story:
+            figures, result = session.trial(
+                seed, strategy, record, on_begin=story.begin, known=known, on_check=story.checking
+            )
         truth = session.truth() if session.simulated else None
     if figures.recording is not None:
         page = Path(figures.recording).with_suffix(".html")
@@ -127,6 +129,9 @@ def assemble(
         str | None, typer.Option(help="realtime, or max: the cell's clock runs only while a command does.")
     ] = None,
     record: Annotated[bool, typer.Option(help="Write a recording and its report.")] = True,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="Lines alone, as into a file, and no panel below them.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object on standard output, an array of two with --after-cross.")
     ] = False,
@@ -138,37 +143,36 @@ def assemble(
     """
     console = Console(stderr=as_json)
     if speed not in (None, "realtime", "max"):
-        console.print(f"--speed {speed}: want realtime or max", highlight=False)
-        raise typer.Exit(2)
+        raise typer.BadParameter(f"{speed}: want realtime or max", param_hint="--speed")
     if after_cross and peg in (None, CROSS):
-        console.print("--after-cross: name the other peg with --peg, star for instance", highlight=False)
-        raise typer.Exit(2)
+        raise typer.BadParameter("name the other peg with --peg, star for instance", param_hint="--after-cross")
     if as_bench and speed == "realtime":
-        console.print("--as-bench: a bench's cells run at max; leave --speed out", highlight=False)
-        raise typer.Exit(2)
+        raise typer.BadParameter("a bench's cells run at max; leave --speed out", param_hint="--as-bench")
     if settings and not as_bench:
-        console.print("--set: only with --as-bench; else write it into the cell's file", highlight=False)
-        raise typer.Exit(2)
+        raise typer.BadParameter("only with --as-bench; else write it into the cell's file", param_hint="--set")
     done: list[_Done] = []
     try:
+        with using_cell(cell):
+            require_settings(settings or ())
         where = _Cell(cell, speed, as_bench, condition_of(settings or ()))
         if after_cross:
-            done.append(_assemble(console, where, seed, strategy, record, CROSS))
+            done.append(_assemble(console, where, seed, strategy, record, CROSS, plain))
             found = done[0].figures.found
             if found is not None:
                 if not as_json:
                     _print(console, done[0])
                 said = f"the cross is swapped for the peg {peg}, and the insert of the plate for its hole"
                 console.print(said, highlight=False)
-                done.append(_assemble(console, where, seed, Strategy.KNOWN_POSE, record, peg, found))
+                done.append(_assemble(console, where, seed, Strategy.KNOWN_POSE, record, peg, plain, found))
         else:
-            done.append(_assemble(console, where, seed, strategy, record, peg))
-    except (CrosspihError, LauncherError) as error:
+            done.append(_assemble(console, where, seed, strategy, record, peg, plain))
+    except CrosspihError as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
+        raise Failed(failure_of(error)) from None
     except KeyboardInterrupt:
-        console.print("[red]interrupted: the peg was taken out[/red]")
-        raise typer.Exit(130) from None
+        said = "interrupted: the peg was taken out"
+        console.print(said, style="red")
+        raise Failed(Failure("interrupted", said), 130) from None
     if as_json:
         texts = [each.figures.model_dump_json() for each in done]
         sys.stdout.write((f"[{', '.join(texts)}]" if after_cross else texts[0]) + "\n")

@@ -23,6 +23,7 @@ from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
 from services.operator.bench.pictures.running import folder_of
 from services.operator.bench.pictures.trials import with_pictures
+from services.operator.cell.settings import require_settings
 from services.operator.cell.which_cell import cell_path
 from services.operator.scoring.statistics import BenchResult, sight_of, sight_row, summarise
 
@@ -91,6 +92,7 @@ def assembly(
     """Assemble with each of N seeds, in cells side by side, and print the distribution of what came out."""
     console = Console(stderr=True)
     with told(console):
+        require_settings(settings or ())
         condition = condition_of(settings or ())
         withdrawals: list[WithdrawResult] | None = None
         crosses: Done = []

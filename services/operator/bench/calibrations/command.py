@@ -36,6 +36,7 @@ from services.operator.bench.options import AsJson, Cells, told
 from services.operator.calibrate.folder import PRESSED, read_pressed, read_taken, write_yaml
 from services.operator.calibrate.pressing import Manner, take_presses
 from services.operator.calibrate.taking import VISION, take_by_arm
+from services.operator.cell.settings import require_settings
 from services.operator.config import OperatorConfig
 from services.operator.locate.worker import OfflineVision
 
@@ -177,6 +178,7 @@ def calibrations(
     """What stereo, hand-eye, tcp, mount and stiffness find, against what simulated cells hide from the services."""
     console = Console(stderr=True)
     with told(console):
+        require_settings(settings or ())
         base = cell_content(base_cell_text(), condition_of(settings or ()))
         joints = Workcell.model_validate(base.get("cell") or {}).arm().joints
         tasks = []

@@ -12,7 +12,6 @@ from rich.console import Console
 
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError, CrosspihError
-from deploy.launcher import LauncherError
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.contact_states.collecting import Collection, Wanted
 from services.operator.bench.contact_states.judged import judge
@@ -20,6 +19,8 @@ from services.operator.bench.contact_states.plan import RANDOM, arms_aimed_at
 from services.operator.bench.contact_states.summary import summarise
 from services.operator.bench.contact_states.tables import print_tables
 from services.operator.cell.which_cell import cell_path
+from services.operator.cli.failure import Failed, Failure, failure_of
+from services.operator.cli.options import AsJson
 
 FOLDER = Path("results/contact-states")
 
@@ -46,7 +47,7 @@ def states(
     confusion: Annotated[Path | None, typer.Option(help="Picture: true against named, else in the folder.")] = None,
     bands: Annotated[Path | None, typer.Option(help="Picture: n_z0 and the paper's bands, else in the folder.")] = None,
     reliability: Annotated[Path | None, typer.Option(help="Picture: confidence, else in the folder.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Push the peg so that each state comes about, judge the wrenches by rule and likelihood, and say who is right."""
     console = Console(stderr=True)
@@ -57,11 +58,12 @@ def states(
         lost = collection.collect(cells, executor, ray_address)
         judged = judge(collection, folder, cells, console)
     except KeyboardInterrupt:
-        console.print(f"stopped; what was pushed stands in {folder}", highlight=False)
-        raise typer.Exit(130) from None
-    except (CrosspihError, LauncherError) as error:
+        said = f"stopped; what was pushed stands in {folder}"
+        console.print(said, highlight=False)
+        raise Failed(Failure("stopped", said), 130) from None
+    except CrosspihError as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
+        raise Failed(failure_of(error)) from None
     for line in lost:
         console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
     figures = summarise(judged)

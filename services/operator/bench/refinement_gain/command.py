@@ -27,6 +27,7 @@ from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import TrialJob, base_cell_text, trial_task
 from services.operator.bench.options import AsJson, Cells, told
 from services.operator.calibrate.refined_cell import refined_table, residual_lines, run_refine, write_cell
+from services.operator.cell.settings import require_settings
 from services.operator.scoring.score import TrialFigures
 from services.operator.scoring.statistics import BenchResult, summarise
 
@@ -131,6 +132,7 @@ def refine(
     console = Console(stderr=True)
     with told(console):
         truth = Condition(overrides={"hardware": {"simulated": {"truth": UNMODELLED}}})
+        require_settings(settings or ())
         drawn = merged(cell_content(base_cell_text(), truth, DEFAULT_PEG), condition_of(settings or ()).overrides)
         recorded = merged(drawn, {"recorder": {"directory": str(recordings.resolve())}})
         blind = merged(recorded, {"vision": {"enabled": False}})

@@ -21,9 +21,10 @@ from crosspih_common.messages import LocateHole, ResetCell, SceneFaults
 from services.operator.assembly.session import Session
 from services.operator.assembly.stack import cell_session
 from services.operator.bench.cells.bar import Bar
-from services.operator.bench.options import told
+from services.operator.bench.options import AsJson, told
 from services.operator.bench.pictures.running import bench_pictures
 from services.operator.bench.pictures.table import table_of
+from services.operator.cli.failure import Failed, failure_of
 from services.operator.scoring.score import pose_error
 from services.operator.scoring.statistics import wilson95
 
@@ -184,7 +185,7 @@ def vision(
         bool, typer.Option("--beside/--alone", help="Of --pictures: ask solvePnP and the paper's method too.")
     ] = True,
     report: Annotated[Path | None, typer.Option(help="Of --pictures: the JSON object into a file as well.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and lies.
 
@@ -224,11 +225,11 @@ def vision(
         ended = error
         if sights and not any(row.condition == name for row in summaries):
             summaries.append(summarise_sights(name, sights))
-    if as_json:
+    if as_json and (summaries or ended is None):
         json.dump([row.model_dump() for row in summaries], sys.stdout, indent=1)
         print()
     elif summaries:
         Console().print(_table(summaries))
     if ended is not None:
         console.print(f"bench ended early: {ended}", style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1)
+        raise typer.Exit(1) if summaries else Failed(failure_of(ended))

@@ -68,6 +68,9 @@ def board(
 ) -> None:
     """Write the ChArUco board to print: at 100 %, on something flat and stiff; check the ruler on it."""
     console = Console()
+    with told(console):
+        if not out.absolute().parent.is_dir():
+            raise ConfigError(f"{out}: its folder is not there; make it first", field=str(out))
     with told(console), OfflineVision(VISION) as vision:
         drawn = ask(vision, {"do": "board", "board": pattern, "out": str(out)})
         width, height = (value * 1e3 for value in drawn["size_m"])

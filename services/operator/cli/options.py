@@ -1,0 +1,9 @@
+"""Options that many commands have."""
+
+from typing import Annotated
+
+import typer
+
+AsJson = Annotated[
+    bool, typer.Option("--json", help="One JSON object on standard output; where it fails, one with the error.")
+]

@@ -1,0 +1,1 @@
+"""`crosspih topic`: what travels on the bus now, read by anybody who may listen."""

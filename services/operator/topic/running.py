@@ -1,0 +1,105 @@
+"""Statistics of samples as they come, over the newest of them: rate, delay, size. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Mean, standard deviation (of the population), least and largest of `count` values."""
+
+    count: int
+    mean: float
+    sd: float
+    least: float
+    largest: float
+
+    def shifted(self, by: float) -> Spread:
+        """Of the same values, each so much larger."""
+        return Spread(self.count, self.mean + by, self.sd, self.least + by, self.largest + by)
+
+
+class Newest:
+    """The newest `window` values."""
+
+    def __init__(self, window: int) -> None:
+        self._values: deque[float] = deque(maxlen=window)
+
+    def add(self, value: float) -> None:
+        """One more; the oldest falls out where there are too many."""
+        self._values.append(value)
+
+    def spread(self) -> Spread | None:
+        """Of the values that are kept; None where there is none. O(window), for once a second."""
+        if not self._values:
+            return None
+        count, mean = len(self._values), math.fsum(self._values) / len(self._values)
+        variance = math.fsum((value - mean) ** 2 for value in self._values) / count
+        return Spread(count, mean, math.sqrt(variance), min(self._values), max(self._values))
+
+    def total(self) -> float:
+        """Their sum."""
+        return math.fsum(self._values)
+
+
+class Arrivals:
+    """When samples came, s on any clock that runs evenly, their sizes, and the numbers that are missing among them."""
+
+    def __init__(self, window: int) -> None:
+        self._intervals, self._sizes = Newest(window), Newest(window)
+        self._last_s: float | None = None
+        self._last_number = -1
+        self.count = 0
+        self.missing = 0
+
+    def add(self, at_s: float, size_bytes: int, number: int) -> None:
+        """One sample. `number`: the publisher's count of it, -1 where it sends none; one that begins anew, as of a
+        service that was started again, misses nothing."""
+        if self._last_s is not None:
+            self._intervals.add(at_s - self._last_s)
+            self._sizes.add(float(size_bytes))
+        if self._last_number >= 0 and number > self._last_number + 1:
+            self.missing += number - self._last_number - 1
+        self._last_s, self._last_number = at_s, number
+        self.count += 1
+
+    def intervals(self) -> Spread | None:
+        """Between one sample and the next, s; None before the second."""
+        return self._intervals.spread()
+
+    def sizes(self) -> Spread | None:
+        """Bytes of a sample; None before the second."""
+        return self._sizes.spread()
+
+    def rate_hz(self) -> float | None:
+        """Samples a second; None before the second sample, or where all came at once."""
+        spent_s = self._intervals.total()
+        found = self._intervals.spread()
+        return None if found is None or spent_s <= 0.0 else found.count / spent_s
+
+    def bytes_a_second(self) -> float | None:
+        """Of payload alone, as `rate_hz`."""
+        spent_s = self._intervals.total()
+        return None if spent_s <= 0.0 else self._sizes.total() / spent_s
+
+
+class CellTime:
+    """How far the cell's time is ahead of a clock here, told from the ticks of the cell's clock that came.
+
+    A tick that travelled long came late: what the fastest one says counts, so a delay told by it is beyond what that
+    one needed. Ticks of another run of the cell begin anew.
+    """
+
+    def __init__(self) -> None:
+        self.offset_s: float | None = None  # the cell's time minus ours; None before the first tick
+        self._boot_id = ""
+
+    def tick(self, stamp_s: float, at_s: float, boot_id: str) -> None:
+        """A tick with this stamp came at `at_s` here."""
+        if boot_id != self._boot_id:
+            self._boot_id, self.offset_s = boot_id, None
+        offset_s = stamp_s - at_s
+        self.offset_s = offset_s if self.offset_s is None else max(self.offset_s, offset_s)
