@@ -37,6 +37,8 @@ REFUSALS: dict[str, str] = {
     "collision": "a part of the arm would come too near to something of cell.surroundings; the text names both",
     "implausible_payload": "the payload does not fit what the sensor reads at rest, its range, or gravity",
     "no_payload": "a move that goes by force, before arm/set_payload: set the payload first (`crosspih calibrate ft`)",
+    "no_strategy": "a strategy of one's own cannot be loaded, or the cell's file does not allow it; the text says why",
+    "own_code": "an estimator or network of one's own failed, or answered what is no pose; the text names it",
     "held": "somebody else holds the arm; the text names the holder",
     "no_lease": "the motion names no lease, or not the present one; take it first and keep it by beats",
     "device_lost": "a device does not answer or may not move: protective stop, power off, cable out; the text names it "

@@ -64,6 +64,7 @@ from crosspih_common.messages import (
     Touch,
     Withdraw,
     WithdrawResult,
+    strategy_of,
 )
 from crosspih_common.topic_names import topic_named
 
@@ -356,7 +357,8 @@ class Cell:
         """One assembly, to its end: the peg is in, or `result.failure` says why not and the peg was taken out again.
 
         `seed` first draws a new trial in a simulated cell; None takes the cell as it stands. `known` is where the hole
-        is, for the strategy known_pose. `record` writes a recording, under `name` where that is given. `on_begin` is
+        is, for the strategy known_pose. `strategy` may be your own, as module:Class (docs/extending.md).
+        `record` writes a recording, under `name` where that is given. `on_begin` is
         called with the cell's time, ns, as it begins. Ctrl-C ends the assembly: planning takes the peg out, which is
         waited for.
 
@@ -369,7 +371,7 @@ class Cell:
             require_checked(self.bus.cell, self.clock().boot_id)
         said = strategy.value if isinstance(strategy, Strategy) else strategy
         name = name or f"assembly-{said}" + ("" if seed is None else f"-seed{seed}")
-        request = Assemble(strategy=Strategy(said), assembly_id=name, known=known)
+        request = Assemble(strategy=strategy_of(said), assembly_id=name, known=known)
         tape: RunningRecording | None = None
         if record:
             required = bool(self.file.sections.get("recorder", {}).get("required"))

@@ -8,12 +8,14 @@ from crosspih_common.messages.assembly import (
     AssemblyResult,
     CalibrateFt,
     Failure,
+    OwnStrategy,
     PauseAccepted,
     PauseAssembly,
     Phase,
     Strategy,
     Withdraw,
     WithdrawResult,
+    strategy_of,
 )
 from crosspih_common.messages.base import (
     Covariance6,
@@ -146,6 +148,7 @@ __all__ = [
     "MotionOutcome",
     "MoveLinear",
     "NextTouch",
+    "OwnStrategy",
     "Part",
     "PathKnot",
     "PauseAccepted",
@@ -185,4 +188,5 @@ __all__ = [
     "WithdrawResult",
     "WrenchMemory",
     "floats",
+    "strategy_of",
 ]

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from enum import Enum
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 from crosspih_common.messages.base import MOST, Covariance6, Frame, Message, PoseData
 from crosspih_common.messages.estimate import PosePrior
+
+MOST_NAME = 200
+OWN_STRATEGY = r"^[A-Za-z_][A-Za-z0-9_.-]*(:[A-Za-z_][A-Za-z0-9_]*)?$"
 
 
 class Strategy(str, Enum):
@@ -25,6 +31,36 @@ class Strategy(str, Enum):
     NETWORK_SPIRAL = "network_spiral"  # vision, the paper's network, and a spiral after each correction
     SEQUENCE = "sequence"  # vision, touches through a recurrent network to the pose
     KNOWN_POSE = "known_pose"  # the hole's pose is told, from an assembly with another peg: a compliant push alone
+
+
+class OwnStrategy(str):
+    """One of somebody's own, by its name: `my_lab.mine:Strategy`, or one that an installed package declares."""
+
+    __slots__ = ()
+
+    @property
+    def value(self) -> str:
+        """The name, as of a Strategy."""
+        return str(self)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        named = core_schema.str_schema(pattern=OWN_STRATEGY, max_length=MOST_NAME, strict=True)
+        return core_schema.no_info_after_validator_function(
+            cls, named, serialization=core_schema.plain_serializer_function_ser_schema(str)
+        )
+
+
+AnyStrategy = Annotated[Strategy | OwnStrategy, Field(union_mode="left_to_right")]
+
+
+def strategy_of(name: str) -> Strategy | OwnStrategy:
+    """Ours of that name, or somebody's own. Raises ValueError where it can be neither, with what was perhaps meant."""
+    if name in (ours := [one.value for one in Strategy]):
+        return Strategy(name)
+    if not re.match(OWN_STRATEGY, name) or len(name) > MOST_NAME:
+        raise ValueError(f"strategy {name}: want {', '.join(ours)}, or your own as module:Class")
+    return OwnStrategy(name)
 
 
 class Phase(str, Enum):
@@ -62,7 +98,7 @@ class Failure(str, Enum):
 class Assemble(Message):
     """Do one assembly from where the arm stands."""
 
-    strategy: Strategy = Strategy.FUSED
+    strategy: AnyStrategy = Strategy.FUSED
     assembly_id: str = ""
     known: PosePrior | None = Field(default=None, description="where the hole is, for the strategy known_pose")
 
@@ -105,7 +141,7 @@ class AssemblyResult(Message):
 
     frame: Frame = Frame.BASE
     assembly_id: str
-    strategy: Strategy
+    strategy: AnyStrategy
     inserted: bool
     failure: Failure | None
     failure_detail: str = ""

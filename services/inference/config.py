@@ -20,5 +20,11 @@ class InferenceConfig(Section):
     next_touch: Literal["pattern", "information"] = Field(
         default="pattern", description="a fixed pattern, or the push of most expected information"
     )
+    estimator: str = Field(
+        default="", description="module:function of your own that answers for the touches; empty: ours"
+    )
+    network: str = Field(
+        default="", description="module:function of your own that answers inference/network; empty: the paper's network"
+    )
     weights: str = Field(default="", description="the network's safetensors file; empty: the shipped one")
     sequence_weights: str = Field(default="", description="the sequence network's; empty: the shipped one")

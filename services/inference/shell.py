@@ -48,12 +48,15 @@ from services.inference.mechanics import PairTables
 from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
 from services.inference.network.shell import SequenceShell
 from services.inference.next_touch import next_touch
+from services.inference.own import OwnEstimator, OwnNetwork
 from services.inference.plausible import (
     refuse_implausible_answers,
     refuse_implausible_peg,
     refuse_implausible_prior,
     refuse_implausible_touches,
 )
+
+NARROWED = 0.25  # a direction's variance against the prior's: half its standard deviation
 
 
 class InferenceShell:
@@ -75,9 +78,14 @@ class InferenceShell:
             samples=config.samples,
             starts=config.starts,
         )
-        self._network: NetworkEstimator | None = None
+        self._own_estimator = OwnEstimator(config.estimator, self._workcell) if config.estimator else None
+        self._network: NetworkEstimator | OwnNetwork | None = None
         try:
-            self._network = NetworkEstimator(config.weights, self._peg, self._hole)
+            self._network = (
+                OwnNetwork(config.network, self._workcell)
+                if config.network
+                else NetworkEstimator(config.weights, self._peg, self._hole)
+            )
         except NetworkUnavailable as error:
             context.event(Severity.WARNING, "network", str(error))
         context.bus.serve(ESTIMATE, refuse_implausible_answers(self._estimate))
@@ -115,6 +123,8 @@ class InferenceShell:
         observations = [self._observation(touch) for touch in request.touches]
         if all(touch.seated for touch in request.touches):
             return self._pressed(request, observations, started)
+        if self._own_estimator is not None:
+            return self._by_own_estimator(self._own_estimator, request, observations, started)
         found = estimate_pose(
             self._tables,
             self._prior(request.prior),
@@ -134,6 +144,28 @@ class InferenceShell:
             method="fused",
             rests_on=tuple(
                 _use(touch.index, verdict) for touch, verdict in zip(request.touches, found.touches, strict=True)
+            ),
+            compute_s=time.perf_counter() - started,
+        )
+
+    def _by_own_estimator(
+        self, own: OwnEstimator, request: EstimatePose, observations: list[TouchObservation], started: float
+    ) -> PoseErrorEstimate:
+        found = own(request.prior, request.touches)
+        prior = np.asarray(request.prior.covariance).reshape(6, 6)
+        ratio = np.linalg.eigvals(np.linalg.solve(prior, np.asarray(found.covariance).reshape(6, 6))).real
+        return PoseErrorEstimate(
+            pose_base_hole=found.pose_base_hole,
+            covariance=found.covariance,
+            **_error_in_peg(observations[-1].deflected_pose_base_peg(), found.pose_base_hole.pose()),
+            rank=int(np.sum(ratio < NARROWED)),
+            residual_cost=0.0,
+            friction=self._settings.friction_mean,
+            friction_sd=self._settings.friction_sd,
+            method=own.name,
+            # which of the touches it went by it does not say
+            rests_on=tuple(
+                TouchUse(index=touch.index, used=True, hypothesis="", residual_sigma=0.0) for touch in request.touches
             ),
             compute_s=time.perf_counter() - started,
         )
@@ -285,7 +317,7 @@ class InferenceShell:
             residual_cost=0.0,
             friction=0.0,
             friction_sd=0.0,
-            method="network",
+            method=self._network.name if isinstance(self._network, OwnNetwork) else "network",
             rests_on=(TouchUse(index=touch.index, used=True, hypothesis="single contact", residual_sigma=0.0),),
             compute_s=time.perf_counter() - started,
         )

@@ -24,7 +24,7 @@ from services.planning.contradiction import contradiction
 from services.planning.leaving import back_off, home
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.run import Run
-from services.planning.strategies import STRATEGIES
+from services.planning.strategies.by_name import strategy_named
 from services.planning.touching import press, relax
 
 PRESS_ROUNDS = 3
@@ -49,15 +49,17 @@ class Finished:
 def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: Assemble) -> Finished:
     """Do one assembly. Never raises for what can happen to an assembly: it ends with a named failure instead.
 
-    A cell that is not fit to be moved is not moved: CommandRefused `cell_unfit`.
+    A cell that is not fit to be moved is not moved: CommandRefused `cell_unfit`. Nor is one for a strategy that cannot
+    be had: CommandRefused `no_strategy`.
     """
+    strategy = strategy_named(request.strategy, config)
     run = Run(workcell, config, ports, request.assembly_id)
     run.hole.known = request.known
     try:
         ports.look(lambda: run.motion.dwell(0.05))
         home(run)
         use_calibration(run)
-        belief = STRATEGIES[request.strategy](run)
+        belief = strategy(run)
         final, lost = _seated_pose(run, belief)
         depth = _depth_m(run, final.pose_base_hole.pose())
         warnings = lost + run.hole.vision_warnings + _warnings(run, final)

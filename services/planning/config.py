@@ -10,6 +10,11 @@ from crosspih_common.config.section import Section
 class PlanningConfig(Section):
     """The `planning` section of a cell's file."""
 
+    strategies: tuple[str, ...] | None = Field(
+        default=None,
+        description="the strategies of one's own that may be loaded, module:Class each (docs/extending.md); where left "
+        "out any, but in a cell with certificates none",
+    )
     speed_scale: float = Field(default=0.5, gt=0.0, le=1.0, description="of the arm's joint speeds, in free space")
     acceleration_scale: float = Field(default=0.3, gt=0.0, le=1.0)
     line_speed_m_s: float = Field(default=0.15, gt=0.0, le=0.5, description="straight moves in free space")

@@ -53,6 +53,7 @@ from services.planning.ports import AssemblyFailed
 from services.planning.predecessor import HELD, HELD_S, Predecessor
 from services.planning.result import result_of
 from services.planning.run import Run
+from services.planning.strategies.by_name import strategy_named
 from services.planning.withdrawing import withdraw_peg
 
 
@@ -132,6 +133,7 @@ class PlanningShell:
 
     def _assemble(self, request: Assemble) -> AssemblyResult:
         self.abort.clear()
+        strategy_named(request.strategy, self._config)  # before the arm is taken
         with self.holding(f"assembly {request.assembly_id}".strip()) as lease:
             ports = BusPorts(self, self._config, lease)
             started = time.monotonic()

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from crosspih_common.client.cell import NEEDED, Cell, open_bus
 from crosspih_common.config import CellFile
 from crosspih_common.keys import RESET, TRUTH
-from crosspih_common.messages import AssemblyResult, PosePrior, ResetCell, SimulationTruth, Strategy
+from crosspih_common.messages import AssemblyResult, PosePrior, ResetCell, SimulationTruth
+from crosspih_common.messages.assembly import AnyStrategy
 from crosspih_common.modules import run_folder
 from services.operator.cell.check.first import check_before_first
 from services.operator.scoring.score import TrialFigures, score
@@ -49,7 +50,7 @@ class Session(Cell):
     def trial(
         self,
         seed: int | None,
-        strategy: Strategy,
+        strategy: AnyStrategy,
         record: bool,
         on_begin: Callable[[int], None] = lambda now_ns: None,
         known: PosePrior | None = None,

@@ -15,6 +15,7 @@ from rich.console import Console
 from crosspih_common.config.drawing import CROSS, OUTLINES
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth, Strategy
+from crosspih_common.messages.assembly import AnyStrategy
 from crosspih_common.recording import RecordingError
 from services.operator.assembly.as_bench import bench_session
 from services.operator.assembly.display.live import told_story
@@ -26,6 +27,7 @@ from services.operator.bench.cells.conditions import DEFAULT_PEG, Condition, con
 from services.operator.bench.cells.trials import TrialJob
 from services.operator.cell.settings import require_settings
 from services.operator.cell.which_cell import using_cell
+from services.operator.cli.chosen_strategy import STRATEGY_HELP, chosen
 from services.operator.cli.failure import Failed, Failure, failure_of
 from services.operator.cli.for_cell import CELL_HELP
 from services.operator.report import make_report
@@ -63,7 +65,7 @@ class _Cell:
 
 
 def _assemble(
-    console: Console, cell: _Cell, seed: int, strategy: Strategy, record: bool, peg: str | None,
+    console: Console, cell: _Cell, seed: int, strategy: AnyStrategy, record: bool, peg: str | None,
     plain: bool, known: PosePrior | None = None,
 ) -> _Done:  # fmt: skip
     job = TrialJob(seed=seed, strategy=strategy, condition=cell.condition, peg=peg or DEFAULT_PEG, known=known)
@@ -117,7 +119,7 @@ def assemble(
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="With --as-bench: a setting of the cell's file, as for the bench.")
     ] = None,
-    strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
+    strategy: Annotated[str, typer.Option(help=STRATEGY_HELP)] = Strategy.FUSED.value,
     peg: Annotated[
         str | None, typer.Option(help=f"{', '.join(OUTLINES)}, or an SVG or DXF file; the cell's own when left out.")
     ] = None,
@@ -154,9 +156,10 @@ def assemble(
     try:
         with using_cell(cell):
             require_settings(settings or ())
+        how = chosen(strategy)
         where = _Cell(cell, speed, as_bench, condition_of(settings or ()))
         if after_cross:
-            done.append(_assemble(console, where, seed, strategy, record, CROSS, plain))
+            done.append(_assemble(console, where, seed, how, record, CROSS, plain))
             found = done[0].figures.found
             if found is not None:
                 if not as_json:
@@ -165,7 +168,7 @@ def assemble(
                 console.print(said, highlight=False)
                 done.append(_assemble(console, where, seed, Strategy.KNOWN_POSE, record, peg, plain, found))
         else:
-            done.append(_assemble(console, where, seed, strategy, record, peg, plain))
+            done.append(_assemble(console, where, seed, how, record, peg, plain))
     except CrosspihError as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise Failed(failure_of(error)) from None

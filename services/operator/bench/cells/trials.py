@@ -11,12 +11,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError, CrosspihError
-from crosspih_common.messages import Failure, PosePrior, Strategy
+from crosspih_common.messages import Failure, PosePrior, Strategy, strategy_of
+from crosspih_common.messages.assembly import AnyStrategy
 from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
 from crosspih_common.provenance import ResultStore, SourceWatch, cell_identity, code_version, result_key
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.cells.conditions import DEFAULT_PEG, Condition, cell_content
 from services.operator.bench.cells.own_cell import CellTask
+from services.operator.bench.cells.own_code_of import own_code_of
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.cell.which_cell import cell_path
@@ -33,7 +35,7 @@ class TrialJob(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     seed: int
-    strategy: Strategy = Strategy.FUSED
+    strategy: AnyStrategy = Strategy.FUSED
     condition: Condition = Condition()
     peg: str = DEFAULT_PEG
     known: PosePrior | None = None  # where the hole is, for the strategy known_pose
@@ -77,6 +79,8 @@ def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:
     }  # fmt: skip
     if job.known is not None:
         identity["known"] = job.known.model_dump(mode="json")
+    if own := own_code_of(content, job.strategy):
+        identity["own"] = own
     return result_key(identity)
 
 
@@ -88,7 +92,7 @@ def run_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """One trial in a worker's cell: `payload` has seed, strategy, record and what is known of the hole; returns
     TrialFigures as plain data."""
     known = None if payload["known"] is None else PosePrior.model_validate(payload["known"])
-    figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), payload["record"], known=known)
+    figures, _ = session.trial(payload["seed"], strategy_of(payload["strategy"]), payload["record"], known=known)
     if figures.failure == Failure.SERVICE_LOST.value:
         raise ServiceLost(f"seed {figures.seed}: {figures.failure_detail}")
     return figures.model_dump()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from crosspih_common.messages import Strategy
+from crosspih_common.messages import OwnStrategy, Strategy
+from crosspih_common.messages.assembly import AnyStrategy
 from crosspih_common.provenance import ResultStore
 from services.operator.bench.cells.conditions import Condition
 from services.operator.bench.cells.pool import ExecutorName
@@ -21,6 +23,7 @@ from services.operator.bench.compare.comparison import Comparison, compare_strat
 from services.operator.bench.compare.figure import check_suffix, save_figure
 from services.operator.bench.compare.table import compare_table
 from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told
+from services.operator.cli.chosen_strategy import chosen
 from services.operator.scoring.score import TrialFigures
 
 POOR = {"lateral_m": 0.0025, "depth_m": 0.002, "rotation_rad": 0.0524}
@@ -54,6 +57,13 @@ STRATEGIES = (
 )
 
 
+# who asks what may be somebody's own; a strategy of somebody's own may ask both
+ASKS = {
+    "estimator": (Strategy.FUSED, Strategy.FORCE_ALONE),
+    "network": (Strategy.PAPER, Strategy.NETWORK_SPIRAL),
+}
+
+
 def compare(
     trials: Annotated[int, typer.Option(min=1, help="How many seeds, the same for every strategy.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
@@ -62,7 +72,18 @@ def compare(
         typer.Option(help=f"good: as it is; poor: {POORLY}; off. May be repeated; all if left out."),
     ] = None,
     strategy: Annotated[
-        list[Strategy] | None, typer.Option(help="Only this one; may be repeated; all that are compared if left out.")
+        list[str] | None,
+        typer.Option(
+            help="Only this one, or one of your own, module:Class; may be repeated; all that are compared if left out."
+        ),
+    ] = None,
+    estimator: Annotated[
+        list[str] | None,
+        typer.Option(help="One of your own, module:function: fused and force_alone with it too, a row each."),
+    ] = None,
+    network: Annotated[
+        list[str] | None,
+        typer.Option(help="One of your own, module:function: paper and network_spiral with it too, a row each."),
     ] = None,
     picture: Annotated[Path, typer.Option(help="Where the figure goes: .png, .svg or .pdf.")] = Path(
         "results/compare.png"
@@ -78,10 +99,14 @@ def compare(
     with told(console):
         check_suffix(picture)
         jobs = [
-            TrialJob(seed=seed + index, strategy=one, condition=CONDITIONS[seeing])
+            TrialJob(seed=seed + index, strategy=one, condition=condition)
             for seeing in vision or list(Vision)
             for index in range(trials)
-            for one in strategy or STRATEGIES
+            for one, condition in _rows(
+                [chosen(name) for name in strategy] if strategy else STRATEGIES,
+                CONDITIONS[seeing],
+                {"estimator": estimator or [], "network": network or []},
+            )
         ]
         done, ended = _trials(console, jobs, cells, executor, ray_address, store)
         if done:
@@ -90,6 +115,23 @@ def compare(
             save_figure(comparison, picture)
         if ended is not None:
             raise ended
+
+
+def _rows(
+    strategies: Sequence[AnyStrategy], condition: Condition, own: Mapping[str, Sequence[str]]
+) -> list[tuple[AnyStrategy, Condition]]:
+    """Each strategy, and after it the same with each estimator or network of somebody's own that it would ask."""
+    found = []
+    for one in strategies:
+        found.append((one, condition))
+        for setting, names in own.items():
+            if one in ASKS[setting] or isinstance(one, OwnStrategy):
+                found += [(one, _with(condition, setting, name)) for name in names]
+    return found
+
+
+def _with(condition: Condition, setting: str, name: str) -> Condition:
+    return condition.model_copy(update={"overrides": {**condition.overrides, "inference": {setting: name}}})
 
 
 def _trials(

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from services.operator.bench.cells.conditions import Condition
+from services.operator.bench.cells.own_code_of import SETTINGS
 from services.operator.bench.cells.trials import TrialJob
 from services.operator.scoring.score import TrialFigures
 from services.operator.scoring.statistics import BenchResult, summarise
@@ -47,12 +48,19 @@ def compare_strategies(seed: int, done: Sequence[tuple[TrialJob, TrialFigures]])
     groups: dict[tuple[str, str], list[TrialFigures]] = {}
     for job, figures in done:
         conditions.setdefault(job.condition.name, job.condition)
-        groups.setdefault((job.condition.name, job.strategy.value), []).append(figures)
+        groups.setdefault((job.condition.name, row_name(job)), []).append(figures)
     return Comparison(
         seed=seed,
         conditions=list(conditions.values()),
         rows=[_row(seed, condition, strategy, trials) for (condition, strategy), trials in groups.items()],
     )
+
+
+def row_name(job: TrialJob) -> str:
+    """The strategy, and what of somebody's own answers in place of ours."""
+    inference = job.condition.overrides.get("inference", {})
+    own = [str(inference[setting]) for setting in SETTINGS if inference.get(setting)]
+    return " with ".join([job.strategy.value, *own])
 
 
 def _row(seed: int, condition: str, strategy: str, trials: list[TrialFigures]) -> Row:
