@@ -72,6 +72,11 @@ COMMANDS = {
     "security": OnDemand(
         f"{_HERE}.security.command:app", "Certificates: who may do what in a cell (docs/security.md)."
     ),
+    "foxglove": OnDemand(
+        f"{_HERE}.other_services.foxglove:foxglove",
+        "Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to.",
+        by_cell=True,
+    ),
     "up": OnDemand("deploy.launcher.cli:up", "Start the services and show what they write; Ctrl-C stops them all."),
     "ps": OnDemand(
         f"{_HERE}.cli.ps:ps",
