@@ -73,7 +73,7 @@ COMMANDS = {
         f"{_HERE}.security.command:app", "Certificates: who may do what in a cell (docs/security.md)."
     ),
     "foxglove": OnDemand(
-        f"{_HERE}.other_services.foxglove:foxglove",
+        f"{_HERE}.cli.foxglove:foxglove",
         "Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to.",
         by_cell=True,
     ),
