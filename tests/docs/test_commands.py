@@ -43,6 +43,7 @@ RUN_BY = {
     "logs": "tests/deploy/test_stack.py",
     "peg check": "tests/operator/test_peg_check.py",
     "ps": "tests/deploy/test_stack.py",
+    "recording animate": "tests/recorder/test_animate.py",
     "recording check": "tests/operator/test_recording_commands.py",
     "recording cut": "tests/operator/test_recording_commands.py",
     "recording export csv": "tests/operator/test_recording_commands.py",

@@ -23,19 +23,19 @@ COMMANDS = {
         f"{_HERE}.measuring:hz",
         "How often messages come: rate, shortest and longest pause, its standard deviation, and how many are missing.",
         by_cell=True,
-        example="arm/joint_state",
+        example="arm/joint_state --count 500",
     ),
     "delay": OnDemand(
         f"{_HERE}.measuring:delay",
         "How late messages come here: from the stamp on the cell's clock, which has to run in real time.",
         by_cell=True,
-        example="force_torque/wrench",
+        example="force_torque/wrench --count 100",
     ),
     "bw": OnDemand(
         f"{_HERE}.measuring:bw",
         "How much travels: bytes of payload a second, and a message's least, mean and largest size.",
         by_cell=True,
-        example="camera/left/image",
+        example="camera/left/image --count 5",
     ),
 }
 
