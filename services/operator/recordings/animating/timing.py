@@ -37,7 +37,7 @@ def frame_times(facts: Facts, seconds: float, fps: float) -> list[FrameTime]:
     # a touch is seen coming and going
     worth = np.convolve(np.pad(worth, 15, mode="edge"), np.ones(31) / 31.0, mode="valid")
     looking = [] if facts.left is None else _looks_at(facts)
-    still_frames = round((LOOKING_S * len(looking) + END_S) * fps)
+    still_frames = len(looking) * round(LOOKING_S * fps) + round(END_S * fps)
     moving = max(2, round(seconds * fps) - still_frames)
     shares = np.concatenate([[0.0], np.cumsum((worth[:-1] + worth[1:]) / 2.0)])
     shown = np.interp(np.linspace(0.0, shares[-1], moving), shares, times)
