@@ -11,7 +11,8 @@ from pathlib import Path
 import crosspih_common
 
 # what only starts, shows, keeps or counts has no say in how a trial ends
-_NO_SAY = ("operator", "recorder", "router")
+_NO_SAY = ("operator", "recorder", "router", "foxglove", "viewer")
+_COMMON_NO_SAY = ("foxglove", "client")  # of crosspih_common: what viewers are told, and how people ask
 # of the operator's own: what asks for a trial, in which cell, and what scores it
 _SCORED_BY = (
     "scoring/score.py",
@@ -19,6 +20,7 @@ _SCORED_BY = (
     "assembly/session.py",
     "bench/cells/own_cell.py",
 )
+_ASKED_BY = ("session.py", "asked.py")  # of the client's
 _LIBRARIES = ("numpy", "scipy", "pybullet", "mujoco", "opencv-python-headless", "torch", "pin", "coal", "shapely")
 
 
@@ -37,11 +39,13 @@ def _without_docstrings(text: str) -> str:
 
 
 def _sources(root: Path, further: tuple[str, ...] = ()) -> list[Path]:
-    found = list((root / "crosspih_common").rglob("*"))
+    shown = {root / "crosspih_common" / name for name in _COMMON_NO_SAY}
+    found = [path for path in (root / "crosspih_common").rglob("*") if shown.isdisjoint(path.parents)]
     for folder in sorted((root / "services").iterdir()):
         if folder.is_dir() and folder.name not in _NO_SAY:
             found += folder.rglob("*")
     found += [root / "services" / "operator" / name for name in _SCORED_BY]
+    found += [root / "crosspih_common" / "client" / name for name in _ASKED_BY]
     return sorted({*(path for path in found if path.suffix in _WANTED and path.is_file()), *_chosen(root, further)})
 
 

@@ -126,6 +126,17 @@ def test_the_code_version_is_of_what_the_code_does(tmp_path: Path) -> None:
     assert version != hash_sources(_tree(tmp_path, "def f():\n    return 2\n"))
 
 
+def test_what_only_shows_has_no_say(tmp_path: Path) -> None:
+    version = hash_sources(_tree(tmp_path, "x = 1\n"))
+    shown = ["crosspih_common/foxglove/deep", "crosspih_common/client", "services/foxglove", "services/viewer"]
+    for folder in shown:
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "new.py").write_text("x = 1\n", encoding="utf-8")
+        assert hash_sources(tmp_path) == version, folder
+    (tmp_path / "crosspih_common/client/session.py").write_text("x = 1\n", encoding="utf-8")
+    assert hash_sources(tmp_path) != version, "which asks for the trials"
+
+
 def test_a_folders_version_is_of_that_folder(tmp_path: Path) -> None:
     (tmp_path / "one/deep").mkdir(parents=True)
     (tmp_path / "one/deep/a.py").write_text("x = 1\n", encoding="utf-8")

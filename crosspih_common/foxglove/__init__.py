@@ -1,0 +1,10 @@
+"""What a cell says in the well-known schemas of Foxglove, for viewers that people have: pure, and read by no service.
+
+`FoxgloveTopics` takes crosspih's messages and gives (topic, stamp, protobuf bytes), for recordings and live.
+"""
+
+from crosspih_common.foxglove.converting import HEARD, TRUTH_HEARD, FoxgloveTopics
+from crosspih_common.foxglove.frames import arm_urdf
+from crosspih_common.foxglove.schemas import ViewerTopic, descriptor_set, viewer_topics
+
+__all__ = ["HEARD", "TRUTH_HEARD", "FoxgloveTopics", "ViewerTopic", "arm_urdf", "descriptor_set", "viewer_topics"]
