@@ -22,6 +22,7 @@ from crosspih_common.recording.gaps import gap_matters
 from crosspih_common.recording.numbering import Line
 from crosspih_common.recording.parts import parts_of
 from crosspih_common.recording.scanning import Damage
+from crosspih_common.recording.viewers import for_viewers
 from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Recording:
     `problems` say what could not be decoded. `samples` are by key, `schemas` too: (schema name, message encoding).
     """
 
-    __slots__ = ("damage", "finished", "metadata", "parts", "path", "problems", "samples", "schemas", "tear")
+    __slots__ = ("damage", "finished", "metadata", "parts", "path", "problems", "samples", "schemas", "shown", "tear")
 
     def __init__(self, path: str | Path, only: Iterable[Topic[Any]] | None = None) -> None:
         """With `only`, the samples of those topics alone.
@@ -84,6 +85,7 @@ class Recording:
         self.metadata: dict[str, dict[str, str]] = {}
         self.samples: dict[str, list[Recorded]] = {}
         self.schemas: dict[str, tuple[str, str]] = {}
+        self.shown: Counter[str] = Counter()  # messages a topic for viewers, which nothing here reads
         self.problems: list[str] = []
 
     @classmethod
@@ -236,7 +238,9 @@ def _read(recording: Recording, only: Iterable[Topic[Any]] | None) -> None:
         repeats.begin_part()
         try:
             for said in walk(file, part):
-                if (wanted is None or said.channel.metadata.get("path") in wanted) and not repeats.has(said):
+                if for_viewers(said.channel.topic):
+                    recording.shown[said.channel.topic] += 1
+                elif (wanted is None or said.channel.metadata.get("path") in wanted) and not repeats.has(said):
                     _take(said, recording)
         except OSError as error:
             raise RecordingError(

@@ -35,6 +35,10 @@ class RecorderConfig(Section):
         default=1 << 16, ge=1 << 12, description="a chunk is also closed when it holds this much: what damage costs"
     )
     compression: Compression = Compression.ZSTD
+    foxglove: bool = Field(
+        default=True, description="write topics for viewers beside what was said: frames, scene, wrenches, log"
+    )
+    foxglove_hz: float = Field(default=50.0, gt=0.0, le=500.0, description="of the frames and joints in them")
     # what waits for the disk, at most; beyond it samples are dropped and counted
     queue_samples: int = Field(default=50_000, ge=1)
     queue_bytes: int = Field(default=256 << 20, ge=1 << 20, description="of samples above 4 KiB: pictures")

@@ -16,6 +16,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from crosspih_common.bus.codec import label_of
+from crosspih_common.foxglove import ViewerTopic
 from crosspih_common.keys import Topic
 from crosspih_common.recording.parts import part_path
 from crosspih_common.recording.records import sealed
@@ -80,8 +81,10 @@ class RecordingFile:
         self.path = path
         self._stream = stream
         self._writer = Writer(stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression])
-        self._schemas: dict[type, int] = {}
+        self._schemas: dict[type | str, int] = {}
         self._channels: dict[str, int] = {}
+        self._shown: dict[ViewerTopic, list[int]] = {}  # channel, and how many messages it has
+        self._any_shown = False
         self._repeat = RecordBuilder()
         self._flushed_bytes = self._flushed_messages = 0
         self._unflushed: list[str] = []  # the key of each sample since the last flush
@@ -121,8 +124,7 @@ class RecordingFile:
         name, encoding, message_encoding, data = channel_schema(topic.type)
         schema = self._schemas.get(topic.type)
         if schema is None:
-            schema = self._schemas[topic.type] = self._writer.register_schema(name, encoding, data)
-            Schema(id=schema, name=name, encoding=encoding, data=data).write(self._repeat)
+            schema = self._schemas[topic.type] = self._registered(name, encoding, data)
         words = {
             "label": label_of(topic.type),
             "path": topic.path,
@@ -130,12 +132,44 @@ class RecordingFile:
             "publisher": topic.publisher,
             "doc": topic.doc,
         }
-        channel = self._writer.register_channel(key, message_encoding, schema, words)
-        Channel(id=channel, topic=key, message_encoding=message_encoding, schema_id=schema, metadata=words).write(
+        channel = self._channels[key] = self._channel(key, message_encoding, schema, words)
+        return channel
+
+    def _registered(self, name: str, encoding: str, data: bytes) -> int:
+        schema = self._writer.register_schema(name, encoding, data)
+        Schema(id=schema, name=name, encoding=encoding, data=data).write(self._repeat)
+        return schema
+
+    def _channel(self, name: str, message_encoding: str, schema: int, words: dict[str, str]) -> int:
+        channel = self._writer.register_channel(name, message_encoding, schema, words)
+        Channel(id=channel, topic=name, message_encoding=message_encoding, schema_id=schema, metadata=words).write(
             self._repeat
         )
-        self._channels[key] = channel
         return channel
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Add a file to the file."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def show(self, topic: ViewerTopic, stamp_ns: int, wall_ns: int, data: bytes) -> None:
+        """Add a message for viewers; after `flush`, before `flush_shown`, so that it shares no chunk with a sample."""
+        channel = self._shown.get(topic)
+        if channel is None:
+            name, encoding, message_encoding, schema_data = topic.channel_schema()
+            schema = self._schemas.get(name)
+            if schema is None:
+                schema = self._schemas[name] = self._registered(name, encoding, schema_data)
+            words = {"kind": topic.kind.value, "for": "viewers", "doc": topic.doc}
+            channel = self._shown[topic] = [self._channel(topic.name, message_encoding, schema, words), 0]
+        self._any_shown = True
+        self._writer.add_message(channel[0], stamp_ns, data, wall_ns, channel[1] & 0xFFFFFFFF)
+        channel[1] += 1
+
+    def flush_shown(self) -> None:
+        """Close the chunk with messages for viewers."""
+        if self._any_shown:
+            self._any_shown = False
+            self._flush()
 
     def flush(self) -> None:
         """Close the chunk and hand everything to the operating system: a kill after this loses none of it."""

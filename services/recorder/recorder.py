@@ -16,6 +16,7 @@ from crosspih_common.messages import RecordingStatus
 from services.recorder.broken_off import ASKED, SHUT_DOWN, BrokenOff
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile
+from services.recorder.for_viewers import ForViewers
 from services.recorder.inbox import Inbox
 from services.recorder.losses import warnings_of
 from services.recorder.sample import LONGEST_STAMP, STAMP_FIRST, Sample, Waiting, stamp_of
@@ -29,6 +30,9 @@ ALWAYS_SPEAKING = (CLOCK.path, STATUS.path)
 CLOCK_SLACK_NS = 60_000_000
 # what is kept while it is not yet known whether a recording goes on
 UNDECIDED_SAMPLES = 20_000
+
+# each time that chunks are closed: samples come first, what viewers are shown has time until the recording ends
+SHOW_S = 0.05
 
 _key_of = itemgetter(Sample._fields.index("key"))
 Tell = Callable[[str, str], None]
@@ -45,14 +49,16 @@ class Recorder:
     `metadata()` gives what every file begins with. `tell(code, text)` is called, once each, when the disk fails
     (`recording_failed`), when a recording goes on in a new part (`recording_resumed`) and when samples are missing that
     matter. `look()` gives the recording that a predecessor left, None where there is none, False while that cannot be
-    told yet.
+    told yet. `for_viewers()` gives what makes a recording's topics for viewers, None for none.
     """
 
     def __init__(
-        self, config: RecorderConfig, metadata: Callable[[], Metadata], tell: Tell, look: Look = _none
-    ) -> None:
+        self, config: RecorderConfig, metadata: Callable[[], Metadata], tell: Tell, look: Look = _none,
+        for_viewers: Callable[[], ForViewers | None] = _none,
+    ) -> None:  # fmt: skip
         self._config, self._metadata, self._tell = config, metadata, tell
         self._look: Look | None = look
+        self._for_viewers = for_viewers
         self._inbox = Inbox(config.queue_samples, config.queue_bytes)
         self._tally = Tally()
         self._lock = threading.Lock()  # guards the tape and the states
@@ -146,6 +152,8 @@ class Recorder:
                 self._undecided.extend(rest)
             return
         if tape.file is not None:
+            if tape.viewers is not None:
+                tape.viewers.offer(batch)
             self._attempt(RecordingFile.write_all, said, rest)
         for sample in rest:  # what comes after a sample that could not be written
             self._tally.count("unwritten", _key_of(sample))
@@ -155,6 +163,7 @@ class Recorder:
         if tape is None:
             return
         self._attempt(RecordingFile.flush, said)
+        self._attempt(lambda _: tape.show(SHOW_S), said)
         if tape.file is None and tape.may_try_again():
             try:
                 path = tape.go_on(self._begin_with())
@@ -206,7 +215,7 @@ class Recorder:
         waiting, self._undecided = list(self._undecided), deque(maxlen=1)
         if not isinstance(found, BrokenOff):
             return
-        tape = Tape(self._config, self._metadata, found.name, found.first, found.last_part + 1)
+        tape = Tape(self._config, self._metadata, found.name, found.first, found.last_part + 1, self._for_viewers())
         self._tally.begin()
         self._told.clear()
         try:
@@ -215,6 +224,8 @@ class Recorder:
             said.append(("recording_failed", f"{found.first} cannot go on: {why_of(error)}"))
             return
         self._tape = tape
+        if tape.viewers is not None:
+            tape.viewers.offer(waiting)
         for sample in waiting:
             self._attempt(RecordingFile.write_all, said, iter([sample]))
         text = f"the recorder was gone for {found.ago_s:.1f} s, of which nothing is recorded: goes on in {path}"
@@ -236,7 +247,7 @@ class Recorder:
             self._look = None
             self._undecided.clear()
             self._finish(ASKED)
-            tape = Tape(self._config, self._metadata, name)
+            tape = Tape(self._config, self._metadata, name, viewers=self._for_viewers())
             try:
                 tape.begin(self._begin_with())
             except OSError as error:

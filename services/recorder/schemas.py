@@ -12,9 +12,8 @@ import json
 from typing import Any
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
-from google.protobuf.descriptor import FileDescriptor
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from crosspih_common.foxglove import descriptor_set
 from crosspih_common.messages import Image, Message
 from crosspih_common.messages.images import IMAGE_TYPE
 
@@ -67,18 +66,8 @@ def _flatten(schema: JsonSchema, definitions: dict[str, JsonSchema]) -> JsonSche
     return None
 
 
-def _with_imports(file: FileDescriptor, into: FileDescriptorSet) -> None:
-    if any(known.name == file.name for known in into.file):
-        return
-    for dependency in file.dependencies:
-        _with_imports(dependency, into)
-    file.CopyToProto(into.file.add())
-
-
 def channel_schema(kind: type[Any]) -> tuple[str, str, str, bytes]:
     """(schema name, schema encoding, message encoding, schema bytes) of what travels on a topic."""
     if issubclass(kind, Image):
-        descriptors = FileDescriptorSet()
-        _with_imports(RawImage.DESCRIPTOR.file, descriptors)
-        return IMAGE_TYPE, "protobuf", "protobuf", descriptors.SerializeToString()
+        return IMAGE_TYPE, "protobuf", "protobuf", descriptor_set(RawImage.DESCRIPTOR.file)
     return kind.type_name(), "jsonschema", "json", json.dumps(flat_schema(kind)).encode()

@@ -17,6 +17,7 @@ from crosspih_common.service import ServiceContext
 from crosspih_common.service.wall_clock import this_host
 from services.recorder.broken_off import BrokenOff, broken_off
 from services.recorder.config import RecorderConfig
+from services.recorder.for_viewers import ForViewers
 from services.recorder.recorder import Recorder
 
 LIBRARIES = ("crosspih", "eclipse-zenoh", "mcap", "foxglove-schemas-protobuf", "numpy", "pydantic", "scipy")
@@ -54,7 +55,7 @@ class RecorderShell:
 
     def __init__(self, context: ServiceContext, config: RecorderConfig) -> None:
         self._context, self._config = context, config
-        self._recorder = Recorder(config, self._metadata, self._tell, self._left_behind)
+        self._recorder = Recorder(config, self._metadata, self._tell, self._left_behind, self._for_viewers)
         context.works.watch("the recorder's writer", lambda: self._recorder.writes)
         bus = context.bus
         tap_all(bus, self._recorder)
@@ -88,6 +89,9 @@ class RecorderShell:
         return broken_off(
             self._config.directory.resolve(), self._context.cell.workcell.name, boot_id, self._config.resume_s
         )
+
+    def _for_viewers(self) -> ForViewers | None:
+        return ForViewers(self._context.cell.workcell, self._config.foxglove_hz) if self._config.foxglove else None
 
     def _tell(self, code: str, text: str) -> None:
         if code == "recording_failed":

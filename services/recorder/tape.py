@@ -14,6 +14,7 @@ from typing import IO
 from crosspih_common.recording.parts import parts_of
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile, create_file, create_part
+from services.recorder.for_viewers import ForViewers
 from services.recorder.sample import Sample
 
 Metadata = Mapping[str, Mapping[str, str]]
@@ -36,10 +37,11 @@ class Tape:
 
     def __init__(
         self, config: RecorderConfig, metadata: Callable[[], Metadata], name: str, first: Path | None = None,
-        number: int = 1,
+        number: int = 1, viewers: ForViewers | None = None,
     ) -> None:  # fmt: skip
         self._config, self._metadata = config, metadata
         self.name, self._first, self._number = name, first, number
+        self.viewers = viewers
         self.file: RecordingFile | None = None
         self.parts: list[Path] = [] if first is None else [part for part in parts_of(first) if part.exists()]
         self.warnings: list[str] = []
@@ -95,6 +97,9 @@ class Tape:
             for state in states:
                 file.write(state)
             file.flush()
+            if self.viewers is not None:
+                self.viewers.begin(file)
+                self.viewers.offer(states)
         except BaseException:
             with contextlib.suppress(OSError):
                 stream.close()
@@ -138,10 +143,19 @@ class Tape:
             self._first, self._number = None, 1
         return lost
 
+    def show(self, within_s: float | None) -> None:
+        """Write what waits for viewers, for so long at most. Raises OSError."""
+        if self.viewers is not None and self.file is not None:
+            self.viewers.work(self.file, within_s)
+
     def finish(self, metadata: Metadata) -> None:
         """Write the end of the file. Raises OSError."""
         file = self.file
         assert file is not None
+        file.flush()
+        self.show(None)
+        if self.viewers is not None:
+            metadata = {**metadata, "foxglove": self.viewers.metadata()}
         self._bytes += file.finish(metadata)
         self._messages += file.messages
         self._channels = max(self._channels, file.channels)

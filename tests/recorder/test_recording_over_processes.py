@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import signal
 import threading
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.keys import (
@@ -42,6 +44,7 @@ from crosspih_common.messages import (
     StopRecording,
 )
 from crosspih_common.recording import read_recording
+from crosspih_common.recording.viewers import for_viewers
 
 DEADLINE_S = 60.0  # a process reads its imports for half a minute beside twenty busy ones
 CELL = "rec1"
@@ -156,12 +159,19 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
 
     counts: Counter[str] = Counter()
     sequences: dict[str, list[int]] = {}
+    shown: dict[str, list[tuple[int, Any]]] = defaultdict(list)
+    factory = DecoderFactory()
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None and summary.statistics is not None
         channels = {channel.topic: channel for channel in summary.channels.values()}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if for_viewers(channel.topic):
+                shown[channel.topic].append(
+                    (message.log_time, factory.decoder_for(channel.message_encoding, schema)(message.data))
+                )
+                continue
             if message.log_time > started_ns:  # the last tick from before the start may still be in it
                 counts[channel.topic] += 1
             sequences.setdefault(channel.topic, []).append(message.sequence)
@@ -180,8 +190,9 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), key
     assert len(sequences[FT_CALIBRATION.key(CELL)]) == 1
     assert counts[RECORD_STOP.request_echo.key(CELL)] == 1  # the recorder hears itself
-    assert summary.statistics.message_count == sum(map(len, sequences.values())) == stopped.messages
-    assert len(channels) == stopped.channels
+    assert sum(map(len, sequences.values())) == stopped.messages
+    assert summary.statistics.message_count == stopped.messages + sum(map(len, shown.values()))
+    assert len(channels) - len(shown) == stopped.channels
     assert stopped.bytes_written == path.stat().st_size
     assert metadata["drops"]["overflow_total"] == metadata["drops"]["gaps_total"] == "0"
     assert metadata["cell"]["yaml"] == (tmp_path / "cell.yaml").read_text()
@@ -192,6 +203,16 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
     assert ours.finished and ours.cell == CELL and ours.seq_gaps() == {}
     assert [message.seq for message in ours.messages(JOINT_STATE)] == sequences[JOINT_STATE.key(CELL)]
     assert ours.problems == []
+    assert dict(ours.shown) == {topic: len(told) for topic, told in shown.items()}
+    assert metadata["foxglove"]["not_shown"] == metadata["foxglove"]["failed"] == "0"
+    # what viewers are shown: every contact wrench, frames at 50 Hz at the most, each under the cell's time
+    told = shown["/foxglove/wrench/contact"]
+    assert len(told) == counts[CONTACT_WRENCH.key(CELL)]
+    assert {type(message).DESCRIPTOR.full_name for _, message in told} == {"crosspih.WrenchSample"}
+    frames = [at_ns for at_ns, _ in shown["/foxglove/transforms"]]
+    assert len(frames) > 10 and min(after - before for before, after in pairwise(frames)) >= 0
+    for at_ns, message in (row for rows in shown.values() for row in rows if hasattr(row[1], "timestamp")):
+        assert message.timestamp.ToNanoseconds() in (at_ns, 0)
 
 
 def test_a_kill_loses_no_more_than_the_last_flush_and_the_next_recorder_goes_on(

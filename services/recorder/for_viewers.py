@@ -1,0 +1,84 @@
+"""The topics for viewers, made from the samples of one recording when the recorder has nothing else to do."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+
+from crosspih_common.bus.codec import decoder_of, label_of
+from crosspih_common.config import Workcell
+from crosspih_common.foxglove import HEARD, TRUTH_HEARD, FoxgloveTopics, ViewerTopic, arm_urdf
+from crosspih_common.recording.viewers import URDF
+from services.recorder.file import RecordingFile
+from services.recorder.sample import Waiting
+
+# what waits to be shown, at most: a minute of a cell that runs ten times as fast as real time
+MOST_WAITING = 100_000
+CHECK_EVERY = 16  # samples between two looks at the clock
+_PATHS = frozenset(topic.path for topic in (*HEARD, *TRUTH_HEARD))
+
+
+class ForViewers:
+    """What one recording shows. `offer` is quick and keeps samples; `work` makes messages of them; one thread's."""
+
+    def __init__(self, workcell: Workcell, rate_hz: float) -> None:
+        self._urdf = arm_urdf(workcell).encode()
+        self._topics = FoxgloveTopics(workcell, self._publish, rate_hz)
+        self._waiting: deque[Waiting] = deque(maxlen=MOST_WAITING)
+        self._made: list[tuple[ViewerTopic, int, bytes]] = []
+        self._stamp_ns = self._wall_ns = 0
+        self._counts: Counter[str] = Counter()
+
+    def _publish(self, topic: ViewerTopic, stamp_ns: int, data: bytes) -> None:
+        self._made.append((topic, stamp_ns, data))
+
+    def begin(self, file: RecordingFile) -> None:
+        """A file begins: the arm, and what is known and stays true. Raises OSError."""
+        file.attach(URDF, "application/xml", self._urdf)
+        for topic, data in self._topics.known():
+            file.show(topic, self._stamp_ns, self._wall_ns, data)
+        file.flush_shown()
+
+    def offer(self, samples: Iterable[Waiting]) -> None:
+        """Keep what something would come of; the oldest are given up where too many wait."""
+        kept = [sample for sample in samples if sample[1].path in _PATHS]
+        over = len(self._waiting) + len(kept) - MOST_WAITING
+        if over > 0:
+            self._counts["not_shown"] += over
+        self._waiting.extend(kept)
+
+    def work(self, file: RecordingFile, within_s: float | None) -> None:
+        """Write what waits, for so long at most; with None, all of it. Raises OSError."""
+        until = None if within_s is None else time.monotonic() + within_s
+        count = 0
+        while self._waiting:
+            if count % CHECK_EVERY == 0 and until is not None and time.monotonic() >= until:
+                break
+            count += 1
+            self._show(self._waiting.popleft(), file)
+        if count:
+            file.flush_shown()
+
+    def _show(self, sample: Waiting, file: RecordingFile) -> None:
+        key, topic, payload, seq, stamp_ns, wall_ns = sample
+        if not self._topics.wants(topic, stamp_ns):
+            return
+        try:
+            self._topics.take(topic, decoder_of(topic.type)(payload, f"{label_of(topic.type)} {seq}", key))
+        except Exception:
+            # the recording itself must never end for what is only shown: it is counted, and told at the file's end
+            self._counts["failed"] += 1
+        self._stamp_ns, self._wall_ns = max(stamp_ns, self._stamp_ns), wall_ns
+        for made, at_ns, data in self._drained():
+            file.show(made, at_ns, wall_ns, data)
+            self._counts["messages"] += 1
+
+    def _drained(self) -> Iterator[tuple[ViewerTopic, int, bytes]]:
+        made, self._made = self._made, []
+        return iter(made)
+
+    def metadata(self) -> dict[str, str]:
+        """How many messages were made, and of how many samples none could be (`crosspih recording export foxglove`
+        makes all of them anew)."""
+        return {name: str(self._counts[name]) for name in ("messages", "not_shown", "failed")}
