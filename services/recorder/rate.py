@@ -2,9 +2,10 @@
 
 The samples are an arm's: joint states, raw and contact wrenches, as often as a cell sends them. Ours is the whole way
 from the bus's callback: label, author, numbers, stamp, inbox, the writer's thread, the file with its end. The bare one
-is mcap's own `Writer.add_message` with the same chunks and compression, one call a sample. In turn; one JSON object on
-standard output, which `crosspih bench recorder` shows. With `--paced HZ` samples come at that rate instead, and what
-was lost is counted.
+is mcap's own `Writer.add_message` with the same chunks and compression, one call a sample. `shown` is ours with the
+topics for viewers, all of which are made before the file ends. In turn; one JSON object on standard output, which
+`crosspih bench recorder` shows. With `--paced HZ` samples come at that rate instead, topics for viewers made of them,
+and what was lost is counted.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ from crosspih_common.bus import Bus
 from crosspih_common.bus.codec import encode, label_with_seq
 from crosspih_common.bus.memory import MemoryHub
 from crosspih_common.bus.transport import AuthoredHandler
+from crosspih_common.config import Workcell
 from crosspih_common.keys import CONTACT_WRENCH, JOINT_STATE, WRENCH_RAW, Payload, Topic
 from crosspih_common.messages import ContactWrench, JointState, RawWrenchBatch
 from services.recorder.config import RecorderConfig
+from services.recorder.for_viewers import ForViewers
 from services.recorder.recorder import Recorder
 from services.recorder.schemas import channel_schema
 from services.recorder.shell import tap_all
@@ -84,11 +87,13 @@ def bare(sent: Sequence[Sent], folder: Path, config: RecorderConfig) -> None:
 class Ours:
     """The recorder on a bus in memory, its publishers beside it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, shows: bool = False) -> None:
         self.config = RecorderConfig(directory=folder, quiet_s=0.0, queue_samples=1_000_000, min_free_bytes=0)
         self._hub = MemoryHub()
         self._bus = Bus(self._hub.transport(), CELL, "recorder")
-        self._recorder = Recorder(self.config, lambda: {}, lambda code, text: None)
+        self._recorder = Recorder(
+            self.config, lambda: {}, lambda code, text: None, for_viewers=lambda: _for_viewers(shows)
+        )
         tap_all(self._bus, self._recorder)
         self._authors: dict[str, str] = {}
         self._buses = []
@@ -126,6 +131,10 @@ class Ours:
             bus.close()
 
 
+def _for_viewers(shows: bool) -> ForViewers | None:
+    return ForViewers(Workcell(), RecorderConfig().foxglove_hz) if shows else None
+
+
 def _rates(work: Callable[[], object], count: int) -> tuple[float, float]:
     began_s, cpu_s = time.perf_counter(), time.process_time()
     work()
@@ -135,13 +144,14 @@ def _rates(work: Callable[[], object], count: int) -> tuple[float, float]:
 def measure(count: int, rounds: int = ROUNDS) -> dict[str, list[float]]:
     """Samples a second of either, round by round, by the wall's clock and by CPU time."""
     sent = samples(count)
-    rates: dict[str, list[float]] = {"bare": [], "ours": [], "bare_cpu": [], "ours_cpu": []}
+    rates: dict[str, list[float]] = {f"{name}{of}": [] for name in ("bare", "ours", "shown") for of in ("", "_cpu")}
     folder = Path(tempfile.mkdtemp(prefix="crosspih-recorder-"))
-    ours = Ours(folder)
-    heard = ours.heard(sent)
+    ours, shown = Ours(folder), Ours(folder, shows=True)
+    heard, heard_shown = ours.heard(sent), shown.heard(sent)
     work: dict[str, Callable[[], object]] = {
         "bare": lambda: bare(sent, folder, ours.config),
         "ours": lambda: ours.write(heard),
+        "shown": lambda: shown.write(heard_shown),
     }
     try:
         for index in range(rounds):
@@ -151,15 +161,16 @@ def measure(count: int, rounds: int = ROUNDS) -> dict[str, list[float]]:
                 rates[f"{name}_cpu"].append(cpu)
     finally:
         ours.close()
+        shown.close()
         shutil.rmtree(folder, ignore_errors=True)
     return rates
 
 
 def paced(count: int, rate_hz: float) -> dict[str, float]:
-    """So many samples at a rate: how many were lost, and in what time they came."""
+    """So many samples at a rate, topics for viewers made of them: how many were lost, and in what time they came."""
     sent = samples(count)
     folder = Path(tempfile.mkdtemp(prefix="crosspih-recorder-"))
-    ours = Ours(folder)
+    ours = Ours(folder, shows=True)
     began_s = time.monotonic()
 
     def pace(index: int) -> None:

@@ -66,9 +66,9 @@ def test_the_recorder_is_measured_in_turn_and_loses_nothing() -> None:
     beside = paced(200, rate_hz=1000.0)
     assert beside["lost"] == 0 and beside["seconds"] >= 0.19
     result = recorder_result(
-        {"bare": [2.0, 4.0], "ours": [1.0, 3.0], "bare_cpu": [8.0], "ours_cpu": [2.0]}, [beside], 9
+        {"bare": [2.0, 4.0], "ours": [1.0, 3.0], "shown": [0.5, 1.0], "bare_cpu": [8.0], "ours_cpu": [2.0]}, [beside], 9
     )
-    assert (result.ratio, result.cpu_ratio) == (0.625, 0.25)
+    assert (result.ratio, result.cpu_ratio, result.shown_ratio) == (0.625, 0.25, 0.25)
     assert (result.cells, result.sent, result.lost) == (1, 200, 0)
 
 
