@@ -11,6 +11,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.keys import ASSEMBLE, Kind
 from crosspih_common.recording import RecordingError, parts_of, read_recording
 from crosspih_common.recording.rerun import begun_ns
+from crosspih_common.recording.viewers import URDF
 from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
 from services.operator.recordings.writing import ITS_OWN, NewRecording
 
@@ -137,6 +138,10 @@ def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> Made:
         for said in said_in(path, parts):
             if first_ns <= said.entry.log_time <= last_ns:
                 new.add(said)
+        for part in parts:
+            for attachment in part.attachments:
+                if attachment.name == URDF:
+                    new.attach(attachment)
         _words(new, parts, ITS_OWN)
         new.words("cut", {"of": path.name, "first_ns": str(first_ns), "last_ns": str(last_ns)})
         return Made(new.messages, parts)

@@ -42,6 +42,7 @@ class NewRecording:
         self._channels: dict[tuple[str, str, int, tuple[tuple[str, str], ...]], int] = {}
         self._known: dict[tuple[int, int], int] = {}  # by the identity of what was read: quick
         self._kept_alive: list[tuple[Channel, Schema | None]] = []
+        self._attached: set[tuple[str, bytes]] = set()
         self._repeat = RecordBuilder()
 
     def __enter__(self) -> NewRecording:
@@ -64,8 +65,9 @@ class NewRecording:
         self._writer.add_metadata(name, sealed(name, entries))
 
     def attach(self, attachment: Attachment) -> None:
-        """Add an attachment; the repeated definitions are made anew."""
-        if attachment.name != DEFINITIONS:
+        """Add an attachment, once; the repeated definitions are made anew."""
+        if attachment.name != DEFINITIONS and (attachment.name, attachment.data) not in self._attached:
+            self._attached.add((attachment.name, attachment.data))
             self._writer.add_attachment(
                 attachment.create_time, attachment.log_time, attachment.name, attachment.media_type, attachment.data
             )

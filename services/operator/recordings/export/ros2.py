@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.bus.codec import decode
-from crosspih_common.config import CellFile, cell_of_text
+from crosspih_common.config import CellFile
 from crosspih_common.errors import ConfigError, ContractError
 from crosspih_common.keys import (
     ASSEMBLE,
@@ -32,6 +32,7 @@ from crosspih_common.ros2.topics import Topics
 from crosspih_common.ros2.types import DISTROS, Distro
 from services.operator.bench.options import told
 from services.operator.recordings.export.bag import Bag
+from services.operator.recordings.export.shown import cell_of
 
 DIAGNOSE_NS = 1_000_000_000
 # each topic, and the method of Topics that takes it
@@ -111,14 +112,6 @@ def write_bag(
 
 def _time_of(sample: Recorded, cell_stamps: bool) -> int:
     return sample.stamp_ns if cell_stamps else sample.wall_ns
-
-
-def cell_of(recording: Recording) -> CellFile:
-    """The cell as its file stands in the recording. Raises ConfigError."""
-    said = recording.metadata.get("cell", {})
-    if "yaml" not in said:
-        raise ConfigError(f"{recording.path}: holds no cell file, so the arm's joints have no names")
-    return cell_of_text(Path(said.get("path") or recording.path), said["yaml"])
 
 
 def _names(cell: CellFile) -> dict[str, Any]:
