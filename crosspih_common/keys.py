@@ -162,7 +162,7 @@ class Command(Generic[RequestT, ReplyT]):
 
 RECORDED = ("recorder",)
 SHOWN = ("operator", *RECORDED)  # whoever looks at a cell through crosspih_common/client is an operator
-ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
+ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2", "foxglove")
 
 # hardware -------------------------------------------------------------------------------------------------------------
 CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", ALL, "the cell's clock", 50.0)
@@ -179,7 +179,7 @@ JOINT_STATE = Topic(
     JointState,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", "operator", "ros2", *RECORDED),
+    ("force_torque", "planning", "operator", "ros2", "foxglove", *RECORDED),
     "the encoders",
     250.0,
 )
@@ -188,7 +188,7 @@ WRENCH_RAW = Topic(
     RawWrenchBatch,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", "operator", "ros2", *RECORDED),
+    ("force_torque", "planning", "operator", "ros2", "foxglove", *RECORDED),
     "the sensor",
     100.0,
 )
@@ -197,14 +197,24 @@ CAMERA_CALIBRATION = Topic(
     CameraCalibration,
     Kind.STATE,
     "hardware",
-    ("operator", "ros2", *RECORDED),
+    ("operator", "ros2", "foxglove", *RECORDED),
     "what the cameras are",
 )
 IMAGE_LEFT = Topic(
-    "camera/left/image", Image, Kind.EVENT, "hardware", ("vision", "operator", "ros2", *RECORDED), "left picture"
+    "camera/left/image",
+    Image,
+    Kind.EVENT,
+    "hardware",
+    ("vision", "operator", "ros2", "foxglove", *RECORDED),
+    "left picture",
 )
 IMAGE_RIGHT = Topic(
-    "camera/right/image", Image, Kind.EVENT, "hardware", ("vision", "operator", "ros2", *RECORDED), "right picture"
+    "camera/right/image",
+    Image,
+    Kind.EVENT,
+    "hardware",
+    ("vision", "operator", "ros2", "foxglove", *RECORDED),
+    "right picture",
 )
 TRUTH = Topic(
     "simulation/truth",
@@ -256,16 +266,26 @@ RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("op
 
 # vision ---------------------------------------------------------------------------------------------------------------
 LOCATE = Command("vision/locate", LocateHole, HoleEstimate, "vision", ("planning", "operator"), "where is the hole")
-ANNOTATED_LEFT = Topic("vision/annotated/left", Image, Kind.EVENT, "vision", SHOWN, "left picture with what vision saw")
+ANNOTATED_LEFT = Topic(
+    "vision/annotated/left", Image, Kind.EVENT, "vision", ("foxglove", *SHOWN), "left picture with what vision saw"
+)
 ANNOTATED_RIGHT = Topic(
-    "vision/annotated/right", Image, Kind.EVENT, "vision", SHOWN, "right picture with what vision saw"
+    "vision/annotated/right", Image, Kind.EVENT, "vision", ("foxglove", *SHOWN), "right picture with what vision saw"
 )
 
 # force_torque ---------------------------------------------------------------------------------------------------------
 CONTACT_WRENCH = Topic(
-    "force_torque/wrench", ContactWrench, Kind.STREAM, "force_torque", ("ros2", *SHOWN), "contact alone", 100.0
+    "force_torque/wrench",
+    ContactWrench,
+    Kind.STREAM,
+    "force_torque",
+    ("ros2", "foxglove", *SHOWN),
+    "contact alone",
+    100.0,
 )
-CONTACT_STATE = Topic("force_torque/state", ContactState, Kind.STREAM, "force_torque", SHOWN, "one of the 26", 10.0)
+CONTACT_STATE = Topic(
+    "force_torque/state", ContactState, Kind.STREAM, "force_torque", ("foxglove", *SHOWN), "one of the 26", 10.0
+)
 FT_CALIBRATION = Topic(
     "force_torque/calibration",
     FtCalibration,
@@ -338,9 +358,14 @@ WITHDRAW = Command(
     "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator", "ros2"), "a seated peg straight out"
 )
 PHASE = Topic(
-    "planning/phase", AssemblyPhase, Kind.EVENT, "planning", ("operator", "ros2", *RECORDED), "each step as it happens"
+    "planning/phase",
+    AssemblyPhase,
+    Kind.EVENT,
+    "planning",
+    ("operator", "ros2", "foxglove", *RECORDED),
+    "each step as it happens",
 )
-TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", ("operator", *RECORDED), "each touch")
+TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", ("operator", "foxglove", *RECORDED), "each touch")
 
 # recorder -------------------------------------------------------------------------------------------------------------
 RECORD_START = Command("recorder/start", StartRecording, RecordingStatus, "recorder", ("operator",), "begin a file")
@@ -348,15 +373,15 @@ RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder
 
 # every service --------------------------------------------------------------------------------------------------------
 STATUS = Topic(
-    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", ("operator", "ros2", *RECORDED), "how it is",
-    1.0,
+    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", ("operator", "ros2", "foxglove", *RECORDED),
+    "how it is", 1.0,
 )  # fmt: skip
 EVENTS = Topic(
     "service/{service}/event",
     Event,
     Kind.EVENT,
     "{service}",
-    ("operator", "ros2", *RECORDED),
+    ("operator", "ros2", "foxglove", *RECORDED),
     "what people should know",
 )
 REFUSAL = Topic(
@@ -364,7 +389,7 @@ REFUSAL = Topic(
     CommandRefusal,
     Kind.EVENT,
     "{service}",
-    ("operator", *RECORDED),
+    ("operator", "foxglove", *RECORDED),
     "a command that was refused, and why",
 )
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples

@@ -12,15 +12,21 @@ from collections.abc import Iterable
 from typing import Any
 
 from crosspih_common.keys import (
+    ADVISE_INSERTION,
     ALL,
     ASSEMBLE,
     CAMERA_ALIVE,
     CAPTURE,
     CLOCK,
+    ESTIMATE,
+    FOLLOW,
     LEASE_BEAT,
     LEASE_TAKE,
     LOCATE,
+    NETWORK,
     ROOT,
+    SEATED,
+    SEQUENCE_NETWORK,
     Command,
     Qos,
     Topic,
@@ -37,6 +43,9 @@ ADVANCED = "/@adv/**"  # where Zenoh's advanced publishers keep what they need b
 IN, OUT = "ingress", "egress"
 # What ROS 2 hears that a command answered: where the hole is, and how an assembly ended.
 ANSWERS_TO_ROS2 = (ASSEMBLE, LOCATE)
+# What Foxglove shows besides: what commands were asked and answered.
+REQUESTS_TO_FOXGLOVE = (ASSEMBLE, FOLLOW)
+ANSWERS_TO_FOXGLOVE = (ADVISE_INSERTION, ASSEMBLE, CAPTURE, ESTIMATE, LOCATE, NETWORK, SEATED, SEQUENCE_NETWORK)
 # ROS 2's own keys: its domains and its tokens, for the services that speak it
 ROS2_SPEAKERS = ("ros2", "hardware")
 ROS2_KEYS = ("@ros2_lv/**", *(f"{domain}/**" for domain in range(102)))  # the domains that ROS 2 allows on every system
@@ -122,8 +131,11 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
             table.serve(service, command.key(CELL))
         for service in command.callers:
             table.ask(service, command.key(CELL))
-        if command in ANSWERS_TO_ROS2:
-            table.read("ros2", command.reply_echo.key(CELL), recover=True)
+        for service, answers in (("ros2", ANSWERS_TO_ROS2), ("foxglove", ANSWERS_TO_FOXGLOVE)):
+            if command in answers:
+                table.read(service, command.reply_echo.key(CELL), recover=True)
+        if command in REQUESTS_TO_FOXGLOVE:
+            table.read("foxglove", command.request_echo.key(CELL), recover=True)
     for service in SERVICES:
         table.read(service, CLOCK.key(CELL), recover=True)  # every bus goes by it
         table.live(service, (service, CAMERA_ALIVE) if service == CAPTURE.server else (service,))

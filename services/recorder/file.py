@@ -17,13 +17,13 @@ from mcap.writer import CompressionType, Writer
 
 from crosspih_common.bus.codec import label_of
 from crosspih_common.foxglove import ViewerTopic
+from crosspih_common.foxglove.own_messages import channel_schema
 from crosspih_common.keys import Topic
 from crosspih_common.recording.parts import part_path
 from crosspih_common.recording.records import sealed
 from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
 from services.recorder.config import Compression, RecorderConfig
 from services.recorder.sample import Sample, Waiting
-from services.recorder.schemas import channel_schema
 
 _COMPRESSION = {
     Compression.ZSTD: CompressionType.ZSTD,

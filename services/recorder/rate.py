@@ -26,12 +26,12 @@ from crosspih_common.bus.codec import encode, label_with_seq
 from crosspih_common.bus.memory import MemoryHub
 from crosspih_common.bus.transport import AuthoredHandler
 from crosspih_common.config import Workcell
+from crosspih_common.foxglove.own_messages import channel_schema
 from crosspih_common.keys import CONTACT_WRENCH, JOINT_STATE, WRENCH_RAW, Payload, Topic
 from crosspih_common.messages import ContactWrench, JointState, RawWrenchBatch
 from services.recorder.config import RecorderConfig
 from services.recorder.for_viewers import ForViewers
 from services.recorder.recorder import Recorder
-from services.recorder.schemas import channel_schema
 from services.recorder.shell import tap_all
 
 CELL = "bench-recorder"

@@ -228,8 +228,9 @@ def test_shipped_file_starts_the_router_first_and_every_service_exists() -> None
     services = load_compose(DEFAULT_COMPOSE_FILE, {}).services
     others = {"hardware", "vision", "force_torque", "inference", "planning", "recorder"}
     assert [set(level) for level in start_levels(select(services, (), ()))] == [{"router"}, others]
-    assert set(services) - {"router"} - others == {"ros2"}  # where its profile is asked for
-    assert set(select(services, (), ("ros2",))) == set(services)
+    optional = {"ros2", "foxglove"}  # where their profiles are asked for
+    assert set(services) - {"router"} - others == optional
+    assert set(select(services, (), tuple(optional))) == set(services)
     for name, service in services.items():
         assert service.command == ("python", "-m", f"services.{name}")
         assert (ROOT / "services" / name).is_dir()

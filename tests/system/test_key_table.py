@@ -36,6 +36,7 @@ NOT_SPELLED = {
     "services/operator/bench/reliability/kills/watching.py": "command.reply_echo",
     "services/operator/recordings/replay/answers.py": "asked.command",
     "services/ros2/shell.py": "command.reply_echo",
+    "services/foxglove/shell.py": "topic",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it
 CLIENT = "crosspih_common.client"  # asks and hears for the services that import it

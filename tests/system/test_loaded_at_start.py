@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "ros2")
+SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "ros2", "foxglove")
 # No service needs these before it is up; torch only where a network is asked, and nobody's pages in a service.
 OF_NO_SERVICE = (
     "torch", "safetensors", "matplotlib", "jinja2", "pyarrow", "pinocchio", "pybullet", "mujoco", "typer", "rich",
@@ -24,6 +24,7 @@ UNWANTED = {
     "inference": (*OF_NO_SERVICE, "cv2"),
     "planning": (*OF_NO_SERVICE, "scipy.optimize", "cv2"),
     "ros2": (*OF_NO_SERVICE, "scipy.optimize", "cv2"),
+    "foxglove": (*OF_NO_SERVICE, "scipy.optimize", "cv2"),
 }
 # what a command may not have loaded once it has answered, of what its service-side fellows need
 OF_NO_QUESTION = ("scipy", "shapely", "cv2", "torch", "matplotlib", "pybullet", "mujoco", "pinocchio", "pyarrow")

@@ -1,7 +1,7 @@
 """JSON Schema (2020-12) of every message, one file a type, and an index that leads from each key to them.
 
-Where `services/recorder/schemas.py` bends schemas to what a viewer reads, these are whole: they say exactly what the
-codec accepts, references and null included.
+Where `crosspih_common/foxglove/own_messages.py` bends schemas to what a viewer reads, these are whole: they say exactly
+what the codec accepts, references and null included.
 """
 
 from __future__ import annotations

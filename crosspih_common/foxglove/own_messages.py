@@ -1,4 +1,4 @@
-"""Schemas that Foxglove and Lichtblick can read.
+"""Schemas of our own messages that Foxglove and Lichtblick can read.
 
 Their JSON schema parser knows boolean, string, number, integer, objects that have `properties`, and arrays of those. It
 throws on `$ref`, `anyOf`, `prefixItems` and arrays of arrays, and then shows nothing of the channel. So references are
@@ -13,7 +13,7 @@ from typing import Any
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 
-from crosspih_common.foxglove import descriptor_set
+from crosspih_common.foxglove.schemas import descriptor_set
 from crosspih_common.messages import Image, Message
 from crosspih_common.messages.images import IMAGE_TYPE
 
