@@ -88,6 +88,11 @@ class FoxgloveShell:
                 Severity.WARNING, "foxglove_open", f"{address} asks nobody who comes: the whole network may look on"
             )
 
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return self._server.port
+
     def _started(self, config: FoxgloveConfig, name: str) -> WebSocketServer:
         try:
             return start_server(
