@@ -1,0 +1,85 @@
+"""The layouts that are shipped show what there is: topics of the tables, fields of their messages, all panels placed."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from google.protobuf.descriptor import Descriptor
+
+from crosspih_common.config.name import DEFAULT_NAME
+from crosspih_common.foxglove import viewer_topics
+from crosspih_common.foxglove.own_messages import flat_schema
+from crosspih_common.keys import topics
+from crosspih_common.messages import Image
+from tests.common.test_foxglove import message_of
+
+LAYOUTS = sorted((Path(__file__).resolve().parents[2] / "deploy" / "layouts").glob("*.json"))
+OURS = {topic.key(DEFAULT_NAME): topic for topic in topics()}
+SHOWN = {topic.name: topic for topic in viewer_topics()}
+PATH = re.compile(r"(?P<topic>[^.]+)(?P<fields>(\.\w+(\[\d+\])?)*)")
+
+
+def strings(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        yield from value
+        for one in value.values():
+            yield from strings(one)
+    elif isinstance(value, list):
+        for one in value:
+            yield from strings(one)
+    elif isinstance(value, str):
+        yield value
+
+
+def leaves(tree: Any) -> Iterator[str]:
+    if isinstance(tree, str):
+        yield tree
+    else:
+        yield from leaves(tree["first"])
+        yield from leaves(tree["second"])
+
+
+def is_number_or_text(topic: str, fields: list[str]) -> bool:
+    """Whether a viewer finds a value there that it can plot, or colour a state by."""
+    if topic in SHOWN:
+        return _of_protobuf(message_of(SHOWN[topic]).DESCRIPTOR, fields)
+    schema: Any = flat_schema(OURS[topic].type)
+    for field in fields:
+        name, _, index = field.partition("[")
+        schema = schema["properties"][name]
+        if index:
+            schema = schema["items"]
+    return schema["type"] in ("number", "integer", "boolean", "string")
+
+
+def _of_protobuf(descriptor: Descriptor, fields: list[str]) -> bool:
+    for field in fields[:-1]:
+        descriptor = descriptor.fields_by_name[field].message_type
+    return descriptor.fields_by_name[fields[-1]].message_type is None
+
+
+@pytest.mark.parametrize("path", LAYOUTS, ids=lambda path: path.stem)
+def test_a_layout_shows_what_there_is(path: Path) -> None:
+    layout = json.loads(path.read_text(encoding="utf-8"))
+    assert set(leaves(layout["layout"])) == set(layout["configById"])
+    named = {text for text in strings(layout["configById"]) if text.startswith(("/foxglove/", "crosspih/"))}
+    for text in named:
+        match = PATH.fullmatch(text)
+        assert match is not None and (match["topic"] in SHOWN or match["topic"] in OURS), text
+        fields = [field for field in match["fields"].split(".") if field]
+        assert not fields or is_number_or_text(match["topic"], fields), text
+    for panel in layout["configById"].values():
+        picture = panel.get("imageMode", {}).get("imageTopic")
+        assert picture is None or OURS[picture].type is Image
+
+
+def test_the_assembly_has_every_kind_of_panel_and_the_full_rate_of_the_sensor() -> None:
+    layout = json.loads(next(path for path in LAYOUTS if path.stem == "assembly").read_text(encoding="utf-8"))
+    kinds = {name.split("!")[0] for name in layout["configById"]}
+    assert {"3D", "Image", "Plot", "StateTransitions", "RosOut"} <= kinds
+    assert "/foxglove/wrench/raw.force.x" in set(strings(layout["configById"]))
