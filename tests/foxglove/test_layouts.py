@@ -1,4 +1,4 @@
-"""The layouts that are shipped show what there is: topics of the tables, fields of their messages, all panels placed."""
+"""The layouts that are shipped show what there is: topics of the tables, fields of their messages, placed panels."""
 
 from __future__ import annotations
 
