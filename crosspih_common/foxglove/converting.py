@@ -154,12 +154,12 @@ class FoxgloveTopics:
 
     def _begin(self, stamp_ns: int) -> None:
         self._begun = True
+        self._tell_arm(stamp_ns, self._workcell.home_joints_rad)  # frames before what stands in them
         self._tell(schemas.ARM, stamp_ns, self._scenes.arm(stamp_ns))
         self._tell(schemas.PLATE, stamp_ns, self._scenes.plate(stamp_ns))
         around = self._scenes.surroundings(stamp_ns)
         if around is not None:
             self._tell(schemas.SURROUNDINGS, stamp_ns, around)
-        self._tell_arm(stamp_ns, self._workcell.home_joints_rad)
 
     # ---------------------------------------------------------------------------------------------------- many a second
 
@@ -290,11 +290,12 @@ class FoxgloveTopics:
     # ----------------------------------------------------------------------------------------------- simulator's truth
 
     def _simulated(self, truth: SimulationTruth, stamp_ns: int) -> None:
-        if self._truth.poses.get(TRUTH_HOLE) != truth.pose_base_hole:
-            self._truth.place(TRUTH_HOLE, BASE, truth.pose_base_hole)
-            self._tell(schemas.TRUTH_RIM, stamp_ns, self._scenes.true_rim(stamp_ns))
+        moved = self._truth.poses.get(TRUTH_HOLE) != truth.pose_base_hole
+        self._truth.place(TRUTH_HOLE, BASE, truth.pose_base_hole)
         self._truth.place(TRUTH_PEG, BASE, truth.pose_base_peg)
         self._tell(schemas.TRUTH_TRANSFORMS, stamp_ns, self._truth.transforms(stamp_ns))
+        if moved:
+            self._tell(schemas.TRUTH_RIM, stamp_ns, self._scenes.true_rim(stamp_ns))
         ended = self._true_contacts and not truth.contacts
         if ended or (truth.contacts and self._due(schemas.TRUTH_CONTACTS, stamp_ns)):
             self._tell(schemas.TRUTH_CONTACTS, stamp_ns, self._scenes.true_contacts(stamp_ns, truth))
