@@ -9,9 +9,9 @@ import pytest
 from google.protobuf import descriptor_pool
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from crosspih_common.foxglove.own_messages import channel_schema, flat_schema
 from crosspih_common.keys import Topic, topics
 from crosspih_common.messages import AssemblyResult, GuardedMoveOutcome, Image, RawWrenchBatch
-from crosspih_common.foxglove.own_messages import channel_schema, flat_schema
 
 MESSAGE_TOPICS = [topic for topic in topics() if topic.type is not Image]
 
