@@ -143,8 +143,8 @@ class Scenes:
             head = line_of_action(force, moment, self._peg.tip_m)
             tail, point = pose.apply(np.stack([head - M_PER_N * force, head]))
             add_arrow(made, tail, point, ARROW_M, TOUCHED)
-            said = f"{touch.index}: {touch.state.case or touch.state.reason or 'none of the 26'}"
-            add_text(made, said, tail, TOUCHED)
+            add_text(made, f"{touch.index}: {touch.state.case or 'none'}", tail, TOUCHED)
+            made.metadata.add(key=f"touch {touch.index}", value=touch.state.case or touch.state.reason)
         return scene([made])
 
     def estimate(self, stamp_ns: int, covariance: Sequence[float] | None, source: str) -> bytes:
@@ -153,7 +153,7 @@ class Scenes:
         ghost.triangles.append(self._ghost)
         sure = entity(stamp_ns, HOLE, "estimate/uncertainty", [("source", source), ("magnified", f"{MAGNIFIED:g}")])
         self._add_rims(sure, BELIEVED_LINE)
-        told = f"hole by {source}"
+        told = f"by {source}"
         if covariance is not None:
             full = np.asarray(covariance, float).reshape(6, 6)
             variances, axes = np.linalg.eigh(full[:3, :3])

@@ -44,7 +44,7 @@ def wrench_sample_file() -> FileDescriptorSet:
     files = FileDescriptorSet()
     timestamp_pb2.DESCRIPTOR.CopyToProto(files.file.add())
     Vector3.DESCRIPTOR.file.CopyToProto(files.file.add())
-    file = FileDescriptorProto(name="crosspih/WrenchSample.proto", package="crosspih", syntax="proto3")
+    file = FileDescriptorProto(name="crosspih_wrench_sample.proto", package="crosspih", syntax="proto3")
     file.dependency.extend(known.name for known in files.file)
     message = file.message_type.add(name="WrenchSample")
     kinds = {"string": FieldDescriptorProto.TYPE_STRING, "double": FieldDescriptorProto.TYPE_DOUBLE}

@@ -85,8 +85,23 @@ class _Writer:
                 method(shown.topic, shown.data)
         self._cameras()
         self._numbers()
+        self._stream.send_blueprint(self._layout())
         self._stream.flush()
         return self._counts
+
+    def _layout(self) -> Any:
+        import rerun.blueprint as rrb
+
+        pictures = [
+            rrb.Spatial2DView(origin=self._path_of(f"camera_{side}") + "/picture", name=f"{side} picture")
+            for side, _ in SIDES
+        ]
+        beside = rrb.Vertical(
+            rrb.Horizontal(*pictures), rrb.TimeSeriesView(origin="wrench/contact", name="contact, N and Nm"),
+            rrb.TimeSeriesView(origin="wrench/raw", name="the sensor at full rate, N and Nm"),
+            rrb.TextLogView(origin="log", name="log"),
+        )  # fmt: skip
+        return rrb.Blueprint(rrb.Horizontal(rrb.Spatial3DView(origin=ROOT, name="cell"), beside), collapse_panels=True)
 
     def _put(self, path: str, what: Any) -> None:
         self._stream.log(path, what)
@@ -183,7 +198,7 @@ class _Writer:
     def _cameras(self) -> None:
         rr, calibration = self._rr, self._recording.last(CAMERA_CALIBRATION)
         for side, topic in SIDES:
-            path = self._path_of(f"camera_{side}")
+            path = self._path_of(f"camera_{side}") + "/picture"  # below a lens all is flat: the right camera is not
             if isinstance(calibration, CameraCalibration):
                 camera = getattr(calibration, side)
                 lens = rr.Pinhole(
@@ -193,7 +208,7 @@ class _Writer:
                 self._stream.log(path, lens, static=True)
             for image in self._recording.messages(topic):
                 self._stream.set_time(TIMELINE, duration=image.stamp_ns * 1e-9)
-                self._put(f"{path}/image", self._picture(image))
+                self._put(path, self._picture(image))
 
     def _picture(self, image: Image) -> Any:
         model = {"rgb8": "RGB", "bgr8": "BGR"}.get(image.encoding)
