@@ -24,11 +24,7 @@ def foxglove(
     ] = None,
     port: Annotated[int | None, typer.Option(min=0, max=65535, help="8765 when left out; 0: any free one.")] = None,
 ) -> None:
-    r"""Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to.
-
-    \b
-    crosspih foxglove             # in Foxglove: Open connection, ws://localhost:8765
-    """
+    """Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to."""
     with told(Console(stderr=True)):
         if importlib.util.find_spec("foxglove") is None:
             raise ConfigError("crosspih foxglove needs foxglove-sdk: pip install 'crosspih[foxglove]'")

@@ -22,6 +22,21 @@ COMMANDS = {
         "Write a recording as a ROS 2 bag (MCAP, CDR): for `ros2 bag play`, rosbags, PlotJuggler and others.",
         example=f"{_FILE} bag",
     ),
+    "foxglove": OnDemand(
+        f"{_HERE}.foxglove:foxglove",
+        "Write a recording with topics for Foxglove, Lichtblick and Rerun: of one that has none, or made anew.",
+        example=f"{_FILE} for-viewers.mcap",
+    ),
+    "rerun": OnDemand(
+        f"{_HERE}.rerun:rerun",
+        "Write a recording for the Rerun viewer: the cell in 3-D, pictures, forces at full rate, joints, log.",
+        example=f"{_FILE} assembly.rrd",
+    ),
+    "lerobot": OnDemand(
+        f"{_HERE}.lerobot.command:lerobot",
+        "Write assemblies as a LeRobot dataset (v3.0), an episode each: joints, wrench, peg, video, phases, success.",
+        example=f"{_FILE} -o my-dataset",
+    ),
 }
 
 app = typer.Typer(cls=group_of(COMMANDS), no_args_is_help=True)

@@ -34,11 +34,7 @@ def rerun(
     recording: Annotated[Path, typer.Argument(help="A recording (.mcap), also a torn or damaged one.")],
     out: Annotated[Path, typer.Argument(help="The file that is made (.rrd).")],
 ) -> None:
-    r"""Write a recording for the Rerun viewer: the cell in 3-D, pictures, forces at full rate, joints, log.
-
-    \b
-    crosspih recording export rerun FILE.mcap FILE.rrd && rerun FILE.rrd
-    """
+    """Write a recording for the Rerun viewer: the cell in 3-D, pictures, forces at full rate, joints, log."""
     console = Console()
     with told(console):
         if out.exists():

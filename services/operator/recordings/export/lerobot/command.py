@@ -22,11 +22,7 @@ def lerobot(
     out: Annotated[Path, typer.Option("--out", "-o", help="The dataset: a folder that is made.")],
     fps: Annotated[int, typer.Option(min=1, max=250, help="Steps a second of cell time.")] = 30,
 ) -> None:
-    r"""Write assemblies as a LeRobot dataset (v3.0), an episode each: joints, wrench, peg, video, phases, success.
-
-    \b
-    crosspih recording export lerobot recordings/*.mcap -o my-dataset
-    """
+    """Write assemblies as a LeRobot dataset (v3.0), an episode each: joints, wrench, peg, video, phases, success."""
     console = Console()
     with told(console):
         dataset, arm, count = None, "", 0
