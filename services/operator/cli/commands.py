@@ -72,6 +72,13 @@ COMMANDS = {
         "Stop all services, in order, and the supervisor; say how each of them ended.",
         panel="The stack",
     ),
+    "foxglove": OnDemand(
+        f"{_HERE}.cli.foxglove:foxglove",
+        "Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to.",
+        example="--port 8765",
+        by_cell=True,
+        panel="Look",
+    ),
     "topic": OnDemand(
         f"{_HERE}.topic.commands:app", "What travels on the bus now: listed, printed, measured.", panel="Look"
     ),

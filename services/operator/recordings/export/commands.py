@@ -24,8 +24,8 @@ COMMANDS = {
     ),
     "foxglove": OnDemand(
         f"{_HERE}.foxglove:foxglove",
-        "Write a recording with topics for Foxglove, Lichtblick and rerun: of one that has none, or made anew.",
-        example="old.mcap new.mcap",
+        "Write a recording with topics for Foxglove, Lichtblick and Rerun: of one that has none, or made anew.",
+        example=f"{_FILE} for-viewers.mcap",
     ),
     "rerun": OnDemand(
         f"{_HERE}.rerun:rerun",

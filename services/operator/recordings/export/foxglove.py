@@ -27,7 +27,7 @@ def foxglove(
     out: Annotated[Path, typer.Argument(help="The recording that is made (.mcap).")],
     rate_hz: Annotated[float, typer.Option(min=1.0, max=500.0, help="Of frames and joints.")] = RATE_HZ,
 ) -> None:
-    """Write a recording with topics for Foxglove, Lichtblick and rerun: of one that has none, or made anew."""
+    """Write a recording with topics for Foxglove, Lichtblick and Rerun: of one that has none, or made anew."""
     console = Console()
     with told(console):
         read = read_recording(recording, EVERY)
