@@ -79,7 +79,8 @@ def test_an_estimate_replaces_what_vision_said(standing: Standing) -> None:
     )  # fmt: skip
     standing.add_estimate(estimate)
     found = standing.believed
-    assert (found.by, found.sd_lateral_mm, found.sd_depth_mm) == ("fused", pytest.approx(2.0), pytest.approx(1.0))
+    assert found.by == "fused"
+    assert found.sd_lateral_mm == pytest.approx(2.0) and found.sd_depth_mm == pytest.approx(1.0)
     assert found.sd_tilt_deg == pytest.approx(0.573, abs=1e-3)
 
 

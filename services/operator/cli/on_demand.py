@@ -97,7 +97,7 @@ class OnDemand:
 
 def _called(ctx: Any) -> str:
     """How a group is called by who has installed crosspih."""
-    return PROGRAM + ctx.command_path.removeprefix(ctx.find_root().command_path)
+    return PROGRAM + str(ctx.command_path).removeprefix(ctx.find_root().command_path)
 
 
 def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
@@ -144,21 +144,31 @@ def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
             finally:
                 self._listing = False
 
-        def main(self, args: Sequence[str] | None = None, standalone_mode: bool = True, **settings: Any) -> Any:
+        def main(
+            self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
+            standalone_mode: bool = True, windows_expand_args: bool = True, **extra: Any,
+        ) -> Any:  # fmt: skip
             """As Typer does it; what cannot be asked so is with `--json` an object too."""
             words = list(sys.argv[1:] if args is None else args)
-            if not standalone_mode or "--json" not in words:
-                return super().main(args, standalone_mode=standalone_mode, **settings)
+            alone = standalone_mode and "--json" in words
             try:
-                status = super().main(words, standalone_mode=False, **settings)
+                status = super().main(
+                    args, prog_name, complete_var, standalone_mode and not alone, windows_expand_args, **extra
+                )
             except UsageError as error:
+                if not alone:
+                    raise
                 from typer.rich_utils import rich_format_error
 
                 rich_format_error(error)
                 print_json(usage_failure(error))
                 sys.exit(error.exit_code)
             except typer.Abort:
+                if not alone:
+                    raise
                 sys.exit(1)
-            sys.exit(status if isinstance(status, int) else 0)
+            if alone:
+                sys.exit(status if isinstance(status, int) else 0)
+            return status
 
     return CommandsOnDemand
