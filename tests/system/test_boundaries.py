@@ -74,7 +74,9 @@ def test_what_is_measured_and_shown_needs_no_command_line() -> None:
     """Typer is for what is typed: files called command, commands, options or app, and folders of commands."""
     for path in files_of("operator"):
         folders = {*path.relative_to(ROOT).parts}
-        typed = path.stem in ("command", "commands", "options", "app") or {"cli", "commands", "export", "topic"} & folders
+        typed = (
+            path.stem in ("command", "commands", "options", "app") or {"cli", "commands", "export", "topic"} & folders
+        )
         assert typed or "typer" not in {name.split(".")[0] for name in imported(parsed(path), path)}, path
 
 

@@ -85,12 +85,6 @@ COMMANDS = {
     "keys": OnDemand(
         f"{_HERE}.contract.command:keys", "Print every key: what travels, who sends it, who reads it.", panel="Look"
     ),
-    "foxglove": OnDemand(
-        f"{_HERE}.cli.foxglove:foxglove",
-        "Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to.",
-        by_cell=True,
-        panel="Look",
-    ),
     "recording": OnDemand(
         f"{_HERE}.recordings.app:app",
         "Look into recordings, mend, cut, merge, animate and export them.",
