@@ -18,7 +18,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.foxglove import schemas
 from crosspih_common.foxglove.frames import BASE
 from crosspih_common.keys import CAMERA_CALIBRATION, CONTACT_WRENCH, IMAGE_LEFT, IMAGE_RIGHT, JOINT_STATE, WRENCH_RAW
-from crosspih_common.messages import CameraCalibration, Image
+from crosspih_common.messages import CameraCalibration, Frame, Image
 from crosspih_common.recording import Recording, read_recording
 from services.operator.bench.options import told
 from services.operator.recordings.export.shown import EVERY, cell_of, shown_of
@@ -61,13 +61,22 @@ class _Writer:
     def __init__(self, rr: Any, stream: Any, recording: Recording) -> None:
         self._rr, self._stream, self._recording = rr, stream, recording
         self._mounting = cell_of(recording).workcell.sensor_mounting().peg_of_raw
-        self._paths = {BASE: f"{ROOT}/{BASE}"}
+        base = f"{ROOT}/{BASE}"
+        left = f"{base}/{Frame.CAMERA_LEFT.value}"
+        self._paths = {
+            BASE: base, Frame.CAMERA_LEFT.value: left,
+            Frame.CAMERA_RIGHT.value: f"{left}/{Frame.CAMERA_RIGHT.value}",
+        }  # fmt: skip
+        self._placed: dict[str, bytes] = {}  # what each frame was last told, without its stamp
         self._counts: Counter[str] = Counter()
         self._entities: dict[str, set[str]] = defaultdict(set)  # of each topic, those that were logged
 
     def write(self) -> Counter[str]:
         rr = self._rr
         self._stream.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._stream.send_blueprint(self._layout())
+        self._cameras()
+        self._numbers()
         take = {
             "foxglove.FrameTransforms": self._frames,
             "foxglove.SceneUpdate": self._scene,
@@ -79,9 +88,6 @@ class _Writer:
             if method is not None:
                 self._stream.set_time(TIMELINE, duration=shown.stamp_ns * 1e-9)
                 method(shown.topic, shown.data)
-        self._cameras()
-        self._numbers()
-        self._stream.send_blueprint(self._layout())
         self._stream.flush()
         return self._counts
 
@@ -111,6 +117,11 @@ class _Writer:
             path = self._paths.setdefault(
                 one.child_frame_id, f"{self._path_of(one.parent_frame_id)}/{one.child_frame_id}"
             )
+            one.ClearField("timestamp")
+            told = one.SerializeToString()
+            if self._placed.get(path) == told:
+                continue
+            self._placed[path] = told
             place, turn = one.translation, one.rotation
             self._put(path, self._rr.Transform3D(
                 translation=[place.x, place.y, place.z], quaternion=[turn.x, turn.y, turn.z, turn.w],
