@@ -67,6 +67,7 @@ WITH_PROCESSES = frozenset([
     "tests/service/test_lifecycle.py",
     "tests/system/test_as_bench.py",
     "tests/system/test_cell_check.py",
+    "tests/system/test_client.py",
     "tests/system/test_commands.py",
     "tests/system/test_examples.py",
     "tests/system/test_genicam_from_cell.py",
