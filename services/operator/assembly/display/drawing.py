@@ -127,7 +127,7 @@ def drawn(standing: Standing, width: int) -> RenderableType:
             table.add_row(name, Text("nothing heard from the sensor yet", "dim"))
     fx, fy, fz, mx, my, mz = standing.wrench
     table.add_row(
-        "smoothed", Text(f"F ({fx:+.2f}, {fy:+.2f}, {fz:+.2f}) N  M ({mx:+.3f}, {my:+.3f}, {mz:+.3f}) Nm", "dim")
+        "parts", Text(f"F ({fx:+.2f}, {fy:+.2f}, {fz:+.2f}) N  M ({mx:+.3f}, {my:+.3f}, {mz:+.3f}) Nm", "dim")
     )
     pressed = f", presses against walls {standing.presses}" if standing.presses else ""
     counts = f"touches {standing.touches}, corrections {standing.corrections}, pushes {standing.pushes}{pressed}"
