@@ -38,10 +38,13 @@ def _resolve(schema: JsonSchema, definitions: dict[str, JsonSchema]) -> JsonSche
         return {**_resolve(definitions[schema["$ref"].rsplit("/", 1)[-1]], definitions), **beside}
     for union in ("anyOf", "oneOf"):
         if union in schema:
-            present = [option for option in schema[union] if option.get("type") != "null"]
-            if len(present) != 1:
-                raise TypeError(f"a field of several types cannot be shown: {schema}")
-            return {**_resolve(present[0], definitions), **beside}
+            present = [_resolve(option, definitions) for option in schema[union] if option.get("type") != "null"]
+            kinds = {option.get("type") for option in present}
+            if len(present) == 1:
+                return {**present[0], **beside}
+            if len(kinds) == 1 and kinds <= set(_SCALARS):  # as one of our strategies, or the name of one's own
+                return {"type": kinds.pop(), **beside}
+            raise TypeError(f"a field of several types cannot be shown: {schema}")
     if "allOf" in schema and len(schema["allOf"]) == 1:
         return {**_resolve(schema["allOf"][0], definitions), **beside}
     return schema

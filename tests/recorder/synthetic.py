@@ -45,10 +45,10 @@ from crosspih_common.messages import (
     ServiceStatus,
     Severity,
     SimulationTruth,
-    Strategy,
     Touch,
     TouchUse,
     floats,
+    strategy_of,
 )
 from crosspih_common.wrench import Payload
 from services.recorder.config import RecorderConfig
@@ -271,7 +271,7 @@ def result(
         {
             "stamp_ns": at(12.4),
             "assembly_id": "s",
-            "strategy": Strategy(strategy),
+            "strategy": strategy_of(strategy),
             "inserted": inserted,
             "failure": None if inserted else "not_converged",
             "failure_detail": "" if inserted else "5 pushes did not enter",

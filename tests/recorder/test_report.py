@@ -187,6 +187,11 @@ def test_what_did_not_happen_is_not_told(tmp_path: Path) -> None:
     assert "vision&#39;s error" not in page.text
 
 
+def test_a_strategy_of_ones_own_is_named(tmp_path: Path) -> None:
+    write_assembly(tmp_path / "o.mcap", strategy="my_lab.mine:Wiggle")
+    assert "Strategy my_lab.mine:Wiggle: two cameras tell" in page_of(tmp_path / "o.mcap").text
+
+
 def test_the_same_recording_gives_the_same_page(tmp_path: Path) -> None:
     write_assembly(tmp_path / "a.mcap")
     assert page_of(tmp_path / "a.mcap").text == page_of(tmp_path / "a.mcap").text

@@ -20,10 +20,7 @@ def report(
         Path | None, typer.Option("--output", "-o", help="The page; beside the first recording when left out.")
     ] = None,
 ) -> None:
-    """Make one self-contained HTML page about a recorded assembly, or about two side by side.
-
-    Example: crosspih report recordings/assembly-fused-seed1-0001.mcap
-    """
+    """Make one self-contained HTML page about a recorded assembly, or about two side by side."""
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} recordings; want one, or two to compare", param_hint="files")
     first = files[0]

@@ -55,7 +55,9 @@ def how(facts: Facts) -> str:
     result = facts.window.result
     if result is None:
         return first
-    return f"{first} Strategy {result.strategy.value}: {_looking(facts)}the arm {PUSHES[result.strategy]}."
+    strategy = result.strategy
+    does = PUSHES[strategy] if isinstance(strategy, Strategy) else "goes about it in a way of its own"
+    return f"{first} Strategy {strategy.value}: {_looking(facts)}the arm {does}."
 
 
 def _looking(facts: Facts) -> str:

@@ -24,7 +24,7 @@ def animate(
 ) -> None:
     """Make a moving picture of a recorded assembly: the arm, peg and hole from near, and the forces running along.
 
-    Ways through air pass quickly. Example: crosspih recording animate recordings/assembly-fused-seed1-0001.mcap
+    Ways through air pass quickly.
     """
     console = Console(stderr=True)
     made = out or file.with_suffix(".webp")
