@@ -208,8 +208,10 @@ def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2:
     return Look(state, moved, taken, now, variance, even, weight, chamfer, profile_weight, height, square)
 
 
-def stepped(rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False) -> tuple[State, Fit]:
-    """The second half: one Gauss-Newton step from what was seen. `hold_blur`: the blur stays what it is."""
+def stepped(
+    rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False, hold_pose: bool = False
+) -> tuple[State, Fit]:
+    """The second half: one Gauss-Newton step from what was seen. `hold_blur`, `hold_pose`: it stays what it is."""
     state, now, chamfer = looked.state, looked.steps, looked.chamfer_grey
     maps = _maps(rim, looked.seen, looked.square)
     table = now.table[..., 1:, 1:]
@@ -222,7 +224,7 @@ def stepped(rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False) -> 
     # a chamfer that is saturated is not known: its own height must not be what its grey is held against
     rise = looked.height.mean(axis=2)
     level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * median(rise))) + 1.0
-    covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
+    covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur, hold_pose)
     fit = Fit(
         state, covariance, effects, looked.seen, looked.profiles, now, looked.variance, looked.even, looked.weight,
         local, pull,
@@ -296,7 +298,15 @@ def in_whole(rim: Rim, local: Array) -> Array:
 
 
 def _solve(
-    rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
+    rim: Rim,
+    state: State,
+    doubts: Doubts,
+    local: Array,
+    pull: Array,
+    shade: Array,
+    level: Array,
+    hold_blur: bool,
+    hold_pose: bool,
 ) -> tuple[Array, Array]:
     index, total, kinds = parameters(rim)
     cells, above = _cells_of(rim.shape[0], tuple(rim.facing.tolist()))
@@ -304,7 +314,7 @@ def _solve(
     information = np.asarray(np.bincount(cells, wide.ravel(), total * total), dtype=float).reshape(total, total)
     gradient = np.asarray(np.bincount(index.ravel(), wide_pull.ravel(), total), dtype=float)
     prior = np.zeros(total)
-    prior[:POSE] = 1e-6 * np.maximum(np.diag(information)[:POSE], 1.0)
+    prior[:POSE] = (HELD if hold_pose else 1e-6) * np.maximum(np.diag(information)[:POSE], 1.0)
     sizes = 1.0 / doubts.sds() ** 2
     prior[POSE:COMMON] = sizes
     gradient[POSE:COMMON] -= sizes * state.sizes_m
