@@ -19,6 +19,7 @@ from services.vision.fit.blur import BLUR_ALIKE, BLUR_ALIKE_SD_PX2, BLUR_ROUND, 
 from services.vision.fit.medians import median
 from services.vision.fit.noise import robust_weight, variance_by_grey
 from services.vision.fit.rim import Rim, SeenRim, perturbed, seen
+from services.vision.fit.shading import shade_belief
 from services.vision.fit.steps import STEP_PX, Profiles, Steps, columns_of, profiles, steps
 from services.vision.stereo import StereoModel
 
@@ -249,8 +250,6 @@ def parameters(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
 
 @lru_cache(maxsize=32)
 def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
-    """(2, G, 22) global number of each local parameter (a shift in one picture stands twice: edge's and facing's),
-    their count, and where the kinds lie."""
     facings = max(facing) + 1
     ways = np.array(facing)
     counts = {
@@ -298,16 +297,9 @@ def in_whole(rim: Rim, local: Array) -> Array:
 
 
 def _solve(
-    rim: Rim,
-    state: State,
-    doubts: Doubts,
-    local: Array,
-    pull: Array,
-    shade: Array,
-    level: Array,
-    hold_blur: bool,
+    rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool,
     hold_pose: bool,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array]:  # fmt: skip
     index, total, kinds = parameters(rim)
     cells, above = _cells_of(rim.shape[0], tuple(rim.facing.tolist()))
     wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
@@ -340,6 +332,7 @@ def _solve(
     # each chamfer's grey over its level is what all that face its way share, and a little of its own
     prior[kinds["shade"]] = SHADE_SD**-2
     gradient[kinds["shade"]] += SHADE_SD**-2 * SHADE_MEAN
+    information[kinds["shade"], kinds["shade"]] += shade_belief(rim)
     prior[kinds["offset"]] = 1.0 / doubts.offset_sd_px**2
     own = 1.0 / state.effects["chamfer"]
     own_at = np.arange(kinds["chamfer"].start, kinds["chamfer"].stop)
