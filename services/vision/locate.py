@@ -25,6 +25,7 @@ from services.vision.fit.quality import Quality, quality_of
 from services.vision.fit.rim import Rim, Rimmed
 from services.vision.fit.solve import Doubts, Fit, Images
 from services.vision.fit.uncovered import Uncovered, fit_uncovered
+from services.vision.fit.valley import with_valleys
 from services.vision.light import Light, linear_light, shown
 from services.vision.refusals import (
     Doubtful,
@@ -161,9 +162,10 @@ def locate_rim(
         )
         for side in range(2)
     ]
+    covariance = covariance_of(attempt.fit, attempt.rim, attempt.quality, half_ranges, attempt.spread + lens.of_pose())
     return Located(
         pose_base_hole,
-        covariance_of(attempt.fit, attempt.rim, attempt.quality, half_ranges, attempt.spread + lens.of_pose()),
+        with_valleys(covariance, images, attempt.rim, stereo, attempt.fit, doubts),
         _figures(attempt) | lenses.figures() | _lens_figures(lens),
         pictures[0],
         pictures[1],

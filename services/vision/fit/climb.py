@@ -49,6 +49,9 @@ OTHER_STEPS, OTHER_HELD, AT_SECOND_SIGHT, ROUNDS = 5, 3, 1.75, 2
 ALIKE_SHARE, FINISHED = 1.2, 3
 # what is worse by more than that is no rival
 RIVAL_SHARE = 1.5
+# nor is what the fit would have ended at, had it not been asked again, ever worse by more: the model that condemns it
+# may be what is wrong
+CAME_TO_WORSE = 1.28
 SAME_M = 0.05e-3
 # a bore is no ridge of light that is brighter, times, than the face and what is farther in, with the noise; a face no
 # darker than that; and minus the log likelihood of one
@@ -209,6 +212,8 @@ def climb(
         for one in climbed
         if not any(_same(one.state, fit.state) for fit in fits)
     ]
+    came_to = [one for one in seen_about if not any(one is other for other in climbed)]
+    rivals += [Rival(one.state.pose_camera_hole, CAME_TO_WORSE) for one in came_to]
     return best, [one for one in rivals if best.state.pose_camera_hole.distance_to_m(one.pose_camera_hole) > SAME_M]
 
 

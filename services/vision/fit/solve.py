@@ -19,6 +19,7 @@ from services.vision.fit.blur import BLUR_ALIKE, BLUR_ALIKE_SD_PX2, BLUR_ROUND, 
 from services.vision.fit.medians import median
 from services.vision.fit.noise import robust_weight, variance_by_grey
 from services.vision.fit.rim import Rim, SeenRim, perturbed, seen
+from services.vision.fit.shading import shade_belief
 from services.vision.fit.steps import STEP_PX, Profiles, Steps, columns_of, profiles, steps
 from services.vision.stereo import StereoModel
 
@@ -208,8 +209,10 @@ def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2:
     return Look(state, moved, taken, now, variance, even, weight, chamfer, profile_weight, height, square)
 
 
-def stepped(rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False) -> tuple[State, Fit]:
-    """The second half: one Gauss-Newton step from what was seen. `hold_blur`: the blur stays what it is."""
+def stepped(
+    rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False, hold_pose: bool = False
+) -> tuple[State, Fit]:
+    """The second half: one Gauss-Newton step from what was seen. `hold_blur`, `hold_pose`: it stays what it is."""
     state, now, chamfer = looked.state, looked.steps, looked.chamfer_grey
     maps = _maps(rim, looked.seen, looked.square)
     table = now.table[..., 1:, 1:]
@@ -222,7 +225,7 @@ def stepped(rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False) -> 
     # a chamfer that is saturated is not known: its own height must not be what its grey is held against
     rise = looked.height.mean(axis=2)
     level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * median(rise))) + 1.0
-    covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur)
+    covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur, hold_pose)
     fit = Fit(
         state, covariance, effects, looked.seen, looked.profiles, now, looked.variance, looked.even, looked.weight,
         local, pull,
@@ -247,8 +250,6 @@ def parameters(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
 
 @lru_cache(maxsize=32)
 def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
-    """(2, G, 22) global number of each local parameter (a shift in one picture stands twice: edge's and facing's),
-    their count, and where the kinds lie."""
     facings = max(facing) + 1
     ways = np.array(facing)
     counts = {
@@ -296,15 +297,16 @@ def in_whole(rim: Rim, local: Array) -> Array:
 
 
 def _solve(
-    rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool
-) -> tuple[Array, Array]:
+    rim: Rim, state: State, doubts: Doubts, local: Array, pull: Array, shade: Array, level: Array, hold_blur: bool,
+    hold_pose: bool,
+) -> tuple[Array, Array]:  # fmt: skip
     index, total, kinds = parameters(rim)
     cells, above = _cells_of(rim.shape[0], tuple(rim.facing.tolist()))
     wide, wide_pull = local[..., TWICE, :][..., TWICE], pull[..., TWICE]
     information = np.asarray(np.bincount(cells, wide.ravel(), total * total), dtype=float).reshape(total, total)
     gradient = np.asarray(np.bincount(index.ravel(), wide_pull.ravel(), total), dtype=float)
     prior = np.zeros(total)
-    prior[:POSE] = 1e-6 * np.maximum(np.diag(information)[:POSE], 1.0)
+    prior[:POSE] = (HELD if hold_pose else 1e-6) * np.maximum(np.diag(information)[:POSE], 1.0)
     sizes = 1.0 / doubts.sds() ** 2
     prior[POSE:COMMON] = sizes
     gradient[POSE:COMMON] -= sizes * state.sizes_m
@@ -330,6 +332,7 @@ def _solve(
     # each chamfer's grey over its level is what all that face its way share, and a little of its own
     prior[kinds["shade"]] = SHADE_SD**-2
     gradient[kinds["shade"]] += SHADE_SD**-2 * SHADE_MEAN
+    information[kinds["shade"], kinds["shade"]] += shade_belief(rim)
     prior[kinds["offset"]] = 1.0 / doubts.offset_sd_px**2
     own = 1.0 / state.effects["chamfer"]
     own_at = np.arange(kinds["chamfer"].start, kinds["chamfer"].stop)

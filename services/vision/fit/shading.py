@@ -1,0 +1,34 @@
+"""How bright chamfers are by where they face.
+
+Light that comes from large or far sources falls on a surface nearly as a linear function of its normal (spherical
+harmonics of a clamped cosine: Ramamoorthi and Hanrahan 2001). So the chamfers of opposite sides are together about as
+bright as those of any other two opposite sides, however bright each is.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from crosspih_common.geometry.pose import Array
+from services.vision.fit.rim import Rim
+
+# what is left of it for glossy paint, metal and small lamps: one sd, times the face's grey
+UNEVEN_SHADE = 0.1
+
+
+def shade_belief(rim: Rim) -> Array:
+    """(F, F): one over the variance of the chamfers' greys, over the face's, by where they face: none for what is a
+    constant or linear in the direction, UNEVEN_SHADE for the rest. Zero where too few ways tell a rest."""
+    present, first = np.unique(rim.facing, return_index=True)
+    belief = np.zeros((int(present[-1]) + 1,) * 2)
+    belief[np.ix_(present, present)] = _belief_of(rim.outward[first].mean(axis=1)[:, :2].tobytes())
+    return belief
+
+
+@lru_cache(maxsize=32)
+def _belief_of(directions: bytes) -> Array:
+    ways = np.frombuffer(directions).reshape(-1, 2)
+    linear = np.column_stack([np.ones(len(ways)), ways])
+    return np.asarray(np.eye(len(ways)) - linear @ np.linalg.pinv(linear)) / UNEVEN_SHADE**2
