@@ -106,7 +106,7 @@ class FoxgloveTopics:
         self._pictures_ns = 0
         self._touches: list[Touch] = []
         self._true_contacts = False
-        take = {
+        take: dict[Topic[Any], Callable[[Any, int], None]] = {
             JOINT_STATE: self._joint_state,
             WRENCH_RAW: self._raw_batch,
             CONTACT_WRENCH: self._contact_wrench,

@@ -85,7 +85,9 @@ class ArmFrames:
     def transforms(self, stamp_ns: int, joints_rad: Sequence[float]) -> tuple[bytes, bytes]:
         """(FrameTransforms of all of them, PoseInFrame of the peg in the base) at these angles, rad."""
         when = stamp_field(1, stamp_ns)
-        told, at, turn = [], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+        told: list[bytes] = []
+        at: Vector = (0.0, 0.0, 0.0)
+        turn: Vector = (0.0, 0.0, 0.0, 1.0)
         for (named, place, (a, b, c, d)), angle in zip(self._links, joints_rad, strict=True):
             s, w = sin(0.5 * angle), cos(0.5 * angle)
             # the fixed turn, then (0, 0, s, w) about the joint's own z

@@ -61,7 +61,8 @@ def _wall(low_m: Array, high_m: Array) -> Mesh:
 def _cap(ring_m: Array, up: bool, opening_m: Array | None = None) -> Mesh:
     """What lies within a plane ring, and outside of an opening in it, seen from +z or, with not `up`, from -z."""
     polygon = Polygon(ring_m[:, :2], [] if opening_m is None else [opening_m[:, :2]])
-    corners, triangles = [], []
+    corners: list[Array] = []
+    triangles: list[list[int]] = []
     for triangle in get_parts(constrained_delaunay_triangles(polygon)):
         ring = np.array(triangle.exterior.coords[:-1])
         if triangle.exterior.is_ccw != up:

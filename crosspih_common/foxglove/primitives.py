@@ -114,7 +114,7 @@ def add_arrow(made: Any, tail_m: ArrayLike, head_m: ArrayLike, width_m: float, r
     )  # fmt: skip
 
 
-def mesh(corners_m: Array, triangles: Array, rgba: Rgba) -> TriangleListPrimitive:
+def mesh(corners_m: Array, triangles: ArrayLike, rgba: Rgba) -> TriangleListPrimitive:
     """Triangles (m, 3) by the numbers of their corners (n, 3), counter-clockwise seen from outside."""
     return TriangleListPrimitive(
         pose=at((0.0, 0.0, 0.0)), points=points(corners_m), color=color(rgba),

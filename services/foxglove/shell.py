@@ -128,7 +128,10 @@ class FoxgloveShell:
         bus.subscribe(STATUS, take(STATUS))
         bus.subscribe(EVENTS, take(EVENTS))
         bus.subscribe(REFUSAL, take(REFUSAL))
-        for topic in (*(one.request_echo for one in REQUESTS), *(one.reply_echo for one in ANSWERS)):
+        topics: tuple[Topic[Any], ...] = (
+            *(one.request_echo for one in REQUESTS), *(one.reply_echo for one in ANSWERS)
+        )  # fmt: skip
+        for topic in topics:
             bus.subscribe(topic, take(topic))
 
     def _taker(self, topic: Topic[ValueT]) -> Callable[[ValueT], None]:  # type: ignore[type-var]

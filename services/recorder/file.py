@@ -136,7 +136,7 @@ class RecordingFile:
         return channel
 
     def _registered(self, name: str, encoding: str, data: bytes) -> int:
-        schema = self._writer.register_schema(name, encoding, data)
+        schema: int = self._writer.register_schema(name, encoding, data)
         Schema(id=schema, name=name, encoding=encoding, data=data).write(self._repeat)
         return schema
 

@@ -59,7 +59,9 @@ def is_number_or_text(topic: str, fields: list[str]) -> bool:
 
 def _of_protobuf(descriptor: Descriptor, fields: list[str]) -> bool:
     for field in fields[:-1]:
-        descriptor = descriptor.fields_by_name[field].message_type
+        below = descriptor.fields_by_name[field].message_type
+        assert below is not None
+        descriptor = below
     return descriptor.fields_by_name[fields[-1]].message_type is None
 
 
