@@ -30,7 +30,7 @@ class MemorySession(Session):
     """The operator's place on the bus of a cell in memory."""
 
     def __init__(self, cell: CellInMemory) -> None:
-        self.cell, self.bus = cell.cell, cell.bus
+        self.file, self.bus = cell.cell, cell.bus
 
 
 @pytest.fixture(scope="module")

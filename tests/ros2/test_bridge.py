@@ -28,6 +28,7 @@ from crosspih_common.messages import (
     PoseData,
     Strategy,
 )
+from crosspih_common.messages.assembly import AnyStrategy
 from crosspih_common.ros2 import Entity, RosNode, RosTypes
 from tests.conftest import ServiceProcess, started_router
 from tests.ros2.sdk import SdkProcess
@@ -64,7 +65,7 @@ class Cell:
         self.hardware = Bus(open_zenoh(endpoint), "cell1", "hardware")
         self.force_torque = Bus(open_zenoh(endpoint), "cell1", "force_torque")
         self.planning = Bus(open_zenoh(endpoint), "cell1", "planning")
-        self.asked: list[Strategy] = []
+        self.asked: list[AnyStrategy] = []
         self.let_go = threading.Event()
         self._closing = threading.Event()
         self._publish_states()
