@@ -8,10 +8,20 @@ tries. A command `c` is a query on key `c`; its server repeats what it was asked
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import Enum
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Any
 
+# handed on: who uses a key says of what kind it is
+from crosspih_common.key_types import RECORDED as RECORDED
+from crosspih_common.key_types import ROOT as ROOT
+from crosspih_common.key_types import SHOWN as SHOWN
+from crosspih_common.key_types import Command as Command
+from crosspih_common.key_types import Kind as Kind
+from crosspih_common.key_types import Payload as Payload
+from crosspih_common.key_types import PayloadT as PayloadT
+from crosspih_common.key_types import Qos as Qos
+from crosspih_common.key_types import ReplyT as ReplyT
+from crosspih_common.key_types import RequestT as RequestT
+from crosspih_common.key_types import Topic as Topic
 from crosspih_common.messages import (
     AbortAccepted,
     AbortAssembly,
@@ -53,7 +63,6 @@ from crosspih_common.messages import (
     LeaseGranted,
     LeaseState,
     LocateHole,
-    Message,
     MotionOutcome,
     MoveLinear,
     NextTouch,
@@ -80,88 +89,6 @@ from crosspih_common.messages import (
     WithdrawResult,
 )
 
-ROOT = "crosspih"
-
-Payload: TypeAlias = Message | Image
-PayloadT = TypeVar("PayloadT", bound=Payload)
-RequestT = TypeVar("RequestT", bound=Message)
-ReplyT = TypeVar("ReplyT", bound=Message)
-
-
-class Kind(str, Enum):
-    """What a topic's samples mean to a reader."""
-
-    STREAM = "stream"  # a value that ages: the newest matters, a lost one is dropped
-    STATE = "state"  # the last value stays true until the next: late readers get it
-    EVENT = "event"  # each one matters: recovered when lost
-
-
-class Qos(str, Enum):
-    """How hard the bus tries."""
-
-    DROP = "drop"  # best for streams: a slow reader never holds up the publisher
-    RECOVER = "recover"  # cached by the publisher, misses found by heartbeat and fetched again
-
-
-@dataclass(frozen=True, slots=True)
-class Topic(Generic[PayloadT]):
-    """A key with samples. `path` stands below `crosspih/<cell>/`; `{service}` is filled in by the sender's name.
-
-    `readers` are the services that subscribe to it; a test holds them to the code. Whoever reads it from a recording is
-    no reader.
-    """
-
-    path: str
-    type: type[PayloadT]
-    kind: Kind
-    publisher: str
-    readers: tuple[str, ...]
-    doc: str
-    rate_hz: float | None = None
-
-    @property
-    def qos(self) -> Qos:
-        """Streams drop, states and events recover."""
-        return Qos.DROP if self.kind is Kind.STREAM else Qos.RECOVER
-
-    def key(self, cell: str, service: str = "*") -> str:
-        """The full key, or with `service` left out the expression for all services."""
-        return f"{ROOT}/{cell}/{self.path.format(service=service)}"
-
-
-@dataclass(frozen=True, slots=True)
-class Command(Generic[RequestT, ReplyT]):
-    """A key with a server that answers each query once, or refuses with a reason.
-
-    `callers` are the services that ask; a test holds them to the code. One that changes a calibration answers nobody
-    else: whoever asks must have claimed the name of one of them (crosspih_common/bus/authors.py).
-    """
-
-    path: str
-    request: type[RequestT]
-    reply: type[ReplyT]
-    server: str
-    callers: tuple[str, ...]
-    doc: str
-    changes_calibration: bool = False
-
-    def key(self, cell: str) -> str:
-        """The full key."""
-        return f"{ROOT}/{cell}/{self.path}"
-
-    @property
-    def request_echo(self) -> Topic[RequestT]:
-        """Where the server repeats what it was asked."""
-        return Topic(f"{self.path}/request", self.request, Kind.EVENT, self.server, RECORDED, f"asked: {self.doc}")
-
-    @property
-    def reply_echo(self) -> Topic[ReplyT]:
-        """Where the server repeats what it answered."""
-        return Topic(f"{self.path}/reply", self.reply, Kind.EVENT, self.server, SHOWN, f"answered: {self.doc}")
-
-
-RECORDED = ("recorder",)
-SHOWN = ("operator", *RECORDED)  # whoever looks at a cell through crosspih_common/client is an operator
 ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2", "foxglove")
 
 # hardware -------------------------------------------------------------------------------------------------------------

@@ -14,8 +14,8 @@ from typing import Any
 
 import yaml
 
-MOST_BYTES = 1_000_000  # of a file that a person writes
-MOST_VALUES = 200_000  # once all aliases are followed
+MAX_BYTES = 1_000_000  # of a file that a person writes
+MAX_VALUES = 200_000  # once all aliases are followed
 
 
 class NotMeant(yaml.MarkedYAMLError):
@@ -121,9 +121,9 @@ def _sized(root: yaml.Node) -> None:
         elif isinstance(node, yaml.MappingNode):
             total += sum(count(key) + count(value) for key, value in node.value)
         under_way.discard(id(node))
-        if total > MOST_VALUES:
+        if total > MAX_VALUES:
             raise NotMeant(
-                problem=f"stands for more than {MOST_VALUES} values once its aliases are followed",
+                problem=f"stands for more than {MAX_VALUES} values once its aliases are followed",
                 problem_mark=node.start_mark,
             )
         counts[id(node)] = total

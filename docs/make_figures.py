@@ -24,7 +24,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose, rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration
-from services.inference.estimator import EstimatorSettings, PosePrior, TouchObservation, estimate_pose
+from services.inference.estimator import EstimatorSettings, HolePosePrior, TouchObservation, estimate_pose
 from services.inference.estimator.synthetic import GuardedPush, TouchNoise, touch
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 from services.inference.next_touch import next_touch
@@ -246,7 +246,7 @@ def _trials() -> tuple[Array, list[tuple[Array, Array]]]:
         rng = np.random.default_rng(seed)
         error = rng.normal(size=6) * sd
         truth = nominal @ Pose.from_rotvec(error[3:], error[:3]).inverse()
-        prior = PosePrior(nominal, np.diag(sd**2))
+        prior = HolePosePrior(nominal, np.diag(sd**2))
         belief, covariance, used = nominal, np.diag(sd**2), True
         felt: list[TouchObservation] = []
         errors = [_errors(belief, truth)]

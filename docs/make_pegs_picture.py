@@ -16,7 +16,7 @@ from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.config.drawing import OUTLINES
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.fixture_mesh import chamfer_meshes, fixture_meshes
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, convex_mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh, convex_mesh
 
 TILE_PX = 300
 NAME_PX = 34
@@ -29,7 +29,7 @@ PEG = Pose.from_rotvec([np.pi - 0.55, 0.0, 0.0], [0.0, -0.047, 0.03])
 EYE_M, TARGET_M = (0.07, 0.02, -0.42), (0.0, -0.003, 0.0)
 
 
-def _add(mesh: Mesh, pose: Pose, rgb: tuple[float, float, float]) -> None:
+def _add(mesh: RenderMesh, pose: Pose, rgb: tuple[float, float, float]) -> None:
     shape = pybullet.createVisualShape(
         pybullet.GEOM_MESH,
         vertices=mesh.vertices_m.tolist(),
@@ -47,7 +47,7 @@ def tile(name: str) -> NDArray[np.uint8]:
     pybullet.resetSimulation()
     hole = workcell.hole.shape(peg)
     fixture, chamfer = fixture_meshes(hole), [mesh for _, mesh in chamfer_meshes(hole)]
-    _add(Mesh.merged([fixture["face"], fixture["sides"], fixture["bore"], *chamfer]), PLATE, STEEL)
+    _add(RenderMesh.merged([fixture["face"], fixture["sides"], fixture["bore"], *chamfer]), PLATE, STEEL)
     _add(convex_mesh(peg.pieces()), PEG, ORANGE)
     size = TILE_PX * SAMPLES
     _, _, rgba, depth, _ = pybullet.getCameraImage(

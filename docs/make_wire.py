@@ -19,7 +19,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from crosspih_common import keys, messages
-from crosspih_common.bus.authors import MOST_HELD
+from crosspih_common.bus.authors import MAX_HELD
 from crosspih_common.bus.bus import HISTORY, NOW_LANE
 from crosspih_common.bus.clock import AHEAD_NS
 from crosspih_common.bus.codec import label_of
@@ -238,7 +238,7 @@ def page() -> str:
         now_lane=NOW_LANE,
         alive=keys.ALIVE_PATH,
         author=keys.AUTHOR_PATH,
-        most_held=MOST_HELD,
+        most_held=MAX_HELD,
         calibrating=[command for command in keys.commands() if command.changes_calibration],
         camera=keys.CAMERA_ALIVE,
         encodings=", ".join(f"`{name}`" for name in ENCODINGS),

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from crosspih_common.geometry.pose import Array, Pose
 
-FEWEST_JOINTS, MOST_JOINTS = 6, 7
+FEWEST_JOINTS, MAX_JOINTS = 6, 7
 LINK_RADIUS_M = 0.07
 
 
@@ -84,8 +84,8 @@ class ArmModel:
     def __post_init__(self) -> None:
         zeros = np.asarray(self.zeros_rad, float)
         count = len(zeros)
-        if not FEWEST_JOINTS <= count <= MOST_JOINTS:
-            raise ValueError(f"arm {self.name!r} has {count} joints, want {FEWEST_JOINTS} or {MOST_JOINTS}")
+        if not FEWEST_JOINTS <= count <= MAX_JOINTS:
+            raise ValueError(f"arm {self.name!r} has {count} joints, want {FEWEST_JOINTS} or {MAX_JOINTS}")
         if len(self.fixed) != count + 1 or self.limits.lower_rad.shape != (count,):
             raise ValueError(
                 f"arm {self.name!r} of {count} joints wants {count + 1} fixed poses and limits of {count} joints, "

@@ -31,11 +31,11 @@ HELD_TOO_LONG_S = 1.0
 # A session that was just opened may be answered by its own process alone, for some milliseconds, until the router has
 # taken it in (measured: one of 14 first questions while six sessions opened at once, none after the second).
 NOBODY_FOR_S = 0.3
-MOST_HELD = 8  # of a key; pictures are large
-MOST_HOLDING = 256  # keys and authors: whoever invents them costs no more
+MAX_HELD = 8  # of a key; pictures are large
+MAX_HOLDING = 256  # keys and authors: whoever invents them costs no more
 
 
-class Standing(Enum):
+class SampleStanding(Enum):
     """Whose sample it is."""
 
     RIGHTFUL = auto()
@@ -55,14 +55,14 @@ def names_of(publisher: str, path: str) -> tuple[str, ...]:
     return (publisher,)
 
 
-class Held:
+class HeldBack:
     """The newest samples of one subscription, key and author that came before the author's claim."""
 
     __slots__ = ("author", "deliver", "key", "names", "said", "since")
 
     def __init__(self, key: str, names: tuple[str, ...], author: str) -> None:
         self.key, self.names, self.author = key, names, author
-        self.deliver: deque[Callable[[], None]] = deque(maxlen=MOST_HELD)
+        self.deliver: deque[Callable[[], None]] = deque(maxlen=MAX_HELD)
         self.since, self.said = time.monotonic(), False
 
 
@@ -75,7 +75,7 @@ class Authors:
         self._claims: dict[str, dict[str, set[str]]] = {}  # name: process: sessions, in the order of their coming
         # name: the sessions that speak for it; looked into at every sample, where a call would cost more than that
         self.rightful: dict[str, frozenset[str]] = {}
-        self._held: dict[tuple[int, str, str], Held] = {}
+        self._held: dict[tuple[int, str, str], HeldBack] = {}
         self._watch = transport.watch_alive(author_key(cell), self._on_claim)
 
     # ---------------------------------------------------------------------------------------------------- who is who
@@ -91,7 +91,7 @@ class Authors:
                 sessions.discard(session)
             if not sessions:
                 del processes[process]
-            holders, forged = self._holders(name), list[Held]()
+            holders, forged = self._holders(name), list[HeldBack]()
             for where, held in list(self._held.items()):
                 if holders and name in held.names:
                     del self._held[where]
@@ -110,16 +110,16 @@ class Authors:
         processes = list(self._claims[name].values())
         return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
 
-    def standing(self, names: tuple[str, ...], author: str) -> Standing:
+    def standing(self, names: tuple[str, ...], author: str) -> SampleStanding:
         """Whether a session speaks for one of the names."""
         claimed = False
         for name in names:
             holders = self.rightful.get(name)
             if holders:
                 if author in holders:
-                    return Standing.RIGHTFUL
+                    return SampleStanding.RIGHTFUL
                 claimed = True
-        return Standing.ANOTHER if claimed else Standing.UNCLAIMED
+        return SampleStanding.ANOTHER if claimed else SampleStanding.UNCLAIMED
 
     def claimed_by(self, names: tuple[str, ...], author: str, deadline_s: float) -> bool:
         """Whether a session claims one of the names, first or not, waiting for the claim to arrive."""
@@ -144,20 +144,20 @@ class Authors:
         Where the names are not claimed yet it is held, and delivered once they are claimed by its author; where they
         are somebody else's it is told.
         """
-        if (standing := self.standing(names, author)) is Standing.RIGHTFUL:
+        if (standing := self.standing(names, author)) is SampleStanding.RIGHTFUL:
             return True
-        if standing is Standing.UNCLAIMED:
+        if standing is SampleStanding.UNCLAIMED:
             with self._changed:
-                if (standing := self.standing(names, author)) is Standing.UNCLAIMED:
+                if (standing := self.standing(names, author)) is SampleStanding.UNCLAIMED:
                     where = subscription, key, author
-                    if where not in self._held and len(self._held) < MOST_HOLDING:
-                        self._held[where] = Held(key, names, author)
+                    if where not in self._held and len(self._held) < MAX_HOLDING:
+                        self._held[where] = HeldBack(key, names, author)
                     if where in self._held:
                         self._held[where].deliver.append(deliver)
                     return False
-        if standing is Standing.ANOTHER:
+        if standing is SampleStanding.ANOTHER:
             self._on_forged(key, self.forged(key, names, author))
-        return standing is Standing.RIGHTFUL
+        return standing is SampleStanding.RIGHTFUL
 
     def tell_of_held(self) -> None:
         """Tell of samples whose author never claimed the name; called now and then."""

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from crosspih_common.bus.authors import CLAIM_ARRIVES_S, Authors
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import (
-    MOST_BYTES,
+    MAX_BYTES,
     decode,
     decode_refusal,
     encode_refusal,
@@ -23,7 +23,7 @@ from crosspih_common.bus.latest import Latest
 from crosspih_common.bus.publisher import Publisher
 from crosspih_common.bus.receiving import Receiving
 from crosspih_common.bus.served import SERVER_WAIT_S
-from crosspih_common.bus.traffic import Counts, Traffic
+from crosspih_common.bus.traffic import KeyCounters, Traffic
 from crosspih_common.bus.transport import Answer, Closeable, Query, Tap, Transport
 from crosspih_common.bus.workers import Lane, Pump
 from crosspih_common.errors import BusClosed, CommandRefused, ContractError, CrosspihError, NotSent
@@ -36,7 +36,7 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 
 HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}  # kept for readers that miss one; a late one gets the newest
 PICTURES_KEPT = 8  # of each topic: a picture has up to 15 MB
-LEAST_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
+MIN_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
 WAITING_REFUSALS = 256
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
@@ -145,7 +145,7 @@ class Bus:
     def tap(
         self,
         topic: Topic[Any],
-        taker: Callable[[str, Counts], Tap],
+        taker: Callable[[str, KeyCounters], Tap],
         on_refused: Callable[[str], None] = lambda key: None,
     ) -> None:
         """Call with (payload, number) of every sample as it travels, undecoded, on the transport's thread.
@@ -202,7 +202,7 @@ class Bus:
         until = time.monotonic() + deadline_s
         if not self._transport.wait_served(key, min(deadline_s, server_wait_s)):
             raise NotSent(f"{key}: nobody answers; is the service that serves it up? (`crosspih ps`)")
-        deadline_s = max(until - time.monotonic(), LEAST_DEADLINE_S)
+        deadline_s = max(until - time.monotonic(), MIN_DEADLINE_S)
         payload = encode_stamped(request, self.clock.now_ns(), request.seq)
         answer = self._transport.query(key, payload, label_of(command.request), deadline_s)
         if answer.is_error:
@@ -236,9 +236,9 @@ class Bus:
         def handle(query: Query) -> Answer:
             number = -1
             try:
-                if len(query.payload) > MOST_BYTES:
+                if len(query.payload) > MAX_BYTES:
                     raise CommandRefused(
-                        "size", f"{key}: the request has {len(query.payload)} bytes, {MOST_BYTES} are allowed"
+                        "size", f"{key}: the request has {len(query.payload)} bytes, {MAX_BYTES} are allowed"
                     )
                 try:
                     request = decode(command.request, query.payload, query.label, key)

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from crosspih_common.errors import CommandRefused, ContractError
 from crosspih_common.messages.base import Message
 from crosspih_common.messages.images import ENCODINGS, IMAGE_TYPE, Image, Pixels
-from crosspih_common.messages.status import MOST_TEXT
+from crosspih_common.messages.status import MAX_TEXT
 from crosspih_common.plain_text import is_plain_json, plain
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ SEQ_DIGITS = 16  # below 2**53: exact in every language's JSON
 _HEAD = b'{"stamp_ns":%d,"seq":%d'
 _UNSTAMPED = _HEAD % (-1, -1)
 _UNNUMBERED = b'"seq":-1'
-MOST_BYTES = 4_000_000
-MOST_IMAGE_BYTES = 64_000_000  # 2448 x 2048 in three colours is 15 MB
+MAX_BYTES = 4_000_000
+MAX_IMAGE_BYTES = 64_000_000  # 2448 x 2048 in three colours is 15 MB
 
 
 _labels: dict[type[Any], str] = {}
@@ -108,7 +108,7 @@ def number_of(text: str) -> int:
 
 def most_bytes(kind: type[Any]) -> int:
     """The size beyond which a payload of this type is refused before anything of it is read."""
-    return MOST_IMAGE_BYTES if issubclass(kind, Image) else MOST_BYTES
+    return MAX_IMAGE_BYTES if issubclass(kind, Image) else MAX_BYTES
 
 
 def _too_large(payload: bytes, most: int, key: str) -> str:
@@ -202,7 +202,7 @@ def decode_refusal(payload: bytes) -> CommandRefused:
     """The refusal of an error reply."""
     code, _, text = payload.decode(errors="replace").partition("\n")
     code = plain(code, 80)
-    return CommandRefused(code or "unknown", plain(text, MOST_TEXT))
+    return CommandRefused(code or "unknown", plain(text, MAX_TEXT))
 
 
 def _raw_image() -> Any:

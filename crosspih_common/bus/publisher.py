@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from crosspih_common.bus.clock import BusClock
 from crosspih_common.bus.codec import label_of, stamper_of
-from crosspih_common.bus.traffic import Counts
+from crosspih_common.bus.traffic import KeyCounters
 from crosspih_common.bus.transport import Sender
 from crosspih_common.keys import Payload, Topic
 
@@ -17,7 +17,7 @@ PayloadT = TypeVar("PayloadT", bound=Payload)
 class Publisher(Generic[PayloadT]):
     """Sends on one key: numbers each sample and stamps it with the cell's clock where it has no stamp yet."""
 
-    def __init__(self, topic: Topic[PayloadT], key: str, sender: Sender, clock: BusClock, counts: Counts) -> None:
+    def __init__(self, topic: Topic[PayloadT], key: str, sender: Sender, clock: BusClock, counts: KeyCounters) -> None:
         self.key, self._put, self._clock, self._counts = key, sender.put, clock, counts
         self._label = label_of(topic.type)
         self._encode = stamper_of(topic.type)

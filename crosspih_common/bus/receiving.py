@@ -19,7 +19,7 @@ from crosspih_common.bus.codec import (
     validator_without_text,
     why_invalid,
 )
-from crosspih_common.bus.traffic import MOST_KEYS, Counts, Traffic
+from crosspih_common.bus.traffic import MAX_KEYS, KeyCounters, Traffic
 from crosspih_common.bus.transport import AuthoredHandler, Tap
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import Payload, Topic
@@ -36,19 +36,19 @@ class Receiving:
         self._authors, self._traffic, self._clock, self._reject = authors, traffic, clock, reject
 
     def tapped(
-        self, topic: Topic[Any], taker: Callable[[str, Counts], Tap], on_refused: Callable[[str], None]
+        self, topic: Topic[Any], taker: Callable[[str, KeyCounters], Tap], on_refused: Callable[[str], None]
     ) -> AuthoredHandler:
         """See Bus.tap."""
         expected, names = label_of(topic.type), names_of(topic.publisher, topic.path)
         counted, most, digits = f"{expected} ", most_bytes(topic.type), len(expected) + 1
         first, rightful = names[0] if names else "", self._authors.rightful
-        takers: dict[str, tuple[Counts, Tap]] = {}
+        takers: dict[str, tuple[KeyCounters, Tap]] = {}
 
         def take(key: str, payload: bytes, label: str) -> None:
             counts, put = takers.get(key) or (self._traffic.of(key), None)
             if put is None:
                 put = taker(key, counts)
-                if len(takers) < MOST_KEYS:  # anybody may invent keys where the sender's name is part of them
+                if len(takers) < MAX_KEYS:  # anybody may invent keys where the sender's name is part of them
                     takers[key] = counts, put
             counts.received += 1
             put(payload, number_of(label[digits:]))
@@ -76,14 +76,14 @@ class Receiving:
         names, decode_one = names_of(topic.publisher, topic.path), decoder_of(topic.type)
         first, rightful = names[0] if names else "", self._authors.rightful
         expected, most, validate = label_of(topic.type), most_bytes(topic.type), validator_without_text(topic.type)
-        counted, counts_of, known = f"{expected} ", self._traffic.of, dict[str, Counts]()
+        counted, counts_of, known = f"{expected} ", self._traffic.of, dict[str, KeyCounters]()
         clock, is_tick = self._clock, topic.type is CellClock
 
         def take(key: str, value: PayloadT) -> None:
             counts = known.get(key)
             if counts is None:
                 counts = counts_of(key)
-                if len(known) < MOST_KEYS:
+                if len(known) < MAX_KEYS:
                     known[key] = counts
             counts.received += 1
             stamp_ns = value.stamp_ns

@@ -8,11 +8,11 @@ import time
 from crosspih_common.messages.status import KeyTraffic
 
 KINDS = ("out", "received", "dropped", "rejected")
-MOST_KEYS = 1024  # a cell has some 200
+MAX_KEYS = 1024  # a cell has some 200
 OTHERS = "others"  # all keys beyond
 
 
-class Counts:
+class KeyCounters:
     """The counters of one key, to be added to: `counts.received += 1`. Plain numbers without a lock of their own, for
     they are counted at every sample: one thread at a time sends or takes those of a key."""
 
@@ -27,24 +27,24 @@ class Counts:
 
 
 class Traffic:
-    """Counters by key, for any thread to look at, of MOST_KEYS keys each for itself: where the sender's name is part of
+    """Counters by key, for any thread to look at, of MAX_KEYS keys each for itself: where the sender's name is part of
     a key anybody may invent keys, and each status carries all of them. Rates are over wall time between two calls of
     `snapshot`, and for people only."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._counts: dict[str, Counts] = {}
+        self._counts: dict[str, KeyCounters] = {}
         self._before: dict[str, tuple[int, int]] = {}
         self._before_at = time.monotonic()
         self.last_rejection = ""
 
-    def of(self, key: str) -> Counts:
+    def of(self, key: str) -> KeyCounters:
         """The counters of one key."""
         counts = self._counts.get(key)
         if counts is None:
             with self._lock:
-                known = key if key in self._counts or len(self._counts) < MOST_KEYS else OTHERS
-                counts = self._counts.setdefault(known, Counts())
+                known = key if key in self._counts or len(self._counts) < MAX_KEYS else OTHERS
+                counts = self._counts.setdefault(known, KeyCounters())
         return counts
 
     def reject(self, key: str, why: str) -> None:

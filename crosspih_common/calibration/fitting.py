@@ -24,7 +24,7 @@ from crosspih_common.geometry.pose import Array
 
 Residual = Callable[[Array, Array], Array]
 EVALUATIONS, DONE = 80, 1e-10
-LEAST_EIGENVALUE = 1e-14
+MIN_EIGENVALUE = 1e-14
 
 
 class CalibrationRefused(CrosspihError):
@@ -32,7 +32,7 @@ class CalibrationRefused(CrosspihError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class GroupedFit:
     """shared (p,) and own (n, k); covariance (p, p) of the shared ones by groups; residual (m,), and groups n."""
 
     shared: Array
@@ -86,7 +86,7 @@ def _jacobians(residual: Residual, shared: Array, own: Array, steps: Array, own_
 def fit_groups(
     residual: Residual, shared: Array, own: Array, group: NDArray[np.int64], steps: Array, own_steps: Array,
     prior_sd: Array | None = None,
-) -> Fit:  # fmt: skip
+) -> GroupedFit:  # fmt: skip
     """SciPy's trust-region least squares from a start, then the covariance by groups.
 
     `residual(shared (p,), own (n, k))` is (m,), each row of the group (m,) it belongs to and independent of the own
@@ -141,20 +141,20 @@ def _without_own(
 def _finished(
     now: Array, shared: Array, own: Array, group: NDArray[np.int64], rows: list[NDArray[np.int64]], by_shared: Array,
     by_own: Array, weight: Array,
-) -> Fit:  # fmt: skip
+) -> GroupedFit:  # fmt: skip
     groups = _without_own(by_shared, by_own, now, rows)
     reduced, pulls = [block.T @ block for block, _ in groups], [block.T @ part for block, part in groups]
     width = len(shared)
     if not width:
-        return Fit(shared, own, np.zeros((0, 0)), now, group)
+        return GroupedFit(shared, own, np.zeros((0, 0)), now, group)
     whole = np.sum(reduced, axis=0) + np.diag(weight)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
-    if float(np.linalg.eigvalsh(whole * np.outer(scale, scale))[0]) < LEAST_EIGENVALUE:
+    if float(np.linalg.eigvalsh(whole * np.outer(scale, scale))[0]) < MIN_EIGENVALUE:
         raise CalibrationRefused("the data leave a combination of the unknowns open: take more that differ")
     covariance = np.zeros((width, width))
     for block, pull in zip(reduced, pulls, strict=True):
         left = (whole - block) * np.outer(scale, scale)
-        left += np.diag(np.full(width, LEAST_EIGENVALUE))
+        left += np.diag(np.full(width, MIN_EIGENVALUE))
         moved = scale * np.linalg.solve(left, scale * pull)
         covariance += np.outer(moved, moved)
     count = len(rows)
@@ -163,11 +163,11 @@ def _finished(
         # what is held by the prior is no surer than the prior lets it be, and no less sure than the data with it
         inverse = np.linalg.inv(whole)
         covariance += inverse @ np.diag(weight) @ inverse
-    return Fit(shared, own, covariance, now, group)
+    return GroupedFit(shared, own, covariance, now, group)
 
 
 def moved_by(
-    changes: Array, residual: Residual, fit: Fit, group: NDArray[np.int64], steps: Array, own_steps: Array
+    changes: Array, residual: Residual, fit: GroupedFit, group: NDArray[np.int64], steps: Array, own_steps: Array
 ) -> Array:
     """How far the shared unknowns (p, q) of a fit move, to first order, when its residuals (m,) change by (m, q): what
     an error does that all groups have in common, and that leaving groups out cannot show."""

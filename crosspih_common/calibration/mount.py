@@ -17,14 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
+from crosspih_common.calibration.fitting import CalibrationRefused, GroupedFit, fit_groups, held_out_folds
 from crosspih_common.calibration.presses import APART_M, Pressed, held, require, touching_corner
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
-LEAST_WEIGHINGS, LEAST_SPREAD, LEAST_OUT_OF_PLANE = 5, 0.25, 0.06
-LEAST_FORCE_N, LEAST_CROSS = 2.0, 0.12
+MIN_WEIGHINGS, MIN_SPREAD, MIN_OUT_OF_PLANE = 5, 0.25, 0.06
+MIN_FORCE_N, MIN_CROSS = 2.0, 0.12
 FLOOR_N, FLOOR_NM = 0.003, 2e-4
 FAR_M, FAR_RAD = 0.01, np.deg2rad(5.0)
 
@@ -46,7 +46,7 @@ class MountFit:
     rms_nm: float
     held_out_n: float
     held_out_nm: float
-    fit: Fit
+    fit: GroupedFit
     missing: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -92,7 +92,7 @@ def _data(pressed: Pressed, workcell: Workcell) -> _Data:
         for pushing in held(press, workcell):
             wrench, sd = mounting.sensor(pushing.raw), mounting.sensor_sd(pushing.raw_sd)
             corner, apart = touching_corner(peg, pushing.pose_base_peg.rotation, normal)
-            if np.linalg.norm(wrench[:3]) < LEAST_FORCE_N or apart < APART_M:
+            if np.linalg.norm(wrench[:3]) < MIN_FORCE_N or apart < APART_M:
                 continue
             corners.append(corner)
             pushed.append(wrench[:3])
@@ -117,7 +117,7 @@ def _expected(shared: Array, data: _Data, before: Pose) -> tuple[Array, Array]:
     return forces, np.cross(levers, data.pushed)
 
 
-def _fitted(data: _Data, before: Pose, start: Array) -> Fit:
+def _fitted(data: _Data, before: Pose, start: Array) -> GroupedFit:
     def residual(shared: Array, _: Array) -> Array:
         forces, moments = _expected(shared, data, before)
         return np.concatenate([
@@ -137,20 +137,20 @@ def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
     down = gravity / np.linalg.norm(gravity)
     directions = down @ data.rotations
     spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False) / np.sqrt(len(directions))
-    if len(directions) < LEAST_WEIGHINGS or spread[1] < LEAST_SPREAD or spread[2] < LEAST_OUT_OF_PLANE:
+    if len(directions) < MIN_WEIGHINGS or spread[1] < MIN_SPREAD or spread[2] < MIN_OUT_OF_PLANE:
         raise CalibrationRefused(
             f"in the {len(directions)} orientations gravity has nearly one direction, or turns in one plane only "
-            f"({spread[1]:.2f} and {spread[2]:.2f} across it, want {LEAST_SPREAD:g} and {LEAST_OUT_OF_PLANE:g}): the "
+            f"({spread[1]:.2f} and {spread[2]:.2f} across it, want {MIN_SPREAD:g} and {MIN_OUT_OF_PLANE:g}): the "
             "sensor's turn stays open; turn the wrist further, about two axes"
         )
     if len(data.pushed) < 4:
         raise CalibrationRefused(
-            f"{len(data.pushed)} pushes press with {LEAST_FORCE_N:g} N on one corner of the tip; tilt the peg so that "
+            f"{len(data.pushed)} pushes press with {MIN_FORCE_N:g} N on one corner of the tip; tilt the peg so that "
             "one corner touches, and push harder"
         )
     ways = data.pushed / np.linalg.norm(data.pushed, axis=1)[:, None]
     across = np.linalg.eigvalsh(np.eye(3) - ways.T @ ways / len(ways))[0]
-    if across < LEAST_CROSS**2 / 2.0:
+    if across < MIN_CROSS**2 / 2.0:
         raise CalibrationRefused(
             "all pushes go along one direction of the peg: where the sensor is along it stays open; tilt the peg by 15 "
             "to 25 degrees to different sides"
@@ -198,7 +198,7 @@ def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
     )  # fmt: skip
 
 
-def _held_out(data: _Data, before: Pose, fit: Fit, folds: int) -> tuple[float, float]:
+def _held_out(data: _Data, before: Pose, fit: GroupedFit, folds: int) -> tuple[float, float]:
     off_n, off_nm = [], []
     count = len(data.forces)
     for left_out in held_out_folds(fit.groups, folds):

@@ -19,11 +19,11 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Joints, Vector3, Vector6
 from crosspih_common.shapes import Peg
 
-LEAST_PRESSES, LEAST_LEVELS = 4, 2
+MIN_PRESSES, MIN_LEVELS = 4, 2
 APART_M = 1.5e-4  # by which the corner that touches is nearer to the plate than the next one
 
 
-class Level(BaseModel):
+class RestLevel(BaseModel):
     """At rest: the encoders, and the sensor's own mean over a dwell with the sd of that mean."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -38,8 +38,8 @@ class Press(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    free: Level
-    levels: tuple[Level, ...] = Field(min_length=1)
+    free: RestLevel
+    levels: tuple[RestLevel, ...] = Field(min_length=1)
 
 
 class Pressed(BaseModel):
@@ -51,11 +51,11 @@ class Pressed(BaseModel):
     cell: str = ""
     normal_base: Vector3
     presses: tuple[Press, ...] = ()
-    weighings: tuple[Level, ...] = ()
+    weighings: tuple[RestLevel, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class HeldLevel:
     """A level evaluated: `pose_base_peg` by the encoders, the contact's raw wrench against free air and its sd (6,)."""
 
     joints_rad: Array
@@ -64,14 +64,14 @@ class Held:
     raw_sd: Array
 
 
-def held(press: Press, workcell: Workcell) -> list[Held]:
+def held(press: Press, workcell: Workcell) -> list[HeldLevel]:
     """The levels of a push, weight and bias taken off by the free reading in the same orientation."""
     found = []
     for level in press.levels:
         raw = np.asarray(level.raw) - np.asarray(press.free.raw)
         raw_sd = np.hypot(level.raw_sd, press.free.raw_sd)
         joints = np.asarray(level.joints_rad, float)
-        found.append(Held(joints, workcell.pose_base_peg(joints), raw, raw_sd))
+        found.append(HeldLevel(joints, workcell.pose_base_peg(joints), raw, raw_sd))
     return found
 
 
@@ -88,7 +88,7 @@ def touching_corner(peg: Peg, rotation_base_peg: Array, normal_base: Array) -> t
     return corners[order[0]], float(along[order[0]] - along[order[1]])
 
 
-def wrench_base(level: Held, workcell: Workcell) -> Array:
+def wrench_base(level: HeldLevel, workcell: Workcell) -> Array:
     """The contact wrench (6,) on the peg about its frame's origin, in the base's axes, N and Nm."""
     on_peg = workcell.sensor_mounting().peg_of_raw @ level.raw
     rotation = level.pose_base_peg.rotation
@@ -102,10 +102,10 @@ def jacobian_at(workcell: Workcell, joints_rad: Array, point_peg_m: Array) -> Ar
     return np.asarray(whole[:3] - skew(lever) @ whole[3:], dtype=float)
 
 
-def require(pressed: Pressed, least: int = LEAST_PRESSES) -> None:
+def require(pressed: Pressed, least: int = MIN_PRESSES) -> None:
     """Raises CalibrationRefused where there are too few pushes, or one of a single depth."""
     if len(pressed.presses) < least:
         raise CalibrationRefused(f"{len(pressed.presses)} pushes, want {least} or more, in different postures")
     for index, press in enumerate(pressed.presses):
-        if len(press.levels) < LEAST_LEVELS:
+        if len(press.levels) < MIN_LEVELS:
             raise CalibrationRefused(f"push {index + 1} was held at one depth; hold each at two or more")

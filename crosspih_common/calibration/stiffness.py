@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds
+from crosspih_common.calibration.fitting import CalibrationRefused, GroupedFit, fit_groups, held_out_folds
 from crosspih_common.calibration.presses import (
     Pressed,
     held,
@@ -33,8 +33,8 @@ from crosspih_common.geometry.pose import Array
 PRIOR_SD = 0.7  # of the logarithm of a joint's stiffness against the cell's file: half to twice
 TAKEN_SD = 0.05  # surer than this, a joint's stiffness is taken
 PLAUSIBLE = (0.1, 10.0)
-LEAST_CHANGE_N = 2.0
-FIRST_M, LEAST_M = 1e-6, 1e-9
+MIN_CHANGE_N = 2.0
+FIRST_M, MIN_M = 1e-6, 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ class StiffnessFit:
     rms_m: float
     held_out_m: float
     moved_m: float
-    fit: Fit
+    fit: GroupedFit
     missing: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -68,7 +68,7 @@ def equations(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array
         for before, after in pairwise(levels):
             middle = 0.5 * (before.joints_rad + after.joints_rad)
             change = wrench_base(after, workcell) - wrench_base(before, workcell)
-            if abs(float(change[:3] @ normal)) < LEAST_CHANGE_N:
+            if abs(float(change[:3] @ normal)) < MIN_CHANGE_N:
                 continue
             along = normal @ jacobian_at(workcell, middle, corner)
             torque = workcell.arm().jacobian(middle, workcell.pose_flange_peg()).T @ change
@@ -79,7 +79,7 @@ def equations(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array
     return np.array(rows), np.array(moved), np.array(groups)
 
 
-def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Array) -> tuple[Fit, float]:
+def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Array) -> tuple[GroupedFit, float]:
     """The logarithms of stiffness against before, and an equation's error, m, that the prior is weighed against."""
     joints, unit_m = len(before), FIRST_M
     own = np.zeros((int(group.max()) + 1, 0))
@@ -91,7 +91,7 @@ def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Arra
         fit = fit_groups(
             residual, np.zeros(joints), own, group, np.full(joints, 1e-4), np.zeros(0), np.full(joints, PRIOR_SD)
         )
-        used, unit_m = unit_m, max(fit.rms * unit_m * np.sqrt(len(moved) / max(len(moved) - joints, 1)), LEAST_M)
+        used, unit_m = unit_m, max(fit.rms * unit_m * np.sqrt(len(moved) / max(len(moved) - joints, 1)), MIN_M)
     return fit, used
 
 
@@ -101,7 +101,7 @@ def fit_stiffness(pressed: Pressed, workcell: Workcell, folds: int = 5) -> Stiff
     factors, moved, pushes = equations(pressed, workcell)
     if len(np.unique(pushes)) < 4:
         raise CalibrationRefused(
-            f"only {len(np.unique(pushes))} pushes grew by {LEAST_CHANGE_N:g} N or more from one "
+            f"only {len(np.unique(pushes))} pushes grew by {MIN_CHANGE_N:g} N or more from one "
             "depth to the next; push harder (--force)"
         )
     group = np.asarray(np.unique(pushes, return_inverse=True)[1], dtype=np.int64)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, Residual, fit_groups, held_out_folds
+from crosspih_common.calibration.fitting import CalibrationRefused, GroupedFit, Residual, fit_groups, held_out_folds
 from crosspih_common.calibration.presses import (
     APART_M,
     Pressed,
@@ -32,7 +32,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
-LEAST_TILT_SPREAD = 0.1
+MIN_TILT_SPREAD = 0.1
 UNIT_M = 1e-6
 FLOOR_M = 5e-7  # no touch is believed to be surer: edges are no better, nor are encoders
 EDGE_M = 5e-6  # one sd of how far an edge that is called sharp is rounded
@@ -52,7 +52,7 @@ class TipFit:
     rms_m: float
     held_out_m: float
     touches: int
-    fit: Fit
+    fit: GroupedFit
     missing: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -97,7 +97,7 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
             f"{len(rotations)} touches are by one corner of the tip, want 7 or more: tilt the peg towards its corners"
         )
     leaning = np.einsum("kji,j->ki", rotations, normal)
-    if np.linalg.svd(leaning[:, :2] - leaning[:, :2].mean(axis=0), compute_uv=False)[1] < LEAST_TILT_SPREAD:
+    if np.linalg.svd(leaning[:, :2] - leaning[:, :2].mean(axis=0), compute_uv=False)[1] < MIN_TILT_SPREAD:
         raise CalibrationRefused(
             "the peg was tilted to one side only: across it the tip stays open; tilt to at least three sides"
         )
@@ -119,7 +119,7 @@ def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
 
         return residual
 
-    def fitted(chosen: NDArray[np.int64]) -> Fit:
+    def fitted(chosen: NDArray[np.int64]) -> GroupedFit:
         own, group = np.zeros((len(chosen), 0)), np.arange(len(chosen))
         return fit_groups(residual_of(chosen), start, own, group, STEPS, np.zeros(0))
 

@@ -17,7 +17,7 @@ from crosspih_common.geometry.pose import Array
 
 PATTERN = re.compile(r"(\d+)x(\d+):([0-9.eE+-]+):([0-9.eE+-]+):(DICT_\w+)")
 EXAMPLE = "9x6:0.02:0.015:DICT_4X4_50"
-MOST_SQUARES = 40
+MAX_SQUARES = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,8 @@ class BoardPattern:
         except ValueError:
             raise ValueError(f"board {text!r}: {found[3]} or {found[4]} is no length; {how}") from None
         columns, rows = int(found[1]), int(found[2])
-        if not (3 <= columns <= MOST_SQUARES and 3 <= rows <= MOST_SQUARES):
-            raise ValueError(f"board {text!r}: {columns}x{rows} squares, want 3 to {MOST_SQUARES} each way")
+        if not (3 <= columns <= MAX_SQUARES and 3 <= rows <= MAX_SQUARES):
+            raise ValueError(f"board {text!r}: {columns}x{rows} squares, want 3 to {MAX_SQUARES} each way")
         if not 0.0 < marker_m < square_m:
             raise ValueError(f"board {text!r}: a marker of {marker_m:g} m does not fit a square of {square_m:g} m")
         if square_m > 1.0:

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from crosspih_common.config.section import Section
 from crosspih_common.geometry import Pose
 
-MOST_NUMBERS = 8
+MAX_NUMBERS = 8
 RADII = 2000
 
 
@@ -43,7 +43,7 @@ class CameraSection(Section):
     @field_validator("distortion", "distortion_right")
     @classmethod
     def _as_many_as_there_are(cls, numbers: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if numbers is not None and len(numbers) > MOST_NUMBERS:
+        if numbers is not None and len(numbers) > MAX_NUMBERS:
             raise ValueError(f"has {len(numbers)} numbers; give at most 8: k1, k2, p1, p2, k3, k4, k5, k6")
         return numbers
 
@@ -72,7 +72,7 @@ class CameraSection(Section):
 
 def _bends_back_at(numbers: tuple[float, ...], corner: float) -> float | None:
     """How far from the middle, in focal lengths, a lens's picture ends; None where it goes beyond the corner."""
-    k1, k2, _, _, k3, k4, k5, k6 = (*numbers, *(0.0,) * (MOST_NUMBERS - len(numbers)))
+    k1, k2, _, _, k3, k4, k5, k6 = (*numbers, *(0.0,) * (MAX_NUMBERS - len(numbers)))
     r = np.linspace(0.0, 4.0 * corner, RADII)
     r2 = r * r
     with np.errstate(all="ignore"):

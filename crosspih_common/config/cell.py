@@ -16,7 +16,7 @@ from crosspih_common.config.spelling import did_you_mean, fields_beside, words_o
 from crosspih_common.config.surroundings import with_mesh_files_beside
 from crosspih_common.config.workcell import Workcell
 from crosspih_common.errors import ConfigError
-from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
+from crosspih_common.plain_yaml import MAX_BYTES, text_of_file, yaml_of
 from crosspih_common.shapes.importing import FILE_SUFFIXES
 
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
@@ -90,7 +90,7 @@ def load_cell(path: str | Path) -> CellFile:
     """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
     path = Path(path)
     try:
-        text = text_of_file(path, MOST_BYTES)
+        text = text_of_file(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from None
     return cell_of_text(path, text)

@@ -21,7 +21,7 @@ _CROSS = CrossPeg()
 CROSS = "cross"
 OUTLINES = (CROSS, *NAMED)
 
-LEAST_INNER_RADIUS_M = 1e-3
+MIN_INNER_RADIUS_M = 1e-3
 """A thinner peg would be lost among the clearance, the chamfer and what vision and touch can tell."""
 
 _CROSS_ONLY = ("half_width_m", "half_length_m", "apex_m", "tip_half_width_m")
@@ -86,7 +86,7 @@ class PegDrawing(Section):
 
 
 # what vision may be told to doubt: with less it would take its own noise for another part, with more a part for any
-TOLERANCE_LEAST_M, TOLERANCE_MOST_M = 1e-6, 5e-4
+MIN_TOLERANCE_M, MAX_TOLERANCE_M = 1e-6, 5e-4
 
 
 class HoleTolerance(Section):
@@ -108,10 +108,10 @@ class HoleTolerance(Section):
     @field_validator("*")
     @classmethod
     def _of_a_machined_part(cls, value: float, info: ValidationInfo) -> float:
-        least = 0.0 if info.field_name == "chamfer_m" else TOLERANCE_LEAST_M
-        if not least <= value <= TOLERANCE_MOST_M:
+        least = 0.0 if info.field_name == "chamfer_m" else MIN_TOLERANCE_M
+        if not least <= value <= MAX_TOLERANCE_M:
             raise ValueError(
-                f"wants one standard deviation in metres, {least:g} to {TOLERANCE_MOST_M:g}; of +-0.1 mm write 0.00005"
+                f"wants one standard deviation in metres, {least:g} to {MAX_TOLERANCE_M:g}; of +-0.1 mm write 0.00005"
             )
         return value
 
@@ -161,10 +161,10 @@ def _peg(drawing: PegDrawing) -> Peg:
             tip_half_width_m=drawing.tip_half_width_m,
         )
     outline = _outline(drawing)
-    if outline.inner_radius_m < LEAST_INNER_RADIUS_M:
+    if outline.inner_radius_m < MIN_INNER_RADIUS_M:
         raise ValueError(
             f"outline {outline.name}: its nearest wall is {outline.inner_radius_m * 1e3:.3f} mm from the axis, a "
-            f"peg wants {LEAST_INNER_RADIUS_M * 1e3:g} mm or more; draw it larger, or mend the drawing's unit"
+            f"peg wants {MIN_INNER_RADIUS_M * 1e3:g} mm or more; draw it larger, or mend the drawing's unit"
         )
     scale = drawing.tip_scale
     if scale is None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 
 from crosspih_common.errors import ConfigError
-from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
+from crosspih_common.plain_yaml import MAX_BYTES, text_of_file, yaml_of
 
 DEFAULT_NAME = "cell1"
 NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$"
@@ -17,7 +17,7 @@ NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$"
 def cell_name(path: str | Path) -> str:
     """`cell.name` of a cell's file, of which nothing else is checked. Raises ConfigError."""
     try:
-        content = yaml_of(text_of_file(Path(path), MOST_BYTES)) or {}
+        content = yaml_of(text_of_file(Path(path), MAX_BYTES)) or {}
     except (OSError, yaml.YAMLError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
     section = content.get("cell") if isinstance(content, dict) else None

@@ -14,7 +14,7 @@ from crosspih_common.foxglove.primitives import Rgba, color, stamp
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraModel, DistortionModel
-from crosspih_common.messages.camera import PLUMB_BOB_MOST
+from crosspih_common.messages.camera import MAX_PLUMB_BOB
 
 # Foxglove's names of what we call plumb_bob and fisheye
 PLUMB_BOB, RATIONAL, KANNALA_BRANDT = "plumb_bob", "rational_polynomial", "kannala_brandt"
@@ -32,7 +32,7 @@ def calibration_message(camera: CameraModel, frame: str, stamp_ns: int) -> bytes
     else:
         many = len(given) > FEW
         model = RATIONAL if many else PLUMB_BOB
-        numbers = given + [0.0] * ((PLUMB_BOB_MOST if many else FEW) - len(given))
+        numbers = given + [0.0] * ((MAX_PLUMB_BOB if many else FEW) - len(given))
     fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
     message = CalibrationMessage(
         timestamp=stamp(stamp_ns), frame_id=frame, width=camera.width_px, height=camera.height_px,
@@ -54,7 +54,7 @@ def pixels_of(camera: CameraModel, points_m: Array) -> Array:
         ratio = angle * (1.0 + powers @ np.asarray(camera.distortion)) / radius
         x, y = x * ratio, y * ratio
     elif any(camera.distortion):
-        k1, k2, p1, p2, k3, k4, k5, k6 = (*camera.distortion, *(0.0,) * (PLUMB_BOB_MOST - len(camera.distortion)))
+        k1, k2, p1, p2, k3, k4, k5, k6 = (*camera.distortion, *(0.0,) * (MAX_PLUMB_BOB - len(camera.distortion)))
         r2 = x * x + y * y
         bent = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
         x, y = (

@@ -73,7 +73,7 @@ from crosspih_common.messages import (
 
 RATE_HZ = 50.0
 FORCE_PERIOD_NS = 40_000_000  # of arrows; the wrenches themselves are told at their own rate
-MOST_PATH_POSES = 200
+MAX_PATH_POSES = 200
 LEVELS = {Severity.INFO: Log.INFO, Severity.WARNING: Log.WARNING, Severity.ERROR: Log.ERROR}
 LEFT, RIGHT = Frame.CAMERA_LEFT.value, Frame.CAMERA_RIGHT.value
 
@@ -253,7 +253,7 @@ class FoxgloveTopics:
     # ------------------------------------------------------------------------------------------------- steps of the way
 
     def _planned(self, asked: FollowTrajectory, stamp_ns: int) -> None:
-        knots = asked.knots[:: 1 + len(asked.knots) // MOST_PATH_POSES]
+        knots = asked.knots[:: 1 + len(asked.knots) // MAX_PATH_POSES]
         tip = np.array([0.0, 0.0, self._scenes.tip_m])
         message = PosesInFrame(timestamp=stamp(stamp_ns), frame_id=BASE)
         for knot in (*knots, asked.knots[-1]):

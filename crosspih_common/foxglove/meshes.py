@@ -16,14 +16,14 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class TriangleMesh:
     """`corners_m` (n, 3), and `triangles` (m, 3) of their numbers, counter-clockwise seen from outside."""
 
     corners_m: Array
     triangles: Indices
 
 
-def peg_mesh(peg: Peg) -> Mesh:
+def peg_mesh(peg: Peg) -> TriangleMesh:
     """The peg in its own frame {J}."""
     heights = (peg.body_start_m, peg.taper_start_m, peg.tip_m)
     rings = [peg.outline_m(height) for height in heights]
@@ -31,7 +31,7 @@ def peg_mesh(peg: Peg) -> Mesh:
     return _together([_cap(rings[0], up=False), *(_wall(low, high) for low, high in pairwise(rings)), tip])
 
 
-def plate_mesh(hole: Hole) -> Mesh:
+def plate_mesh(hole: Hole) -> TriangleMesh:
     """The plate around the hole, in the hole's frame {D}: z = 0 is its outer face."""
     half, depth = hole.plate_half_size_m, hole.depth_m
     square = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
@@ -48,17 +48,17 @@ def plate_mesh(hole: Hole) -> Mesh:
     return _together([*faces, _wall(bottom, inner)])
 
 
-def _wall(low_m: Array, high_m: Array) -> Mesh:
+def _wall(low_m: Array, high_m: Array) -> TriangleMesh:
     """Between two rings of n corners, counter-clockwise seen from +z; outward where `high_m` is above `low_m`."""
     count = len(low_m)
     here = np.arange(count)
     after = (here + 1) % count
     first = np.column_stack([here, after, after + count])
     second = np.column_stack([here, after + count, here + count])
-    return Mesh(np.concatenate([low_m, high_m]), np.concatenate([first, second]))
+    return TriangleMesh(np.concatenate([low_m, high_m]), np.concatenate([first, second]))
 
 
-def _cap(ring_m: Array, up: bool, opening_m: Array | None = None) -> Mesh:
+def _cap(ring_m: Array, up: bool, opening_m: Array | None = None) -> TriangleMesh:
     """What lies within a plane ring, and outside of an opening in it, seen from +z or, with not `up`, from -z."""
     polygon = Polygon(ring_m[:, :2], [] if opening_m is None else [opening_m[:, :2]])
     corners: list[Array] = []
@@ -70,12 +70,12 @@ def _cap(ring_m: Array, up: bool, opening_m: Array | None = None) -> Mesh:
         triangles.append([len(corners) * 3 + index for index in range(3)])
         corners.append(ring)
     flat = np.concatenate(corners)
-    return Mesh(np.column_stack([flat[:, :2], np.full(len(flat), ring_m[0, 2])]), np.array(triangles))
+    return TriangleMesh(np.column_stack([flat[:, :2], np.full(len(flat), ring_m[0, 2])]), np.array(triangles))
 
 
-def _together(meshes: list[Mesh]) -> Mesh:
+def _together(meshes: list[TriangleMesh]) -> TriangleMesh:
     starts = np.cumsum([0, *(len(mesh.corners_m) for mesh in meshes[:-1])])
-    return Mesh(
+    return TriangleMesh(
         np.concatenate([mesh.corners_m for mesh in meshes]),
         np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts, strict=True)]),
     )

@@ -47,11 +47,11 @@ BELIEVED_LINE: Rgba = (0.20, 0.55, 1.00, 1.0)
 TRUTH: Rgba = (0.20, 0.80, 0.30, 1.0)
 M_PER_N, M_PER_NM = 0.004, 0.05  # of arrows
 ARROW_M, RIM_M = 0.003, 0.0006
-LEAST_N, LEAST_NM = 0.3, 0.03  # below these no arrow: noise
+MIN_N, MIN_NM = 0.3, 0.03  # below these no arrow: noise
 FAR_M = 0.05  # a line of action that passes the tip's plane farther from the axis says nothing of where it touches
 CHI2_95_OF_3 = 7.814728  # of three degrees of freedom: scipy.stats.chi2.ppf(0.95, 3)
 MAGNIFIED = 10.0  # the ellipsoid, which is a fraction of a millimetre
-MOST_TOUCHES = 100
+MAX_TOUCHES = 100
 TRUTH_SOURCE = (("source", "the simulator's truth"),)
 
 
@@ -126,10 +126,10 @@ class Scenes:
         """The wrench (6,) on the peg, in the peg frame, as arrows."""
         made = entity(stamp_ns, PEG, "force")
         force, moment = np.asarray(wrench[:3], float), np.asarray(wrench[3:], float)
-        if np.linalg.norm(force) >= LEAST_N:
+        if np.linalg.norm(force) >= MIN_N:
             head = line_of_action(force, moment, self._peg.tip_m)
             add_arrow(made, head - M_PER_N * force, head, ARROW_M, FORCE)
-        if np.linalg.norm(moment) >= LEAST_NM:
+        if np.linalg.norm(moment) >= MIN_NM:
             start = np.array([0.0, 0.0, self._peg.body_start_m])
             add_arrow(made, start, start + M_PER_NM * moment, ARROW_M, MOMENT)
         return scene([made])
@@ -137,7 +137,7 @@ class Scenes:
     def touches(self, stamp_ns: int, touches: Sequence[Touch]) -> bytes:
         """Where the peg was touched, as arrows that stay, in the base frame, each with its state."""
         made = entity(stamp_ns, BASE, "touches")
-        for touch in touches[-MOST_TOUCHES:]:
+        for touch in touches[-MAX_TOUCHES:]:
             force, moment = np.asarray(touch.wrench[:3], float), np.asarray(touch.wrench[3:], float)
             pose = touch.pose_base_peg.pose()
             head = line_of_action(force, moment, self._peg.tip_m)
@@ -201,7 +201,7 @@ def line_of_action(force_n: Array, moment_nm: Array, tip_m: float) -> Array:
     the tip itself where it passes farther than FAR_M from the axis."""
     tip = np.array([0.0, 0.0, tip_m])
     square = float(force_n @ force_n)
-    if square < LEAST_N**2 or abs(force_n[2]) < 1e-3 * np.sqrt(square):
+    if square < MIN_N**2 or abs(force_n[2]) < 1e-3 * np.sqrt(square):
         return tip
     nearest = np.cross(force_n, moment_nm) / square
     meets = nearest + force_n * ((tip_m - nearest[2]) / force_n[2])

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from crosspih_common.messages.base import MOST, Covariance6, Frame, Message, PoseData
+from crosspih_common.messages.base import MAX_MAGNITUDE, Covariance6, Frame, Message, PoseData
 from crosspih_common.messages.estimate import PosePrior
 
-MOST_NAME = 200
+MAX_NAME = 200
 OWN_STRATEGY = r"^[A-Za-z_][A-Za-z0-9_.-]*(:[A-Za-z_][A-Za-z0-9_]*)?$"
 
 
@@ -45,7 +45,7 @@ class OwnStrategy(str):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        named = core_schema.str_schema(pattern=OWN_STRATEGY, max_length=MOST_NAME, strict=True)
+        named = core_schema.str_schema(pattern=OWN_STRATEGY, max_length=MAX_NAME, strict=True)
         return core_schema.no_info_after_validator_function(
             cls, named, serialization=core_schema.plain_serializer_function_ser_schema(str)
         )
@@ -58,7 +58,7 @@ def strategy_of(name: str) -> Strategy | OwnStrategy:
     """Ours of that name, or somebody's own. Raises ValueError where it can be neither, with what was perhaps meant."""
     if name in (ours := [one.value for one in Strategy]):
         return Strategy(name)
-    if not re.match(OWN_STRATEGY, name) or len(name) > MOST_NAME:
+    if not re.match(OWN_STRATEGY, name) or len(name) > MAX_NAME:
         raise ValueError(f"strategy {name}: want {', '.join(ours)}, or your own as module:Class")
     return OwnStrategy(name)
 
@@ -185,8 +185,8 @@ class CalibrateFt(Message):
     samples_s: float = Field(default=0.25, gt=0.0, le=5.0)
     temperature_c: float | None = Field(
         default=None,
-        ge=-MOST,
-        le=MOST,
+        ge=-MAX_MAGNITUDE,
+        le=MAX_MAGNITUDE,
         description="present temperature of sensor or room; stored with the calibration",
     )
 
@@ -200,7 +200,7 @@ class Withdraw(Message):
     clear_m: float = Field(default=0.03, gt=0.0, le=0.1, description="tip to the hole's face at the end")
     speed_m_s: float = Field(default=0.01, gt=0.0, le=0.05)
     force_limit_n: float = Field(
-        default=20.0, gt=0.0, le=MOST, description="a pull above this means that the peg is stuck"
+        default=20.0, gt=0.0, le=MAX_MAGNITUDE, description="a pull above this means that the peg is stuck"
     )
 
 

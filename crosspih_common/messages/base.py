@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from crosspih_common.geometry.pose import Array
 
 # No length, angle, force or count that a cell can have is larger; what is, would overflow in the first square of it.
-MOST = 1e12
-MOST_STAMP_NS = 2**62
-MOST_SEQ = 2**53 - 1  # exact in every language's JSON
+MAX_MAGNITUDE = 1e12
+MAX_STAMP_NS = 2**62
+MAX_SEQ = 2**53 - 1  # exact in every language's JSON
 UNIT_TOLERANCE = 0.01  # quaternions are often sent with three decimals
 SYMMETRY = 1e-6  # of an entry, times the two standard deviations
 NEGATIVE = -1e-9  # an eigenvalue of a correlation may round to
@@ -81,11 +81,11 @@ def _said(what: str) -> Any:
     return Field(json_schema_extra={"format": what})
 
 
-Number = Annotated[float, Field(ge=-MOST, le=MOST)]
+Number = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
 Vector3 = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3)]
-MOST_PLACE_M = 100.0  # from any frame of one cell to another
+MAX_PLACE_M = 100.0  # from any frame of one cell to another
 Position3 = Annotated[
-    tuple[Annotated[float, Field(ge=-MOST_PLACE_M, le=MOST_PLACE_M)], ...], Field(min_length=3, max_length=3)
+    tuple[Annotated[float, Field(ge=-MAX_PLACE_M, le=MAX_PLACE_M)], ...], Field(min_length=3, max_length=3)
 ]
 Direction = Annotated[Vector3, AfterValidator(_direction), _said("direction")]  # of any length but none
 Quaternion = Annotated[
@@ -129,9 +129,9 @@ class Message(Part):
 
     VERSION: ClassVar[int] = 1
 
-    stamp_ns: int = Field(default=-1, ge=-1, le=MOST_STAMP_NS, description="cell clock; -1 until the bus stamps it")
+    stamp_ns: int = Field(default=-1, ge=-1, le=MAX_STAMP_NS, description="cell clock; -1 until the bus stamps it")
     seq: int = Field(
-        default=-1, ge=-1, le=MOST_SEQ, description="counts one publisher's samples on one key; -1 until sent"
+        default=-1, ge=-1, le=MAX_SEQ, description="counts one publisher's samples on one key; -1 until sent"
     )
 
     @classmethod

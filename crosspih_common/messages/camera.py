@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from crosspih_common.messages.base import Frame, Message, Part, PoseData
 
-PLUMB_BOB_MOST, FISHEYE_COUNT = 8, 4
+MAX_PLUMB_BOB, FISHEYE_COUNT = 8, 4
 # the fields of one camera, as they stood in the message when both cameras were equal and parallel
 FLAT_FIELDS = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 EQUAL_FIELDS = (*FLAT_FIELDS, "baseline_m")
@@ -52,8 +52,8 @@ class CameraModel(Part):
         count, model = len(self.distortion), self.distortion_model
         if model is DistortionModel.NONE and any(self.distortion):
             raise ValueError("distortion has numbers and distortion_model is none; say plumb_bob or fisheye")
-        if model is DistortionModel.PLUMB_BOB and count > PLUMB_BOB_MOST:
-            raise ValueError(f"distortion of plumb_bob has {count} numbers; give at most {PLUMB_BOB_MOST}")
+        if model is DistortionModel.PLUMB_BOB and count > MAX_PLUMB_BOB:
+            raise ValueError(f"distortion of plumb_bob has {count} numbers; give at most {MAX_PLUMB_BOB}")
         if model is DistortionModel.FISHEYE and count != FISHEYE_COUNT:
             raise ValueError(f"distortion of fisheye has {count} numbers; give {FISHEYE_COUNT}")
         return self

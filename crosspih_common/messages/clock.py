@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from crosspih_common.messages.base import MOST_STAMP_NS, Message
+from crosspih_common.messages.base import MAX_STAMP_NS, Message
 
 
 class CellClock(Message):
@@ -26,4 +26,4 @@ class WallClock(Message):
     """The wall clock of the cell's machine, when it was asked."""
 
     host: str = Field(max_length=255, description="the machine's name")
-    wall_ns: int = Field(ge=0, le=MOST_STAMP_NS, description="since 1970, UTC")
+    wall_ns: int = Field(ge=0, le=MAX_STAMP_NS, description="since 1970, UTC")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from crosspih_common.messages.base import (
-    MOST_SEQ,
+    MAX_SEQ,
     Covariance6,
     Direction,
     Frame,
@@ -19,7 +19,7 @@ from crosspih_common.messages.base import (
 )
 from crosspih_common.messages.touch import Touch
 
-MOST_TOUCHES = 100
+MAX_TOUCHES = 100
 
 
 class PosePrior(Part):
@@ -33,7 +33,7 @@ class EstimatePose(Message):
     """Fuse all touches of one assembly; the request holds all that the answer depends on."""
 
     prior: PosePrior
-    touches: tuple[Touch, ...] = Field(min_length=1, max_length=MOST_TOUCHES)
+    touches: tuple[Touch, ...] = Field(min_length=1, max_length=MAX_TOUCHES)
 
 
 class TouchUse(Part):
@@ -69,8 +69,8 @@ class NextTouch(Message):
     """Ask where to push next, given what is believed now and how often pushing failed and touching was tried."""
 
     belief: PosePrior
-    touches_made: int = Field(ge=0, le=MOST_SEQ)
-    failed_pushes: int = Field(ge=0, le=MOST_SEQ)
+    touches_made: int = Field(ge=0, le=MAX_SEQ)
+    failed_pushes: int = Field(ge=0, le=MAX_SEQ)
     last_touch_used: bool = Field(default=True, description="False where the estimate could not explain the last touch")
 
 
@@ -94,7 +94,7 @@ class EstimateBySequence(Message):
     """A learned way: all touches so far, in their order, through a recurrent network to the pose."""
 
     prior: PosePrior
-    touches: tuple[Touch, ...] = Field(min_length=1, max_length=MOST_TOUCHES)
+    touches: tuple[Touch, ...] = Field(min_length=1, max_length=MAX_TOUCHES)
 
 
 class EstimateSeated(Message):

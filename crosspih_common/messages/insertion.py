@@ -6,7 +6,7 @@ from enum import Enum
 
 from pydantic import Field
 
-from crosspih_common.messages.base import MOST, Covariance6, Frame, Joints, Message, PoseData, Vector6
+from crosspih_common.messages.base import MAX_MAGNITUDE, Covariance6, Frame, Joints, Message, PoseData, Vector6
 from crosspih_common.messages.estimate import PosePrior
 
 
@@ -36,8 +36,10 @@ class AdviseInsertion(Message):
     pose_base_peg: PoseData
     joints_rad: Joints
     wrench: Vector6 = Field(description="contact wrench on the peg, in the peg frame")
-    push_force_n: float = Field(gt=0.0, le=MOST, description="the axial force that the push went up to")
-    force_limit_n: float = Field(default=20.0, gt=0.0, le=MOST, description="the largest axial force of any push")
+    push_force_n: float = Field(gt=0.0, le=MAX_MAGNITUDE, description="the axial force that the push went up to")
+    force_limit_n: float = Field(
+        default=20.0, gt=0.0, le=MAX_MAGNITUDE, description="the largest axial force of any push"
+    )
     friction: float | None = Field(default=None, ge=0.0, le=1.0, description="None: the cell's expected one")
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from crosspih_common.messages.base import (
-    MOST,
+    MAX_MAGNITUDE,
     Deviations6,
     Direction,
     Frame,
@@ -22,14 +22,14 @@ from crosspih_common.messages.base import (
 )
 
 # Below these nothing moves, and is felt, that a wrist sensor or an encoder could tell from rest.
-LEAST_SPEED_M_S = 1e-6
-LEAST_SPEED_RAD_S = 1e-6
-LEAST_TRAVEL_M = 1e-6
-MOST_TRAVEL_M = 0.3  # of one guarded move
-LEAST_TIME_S = 1e-3
-LEAST_FORCE_N = 1e-3
-LEAST_MOMENT_NM = 1e-5
-LEAST_DAMPING = 1e-3  # N s / m, Nm s / rad
+MIN_SPEED_M_S = 1e-6
+MIN_SPEED_RAD_S = 1e-6
+MIN_TRAVEL_M = 1e-6
+MAX_TRAVEL_M = 0.3  # of one guarded move
+MIN_TIME_S = 1e-3
+MIN_FORCE_N = 1e-3
+MIN_MOMENT_NM = 1e-5
+MIN_DAMPING = 1e-3  # N s / m, Nm s / rad
 
 
 class StopReason(str, Enum):
@@ -101,22 +101,20 @@ class GuardedMove(Held, Message):
     """
 
     direction_base: Direction
-    speed_m_s: float = Field(ge=LEAST_SPEED_M_S, le=0.25)
-    creep_speed_m_s: float = Field(default=0.001, ge=LEAST_SPEED_M_S, le=0.05)
-    force_threshold_n: float = Field(default=5.0, ge=LEAST_FORCE_N, le=MOST)
-    moment_threshold_nm: float = Field(default=1.0, ge=LEAST_MOMENT_NM, le=MOST)
-    travel_limit_m: float = Field(ge=LEAST_TRAVEL_M, le=MOST_TRAVEL_M)
-    observe_s: float = Field(default=0.1, ge=LEAST_TIME_S, le=2.0)
-    average_s: float = Field(
-        default=0.025, ge=LEAST_TIME_S, le=2.0, description="averaging time at the end of the creep"
-    )
+    speed_m_s: float = Field(ge=MIN_SPEED_M_S, le=0.25)
+    creep_speed_m_s: float = Field(default=0.001, ge=MIN_SPEED_M_S, le=0.05)
+    force_threshold_n: float = Field(default=5.0, ge=MIN_FORCE_N, le=MAX_MAGNITUDE)
+    moment_threshold_nm: float = Field(default=1.0, ge=MIN_MOMENT_NM, le=MAX_MAGNITUDE)
+    travel_limit_m: float = Field(ge=MIN_TRAVEL_M, le=MAX_TRAVEL_M)
+    observe_s: float = Field(default=0.1, ge=MIN_TIME_S, le=2.0)
+    average_s: float = Field(default=0.025, ge=MIN_TIME_S, le=2.0, description="averaging time at the end of the creep")
     retreat_m: float = Field(default=0.0, ge=0.0, le=0.2)
 
 
 class PathKnot(Part):
     """A place of a path that is moved along while pushing, about where the move began, in the peg frame of then."""
 
-    time_s: float = Field(ge=LEAST_TIME_S, le=60.0)
+    time_s: float = Field(ge=MIN_TIME_S, le=60.0)
     offset_m: SmallOffset = Field(
         default=(0.0, 0.0, 0.0), description="of the centre; its component along the push is ignored"
     )
@@ -136,16 +134,16 @@ class AdmittanceMove(Held, Message):
     """
 
     direction_base: Direction
-    speed_m_s: float = Field(ge=LEAST_SPEED_M_S, le=0.1)
-    travel_m: float = Field(ge=LEAST_TRAVEL_M, le=0.2)
-    axial_force_n: float = Field(default=20.0, ge=LEAST_FORCE_N, le=MOST)
-    lateral_damping_n_s_m: float = Field(default=2000.0, ge=LEAST_DAMPING, le=MOST)
-    rotational_damping_nm_s_rad: float = Field(default=20.0, ge=LEAST_DAMPING, le=MOST)
+    speed_m_s: float = Field(ge=MIN_SPEED_M_S, le=0.1)
+    travel_m: float = Field(ge=MIN_TRAVEL_M, le=0.2)
+    axial_force_n: float = Field(default=20.0, ge=MIN_FORCE_N, le=MAX_MAGNITUDE)
+    lateral_damping_n_s_m: float = Field(default=2000.0, ge=MIN_DAMPING, le=MAX_MAGNITUDE)
+    rotational_damping_nm_s_rad: float = Field(default=20.0, ge=MIN_DAMPING, le=MAX_MAGNITUDE)
     centre_peg_m: NearPeg = (0.0, 0.0, 0.057)
-    lateral_speed_limit_m_s: float = Field(default=0.003, ge=LEAST_SPEED_M_S, le=0.5)
-    rotational_speed_limit_rad_s: float = Field(default=0.05, ge=LEAST_SPEED_RAD_S, le=3.0)
-    stall_s: float = Field(default=0.6, ge=LEAST_TIME_S, le=60.0)
-    timeout_s: float = Field(default=8.0, ge=LEAST_TIME_S, le=60.0)
+    lateral_speed_limit_m_s: float = Field(default=0.003, ge=MIN_SPEED_M_S, le=0.5)
+    rotational_speed_limit_rad_s: float = Field(default=0.05, ge=MIN_SPEED_RAD_S, le=3.0)
+    stall_s: float = Field(default=0.6, ge=MIN_TIME_S, le=60.0)
+    timeout_s: float = Field(default=8.0, ge=MIN_TIME_S, le=60.0)
     path: tuple[PathKnot, ...] = Field(default=(), max_length=20000)
 
 
@@ -153,14 +151,14 @@ class MoveLinear(Held, Message):
     """Move the peg frame in a straight line, orientation turned along, to a pose in the base frame."""
 
     pose_base_peg: PoseData
-    speed_m_s: float = Field(default=0.05, ge=LEAST_SPEED_M_S, le=0.5)
-    rotational_speed_rad_s: float = Field(default=0.5, ge=LEAST_SPEED_RAD_S, le=3.0)
+    speed_m_s: float = Field(default=0.05, ge=MIN_SPEED_M_S, le=0.5)
+    rotational_speed_rad_s: float = Field(default=0.5, ge=MIN_SPEED_RAD_S, le=3.0)
 
 
 class Dwell(Held, Message):
     """Hold still and average the sensor."""
 
-    duration_s: float = Field(ge=LEAST_TIME_S, le=10.0)
+    duration_s: float = Field(ge=MIN_TIME_S, le=10.0)
 
 
 class StopMotion(Message):
@@ -175,7 +173,7 @@ class SetPayload(Held, Message):
     """
 
     bias: Vector6
-    weight_n: float = Field(ge=0.0, le=MOST)
+    weight_n: float = Field(ge=0.0, le=MAX_MAGNITUDE)
     centroid_ft_m: Vector3
     gravity_base: Vector3 = Field(description="unit vector, the way things fall")
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from crosspih_common.messages.base import MOST_SEQ, Frame, Message, Part, PoseData, Vector3, Vector6
+from crosspih_common.messages.base import MAX_SEQ, Frame, Message, Part, PoseData, Vector3, Vector6
 
 # m and rad; the hole stays within the arm's reach, or is told to be outside it
 Offset6 = Annotated[tuple[Annotated[float, Field(ge=-3.2, le=3.2)], ...], Field(min_length=6, max_length=6)]
@@ -33,7 +33,7 @@ class ResetCell(Message):
     front of the cameras.
     """
 
-    seed: int = Field(ge=0, le=MOST_SEQ)
+    seed: int = Field(ge=0, le=MAX_SEQ)
     offset_hole: Offset6 | None = None
     place_peg: PoseData | None = None
     scene: SceneFaults | None = None

@@ -10,9 +10,9 @@ from pydantic import AfterValidator, Field
 from crosspih_common.messages.base import Message, Part
 from crosspih_common.plain_text import plain
 
-MOST_TEXT = 2000
+MAX_TEXT = 2000
 # shown as it is, also by people's own programs
-OneLine = Annotated[str, AfterValidator(lambda text: plain(text, MOST_TEXT))]
+OneLine = Annotated[str, AfterValidator(lambda text: plain(text, MAX_TEXT))]
 
 
 class ServiceState(str, Enum):
@@ -77,7 +77,7 @@ class Event(Message):
     service: OneLine
     severity: Severity
     code: OneLine
-    text: OneLine = Field(max_length=MOST_TEXT)
+    text: OneLine = Field(max_length=MAX_TEXT)
 
 
 class CommandRefusal(Message):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from crosspih_common.messages.base import (
-    MOST_SEQ,
+    MAX_SEQ,
     Deviations6,
     Direction,
     Frame,
@@ -22,7 +22,7 @@ class Touch(Message):
     """A contact as felt. Poses are motor-side; the wrench is on the peg, in the peg frame."""
 
     frame: Frame = Frame.PEG
-    index: int = Field(ge=0, le=MOST_SEQ)
+    index: int = Field(ge=0, le=MAX_SEQ)
     seated: bool = Field(default=False, description="pressed against a wall of the bore, the peg already in")
     pose_base_peg: PoseData = Field(description="mean pose over the samples of the wrench")
     pose_base_peg_first_contact: PoseData | None = None

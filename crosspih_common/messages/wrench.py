@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from crosspih_common.messages.base import (
-    MOST,
+    MAX_MAGNITUDE,
     Deviations6,
     Frame,
     Message,
@@ -107,7 +107,10 @@ class IdentifyPayload(Message):
     readings: tuple[RawReading, ...] = Field(max_length=1000)
     save: bool = True
     temperature_c: float | None = Field(
-        default=None, ge=-MOST, le=MOST, description="present temperature; stored with the calibration"
+        default=None,
+        ge=-MAX_MAGNITUDE,
+        le=MAX_MAGNITUDE,
+        description="present temperature; stored with the calibration",
     )
 
 

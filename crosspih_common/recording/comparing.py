@@ -14,7 +14,7 @@ NONE: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class FieldDifference:
     """A field that differs: of a list the entry that differs most, with its index. `by` is for numbers."""
 
     field: str
@@ -27,12 +27,12 @@ class Difference:
         return asdict(self)
 
 
-def differences(then: Message, now: Message, but: frozenset[str] = NONE) -> list[Difference]:
+def differences(then: Message, now: Message, but: frozenset[str] = NONE) -> list[FieldDifference]:
     """What differs between two messages, bit for bit; what is of the moment is left out, and the fields named `but`."""
     return list(_walk(then.model_dump(mode="json"), now.model_dump(mode="json"), "", OF_THE_MOMENT | but))
 
 
-def _walk(then: Any, now: Any, where: str, but: frozenset[str] = NONE) -> Iterator[Difference]:
+def _walk(then: Any, now: Any, where: str, but: frozenset[str] = NONE) -> Iterator[FieldDifference]:
     if isinstance(then, dict) and isinstance(now, dict):
         for name in dict.fromkeys([*then, *now]):
             if where or name not in but:
@@ -41,15 +41,15 @@ def _walk(then: Any, now: Any, where: str, but: frozenset[str] = NONE) -> Iterat
         off = [abs(a - b) for a, b in zip(then, now, strict=True)]
         most = max(range(len(off)), key=off.__getitem__, default=0)
         if then != now:
-            yield Difference(f"{where}[{most}]", f"{then[most]:.9g}", f"{now[most]:.9g}", off[most])
+            yield FieldDifference(f"{where}[{most}]", f"{then[most]:.9g}", f"{now[most]:.9g}", off[most])
     elif isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
         for index, (one, other) in enumerate(zip(then, now, strict=True)):
             yield from _walk(one, other, f"{where}[{index}]")
     elif then != now:
         if _number(then) and _number(now):
-            yield Difference(where, f"{then:.9g}", f"{now:.9g}", abs(then - now))
+            yield FieldDifference(where, f"{then:.9g}", f"{now:.9g}", abs(then - now))
         else:
-            yield Difference(where, _told(then), _told(now), None)
+            yield FieldDifference(where, _told(then), _told(now), None)
 
 
 def _number(value: Any) -> bool:

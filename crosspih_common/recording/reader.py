@@ -23,7 +23,7 @@ from crosspih_common.recording.numbering import Line
 from crosspih_common.recording.parts import parts_of
 from crosspih_common.recording.scanning import Damage
 from crosspih_common.recording.viewers import for_viewers
-from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
+from crosspih_common.recording.walking import ReadPart, Repeats, WalkedMessage, walk
 
 if TYPE_CHECKING:
     import pandas
@@ -253,7 +253,7 @@ def _read(recording: Recording, only: Iterable[Topic[Any]] | None) -> None:
     _sum_up(recording)
 
 
-def _take(said: Said, recording: Recording) -> None:
+def _take(said: WalkedMessage, recording: Recording) -> None:
     channel, entry = said.channel, said.entry
     samples = recording.samples.get(channel.topic)
     if samples is None:

@@ -20,7 +20,7 @@ FRAME = struct.Struct("<BQ")  # opcode, length of what follows
 CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, uncompressed size, its CRC, length of the compression's name
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _FOOTER = struct.Struct("<QQI")
-MOST_BYTES = 1 << 30  # of a chunk, uncompressed
+MAX_BYTES = 1 << 30  # of a chunk, uncompressed
 SEAL = "crc32"
 
 
@@ -220,7 +220,7 @@ def chunk_data(content: bytes, unchecked: bool) -> bytes:
         fields.end()
     except Malformed:
         raise Malformed(f"a chunk of another length than its fields ({named} bytes of name)") from None
-    if size > MOST_BYTES:
+    if size > MAX_BYTES:
         raise Malformed(f"a chunk of {size} bytes")
     data = _unpacked(compression, packed, size)
     if len(data) != size:

@@ -15,7 +15,7 @@ from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import CLOCK, Topic
 from crosspih_common.messages import Message
-from crosspih_common.recording.comparing import Difference, differences
+from crosspih_common.recording.comparing import FieldDifference, differences
 from crosspih_common.recording.reader import Recording, read_recording
 
 
@@ -54,7 +54,7 @@ class Rerun:
         counts[0] += equal
         counts[1] += 1
 
-    def differ(self, what: str, at_ns: int, row: Difference) -> None:
+    def differ(self, what: str, at_ns: int, row: FieldDifference) -> None:
         """Note something that differs."""
         self.rows.append({"at_s": self.at_s(at_ns), "asked": what, **row.as_json()})
 

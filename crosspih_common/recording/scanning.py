@@ -25,10 +25,10 @@ from crosspih_common.recording.records import (
     FRAME,
     HEADER,
     MAGIC,
+    MAX_BYTES,
     MESSAGE,
     MESSAGE_INDEX,
     METADATA,
-    MOST_BYTES,
     SCHEMA,
     Attachment,
     Channel,
@@ -175,7 +175,7 @@ class Scan:
             raise Malformed("a chunk without its head")
         _, _, size, _, named = CHUNK_HEAD.unpack_from(self._data, begin)
         packed = end - begin - CHUNK_HEAD.size - named - 8
-        if named > 16 or size > MOST_BYTES or packed < 0:
+        if named > 16 or size > MAX_BYTES or packed < 0:
             raise Malformed("a chunk's head that cannot be")
         where = begin + CHUNK_HEAD.size + named
         if int.from_bytes(self._data[where : where + 8], "little") != packed:
@@ -215,7 +215,7 @@ def repeated_definitions(attachment: Attachment) -> tuple[Schema | Channel, ...]
     if attachment.name != DEFINITIONS:
         return ()
     try:
-        data = unpacked_zstd(attachment.data, MOST_BYTES >> 4)
+        data = unpacked_zstd(attachment.data, MAX_BYTES >> 4)
         return tuple(record for record in chunk_records(data) if not isinstance(record, Entry))
     except (zstandard.ZstdError, Malformed):
         return ()

@@ -42,7 +42,7 @@ class ReadPart:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class WalkedMessage:
     """One message, its channel and that one's schema."""
 
     channel: Channel
@@ -50,7 +50,7 @@ class Said:
     entry: Entry
 
 
-def walk(path: Path, part: ReadPart) -> Iterator[Said]:
+def walk(path: Path, part: ReadPart) -> Iterator[WalkedMessage]:
     """The messages of one file, past what is damaged; `part` learns the rest. Raises OSError."""
     with scanning(path) as scan:
         part.size, part.is_mcap = scan.size, scan.is_mcap
@@ -77,7 +77,7 @@ def walk(path: Path, part: ReadPart) -> Iterator[Said]:
                     part.nameless += 1
                     continue
                 part.messages += 1
-                yield Said(channel, definitions.schemas.get(channel.schema_id), record)
+                yield WalkedMessage(channel, definitions.schemas.get(channel.schema_id), record)
         part.finished = scan.summary is not None and scan.ended and not part.damage
 
 
@@ -92,7 +92,7 @@ class Repeats:
         """What comes now lies in another file."""
         self._first_here = set(self._last)
 
-    def has(self, said: Said) -> bool:
+    def has(self, said: WalkedMessage) -> bool:
         """Whether this is the last message of its key again."""
         key, entry = said.channel.topic, said.entry
         if key in self._first_here:

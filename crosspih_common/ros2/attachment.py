@@ -15,7 +15,7 @@ _HEAD = struct.Struct("<qqB")
 
 
 @dataclass(frozen=True, slots=True)
-class Attachment:
+class SampleAttachment:
     """`sequence` counts from 1 for each sender; `stamp_ns` is the sender's wall clock; `gid` has 16 bytes."""
 
     sequence: int
@@ -31,7 +31,7 @@ class Attachment:
         return _HEAD.pack(self.sequence, self.stamp_ns, GID_BYTES) + self.gid
 
     @classmethod
-    def of(cls, raw: bytes) -> Attachment:
+    def of(cls, raw: bytes) -> SampleAttachment:
         """ValueError where these are not such bytes."""
         if len(raw) != _HEAD.size + GID_BYTES or raw[_HEAD.size - 1] != GID_BYTES:
             raise ValueError(

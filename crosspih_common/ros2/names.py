@@ -60,7 +60,7 @@ def mangled(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class GraphEntity:
     """A node, or what a node has: `name`, `type_name`, `type_hash` and `qos` are empty for the node itself."""
 
     entity: Entity
@@ -95,7 +95,7 @@ class Endpoint:
         return ros_type(self.type_name)
 
     @classmethod
-    def of(cls, token: str) -> Endpoint:
+    def of(cls, token: str) -> GraphEntity:
         """ValueError where it is no token of rmw_zenoh."""
         parts = token.split("/")
         if len(parts) < _NODE_PARTS or parts[0] != ADMIN_SPACE or not all(parts):

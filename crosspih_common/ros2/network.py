@@ -12,7 +12,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.ros2.node import RosNode
 from crosspih_common.ros2.types import Distro, RosTypes
 
-MOST_DOMAINS = 232
+MAX_DOMAINS = 232
 
 
 class RosNetwork(Section):
@@ -21,7 +21,7 @@ class RosNetwork(Section):
     endpoint: str | None = Field(
         default=None, description="of the router that rmw_zenoh's nodes connect to; the cell's own where not given"
     )
-    domain_id: int | None = Field(default=None, ge=0, le=MOST_DOMAINS, description="ROS_DOMAIN_ID, or 0, if not given")
+    domain_id: int | None = Field(default=None, ge=0, le=MAX_DOMAINS, description="ROS_DOMAIN_ID, or 0, if not given")
     distro: Distro = Field(default="jazzy", description="whose message definitions, and so type hashes, are spoken")
     namespace: str = Field(
         default="", pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*)*$", description="before every name that has no leading slash"
@@ -32,8 +32,8 @@ class RosNetwork(Section):
         if self.domain_id is not None:
             return self.domain_id
         said = os.environ.get("ROS_DOMAIN_ID", "") or "0"
-        if not said.isdecimal() or int(said) > MOST_DOMAINS:
-            raise ConfigError(f"{field}.domain_id: ROS_DOMAIN_ID is {said!r}, want 0 to {MOST_DOMAINS}")
+        if not said.isdecimal() or int(said) > MAX_DOMAINS:
+            raise ConfigError(f"{field}.domain_id: ROS_DOMAIN_ID is {said!r}, want 0 to {MAX_DOMAINS}")
         return int(said)
 
     def open(self, field: str, node: str, endpoint: str | None = None) -> RosNode:

@@ -16,8 +16,8 @@ from zenoh import ext
 from crosspih_common.bus.workers import Lane
 from crosspih_common.bus.zenoh_transport import ZenohTransport, open_zenoh
 from crosspih_common.errors import BusClosed
-from crosspih_common.ros2.attachment import Attachment
-from crosspih_common.ros2.names import Endpoint, Entity, dds_type, graph_expression, resolved, topic_key
+from crosspih_common.ros2.attachment import SampleAttachment
+from crosspih_common.ros2.names import Entity, GraphEntity, dds_type, graph_expression, resolved, topic_key
 from crosspih_common.ros2.qos import RELIABLE, RosQos
 from crosspih_common.ros2.types import RosTypes
 
@@ -37,7 +37,7 @@ class RosSample:
 class RosPublisher:
     """Sends on one topic."""
 
-    def __init__(self, types: RosTypes, endpoint: Endpoint, publisher: Any) -> None:
+    def __init__(self, types: RosTypes, endpoint: GraphEntity, publisher: Any) -> None:
         self._types, self.endpoint, self._publisher = types, endpoint, publisher
         self._gid, self._numbers = endpoint.gid(), itertools.count(1)
         self._lock = threading.Lock()
@@ -49,7 +49,7 @@ class RosPublisher:
     def publish_bytes(self, payload: bytes) -> None:
         """Send what is CDR already. Raises BusClosed."""
         with self._lock:
-            attachment = Attachment(next(self._numbers), time.time_ns(), self._gid).to_bytes()
+            attachment = SampleAttachment(next(self._numbers), time.time_ns(), self._gid).to_bytes()
             try:
                 self._publisher.put(payload, attachment=attachment)
             except zenoh.ZError as error:
@@ -83,7 +83,7 @@ class RosNode:
         self._ids = itertools.count(1)
         self._declared: list[Any] = []
         self._lanes: list[Lane] = []
-        self._declare_token(Endpoint(Entity.NODE, domain_id, self._zid, 0, 0, namespace, name))
+        self._declare_token(GraphEntity(Entity.NODE, domain_id, self._zid, 0, 0, namespace, name))
 
     def __enter__(self) -> RosNode:
         return self
@@ -91,16 +91,16 @@ class RosNode:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _declare_token(self, endpoint: Endpoint) -> None:
+    def _declare_token(self, endpoint: GraphEntity) -> None:
         self._declared.append(self._session.liveliness().declare_token(endpoint.token()))
 
-    def _endpoint(self, entity: Entity, name: str, ros_type: str, qos: RosQos) -> Endpoint:
-        return Endpoint(
+    def _endpoint(self, entity: Entity, name: str, ros_type: str, qos: RosQos) -> GraphEntity:
+        return GraphEntity(
             entity, self.domain_id, self._zid, 0, next(self._ids), self.namespace, self.name,
             resolved(name, self.namespace), dds_type(ros_type), self.types.hash(ros_type), qos,
         )  # fmt: skip
 
-    def _key(self, endpoint: Endpoint) -> str:
+    def _key(self, endpoint: GraphEntity) -> str:
         return topic_key(self.domain_id, endpoint.name, endpoint.type_name, endpoint.type_hash)
 
     def publisher(self, name: str, ros_type: str, qos: RosQos = RELIABLE) -> RosPublisher:
@@ -125,7 +125,7 @@ class RosNode:
 
     def subscribe(
         self, name: str, ros_type: str, handler: Callable[[RosSample], None], qos: RosQos = RELIABLE
-    ) -> Endpoint:  # fmt: skip
+    ) -> GraphEntity:  # fmt: skip
         """Call the handler with every sample, on Zenoh's own thread: it must only enqueue.
 
         Samples of all the node's topics come in the order in which they were sent: a wrench before the joint state that
@@ -153,7 +153,7 @@ class RosNode:
     def serve(
         self, name: str, ros_type: str, handler: Callable[[bytes], Any], lane: Lane | None = None,
         when_busy: Any = None,
-    ) -> Endpoint:  # fmt: skip
+    ) -> GraphEntity:  # fmt: skip
         """Answer a service's requests: from the request's CDR to the response message, one after the other.
 
         They are answered on a thread of this service's own, or on the given lane; a request that finds the lane at
@@ -175,7 +175,7 @@ class RosNode:
 
     def serve_later(
         self, name: str, ros_type: str, accept: Callable[[bytes, Callable[[Any], None]], None]
-    ) -> Endpoint:  # fmt: skip
+    ) -> GraphEntity:  # fmt: skip
         """Give a service's requests (CDR) away, each with what is called with the response: at once or later, once.
 
         `accept` is called on Zenoh's own thread: it must only enqueue.
@@ -185,7 +185,7 @@ class RosNode:
 
         def receive(query: zenoh.Query) -> None:
             try:
-                attached = Attachment.of(query.attachment.to_bytes() if query.attachment is not None else b"")
+                attached = SampleAttachment.of(query.attachment.to_bytes() if query.attachment is not None else b"")
             except ValueError as error:
                 with contextlib.suppress(zenoh.ZError):
                     query.reply_err(str(error).encode())
@@ -193,7 +193,7 @@ class RosNode:
                 return
 
             def reply(message: Any) -> None:
-                back = Attachment(attached.sequence, time.time_ns(), attached.gid).to_bytes()
+                back = SampleAttachment(attached.sequence, time.time_ns(), attached.gid).to_bytes()
                 with contextlib.suppress(zenoh.ZError):  # the caller may be gone
                     query.reply(key, self.types.encode(message), attachment=back)
                 query.drop()
@@ -204,7 +204,7 @@ class RosNode:
         self._declare_token(endpoint)
         return endpoint
 
-    def graph(self, entity: Entity | None = None, name: str | None = None) -> list[Endpoint]:
+    def graph(self, entity: Entity | None = None, name: str | None = None) -> list[GraphEntity]:
         """What is there now, this node's own included: all of the domain, or one kind, or what has one name."""
         found = []
         full = None if name is None else resolved(name, self.namespace)
@@ -213,7 +213,7 @@ class RosNode:
             if reply.ok is None:
                 continue
             with contextlib.suppress(ValueError):  # somebody else's token, which is no business of ours
-                endpoint = Endpoint.of(str(reply.ok.key_expr))
+                endpoint = GraphEntity.of(str(reply.ok.key_expr))
                 if full is None or endpoint.name == full:
                     found.append(endpoint)
         return found

@@ -27,11 +27,11 @@ from crosspih_common.config import CellFile, Section, load_cell
 from crosspih_common.errors import CONFIG_STATUS, BusError, ConfigError, CrosspihError
 from crosspih_common.keys import EVENTS, STATUS, WALL_CLOCK
 from crosspih_common.messages import Event, ServiceState, ServiceStatus, Severity
-from crosspih_common.messages.status import LAST_ERROR_S, MOST_TEXT
+from crosspih_common.messages.status import LAST_ERROR_S, MAX_TEXT
 from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.plain_text import plain
 from crosspih_common.service import notify
-from crosspih_common.service.wall_clock import ClockWatch, Difference, this_host
+from crosspih_common.service.wall_clock import ClockOffset, ClockWatch, this_host
 from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
@@ -39,7 +39,7 @@ SECOND_WAITS_S = 7.0  # the name of one whose machine went silent is free again 
 SectionT = TypeVar("SectionT", bound=Section)
 
 
-class Closeable(Protocol):
+class ServiceResource(Protocol):
     """What a service opened."""
 
     def close(self) -> None:
@@ -73,11 +73,11 @@ class ServiceContext:
 
     @last_error.setter
     def last_error(self, text: str) -> None:
-        self._last_error = (time.monotonic(), plain(text, MOST_TEXT))
+        self._last_error = (time.monotonic(), plain(text, MAX_TEXT))
 
     def event(self, severity: Severity, code: str, text: str) -> None:
         """Tell people, in one line, for a part may be a stranger's: on the bus, and on standard error for the log."""
-        text = plain(text, MOST_TEXT)
+        text = plain(text, MAX_TEXT)
         if severity is not Severity.INFO:
             self.last_error = f"{code}: {text}"
         print(f"{severity.value}: {code}: {text}", file=sys.stderr, flush=True)
@@ -86,7 +86,7 @@ class ServiceContext:
 
     def fail(self, reason: str) -> None:
         """The service cannot go on: it says so and ends with status 1."""
-        self.state, self.reason = ServiceState.FAILED, plain(reason, MOST_TEXT)
+        self.state, self.reason = ServiceState.FAILED, plain(reason, MAX_TEXT)
         self.event(Severity.ERROR, "failed", reason)
         self.stop.set()
 
@@ -115,14 +115,14 @@ class ServiceContext:
         )
 
     @property
-    def wall_difference(self) -> Difference | None:
+    def wall_difference(self) -> ClockOffset | None:
         """How far this machine's wall clock is from that of the cell's machine, where it is known."""
         return None if self.clocks is None else self.clocks.difference
 
     def watch_clocks(self) -> None:
         """From now on measure this machine's wall clock against the cell's, and say when they are apart."""
 
-        def tell(apart: bool, found: Difference) -> None:
+        def tell(apart: bool, found: ClockOffset) -> None:
             if apart:
                 said = f"{found}: log times differ by that, stamps do not; set both by NTP (docs/several-machines.md)"
                 self.event(Severity.WARNING, "clocks_apart", said)
@@ -161,7 +161,7 @@ def check_config(path: str, section: str, model: type[Section]) -> int:
 def run_service(
     name: str,
     model: type[SectionT],
-    build: Callable[[ServiceContext, SectionT], Closeable | None],
+    build: Callable[[ServiceContext, SectionT], ServiceResource | None],
     argv: Sequence[str] | None = None,
     section: str | None = None,
 ) -> int:
@@ -204,7 +204,7 @@ def run_service(
         bus.also_close(claim)
         status = bus.publisher(STATUS)
         status.publish(context.status())
-        opened: Closeable | None = None
+        opened: ServiceResource | None = None
         settings: SectionT | None = None
         try:
             settings = cell.section(section, model)

@@ -58,7 +58,7 @@ class Exchange:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ClockOffset:
     """The wall clock here minus that of the cell's machine `host`: `offset_s`, give or take `bound_s`."""
 
     offset_s: float
@@ -78,7 +78,7 @@ class Difference:
         )
 
 
-def narrowed(exchanges: Sequence[Exchange], host: str) -> Difference | None:
+def narrowed(exchanges: Sequence[Exchange], host: str) -> ClockOffset | None:
     """What all exchanges, oldest first, leave possible; older ones than one that a clock was set after do not count."""
     if not exchanges:
         return None
@@ -90,7 +90,7 @@ def narrowed(exchanges: Sequence[Exchange], host: str) -> Difference | None:
         if tighter[0] > tighter[1]:
             break
         low, high = tighter
-    return Difference(0.5 * (low + high), 0.5 * (high - low), host)
+    return ClockOffset(0.5 * (low + high), 0.5 * (high - low), host)
 
 
 def exchange(bus: Bus, deadline_s: float = ASK_S) -> tuple[Exchange, str]:
@@ -102,7 +102,7 @@ def exchange(bus: Bus, deadline_s: float = ASK_S) -> tuple[Exchange, str]:
     return Exchange(sent_ns, answer.wall_ns, sent_ns + now_ns - began_ns, now_ns * 1e-9), answer.host
 
 
-def measured(bus: Bus, times: int = 4, deadline_s: float = ASK_S) -> Difference | None:
+def measured(bus: Bus, times: int = 4, deadline_s: float = ASK_S) -> ClockOffset | None:
     """Asked so often, one after the other; None where nobody answers."""
     found, host = [], ""
     try:
@@ -118,13 +118,13 @@ class ClockWatch:
     """Measures again and again, on a thread of its own; `tell` is called where the clocks come to be apart (True) or
     are together again (False)."""
 
-    def __init__(self, bus: Bus, tell: Callable[[bool, Difference], None]) -> None:
+    def __init__(self, bus: Bus, tell: Callable[[bool, ClockOffset], None]) -> None:
         self._bus, self._tell = bus, tell
         self._stop = threading.Event()
         self._kept: deque[Exchange] = deque(maxlen=KEPT)
         self._host = ""
         self._apart = False
-        self.difference: Difference | None = None
+        self.difference: ClockOffset | None = None
         self._thread = threading.Thread(target=self._run, name="wall-clock", daemon=True)
         self._thread.start()
 

@@ -15,7 +15,7 @@ from shapely import Polygon, box, constrained_delaunay_triangles, get_parts, uni
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.convex import ConvexPiece
-from crosspih_common.shapes.cover import LEAST_AREA_M2, TOLERANCE_M, Line, half_plane, polygons, ring
+from crosspih_common.shapes.cover import MIN_AREA_M2, TOLERANCE_M, Line, half_plane, polygons, ring
 from crosspih_common.shapes.outline import Outline
 
 SPLITS = 4
@@ -107,17 +107,17 @@ def _separating(
     usable = sorted({int(same[other]) for other in np.flatnonzero(np.all(in_front, axis=0))})
     chosen = [int(same[edge])]
     region = plate & half_plane(_behind(outline, edge, 0.0))
-    while sum(part.area for part in polygons(region & opening)) > LEAST_AREA_M2:
+    while sum(part.area for part in polygons(region & opening)) > MIN_AREA_M2:
         best: tuple[int, int, int] | None = None
         for other in usable:
             # a line that bounds the region already cuts nothing off, but for rounding all of it
             if other in chosen:
                 continue
             cut = region & half_plane(_behind(outline, other, 0.0))
-            if cut.area <= LEAST_AREA_M2:
+            if cut.area <= MIN_AREA_M2:
                 continue
             left = sum(part.area for part in polygons(cut & opening))
-            rank = (round(left / LEAST_AREA_M2), -round(cut.area / LEAST_AREA_M2), other)
+            rank = (round(left / MIN_AREA_M2), -round(cut.area / MIN_AREA_M2), other)
             if best is None or rank < best:
                 best = rank
         if best is None:

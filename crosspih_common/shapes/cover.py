@@ -17,7 +17,7 @@ from crosspih_common.geometry.pose import Array
 
 TOLERANCE_M = 1e-9
 FAR_M = 10.0
-LEAST_AREA_M2 = 1e-12
+MIN_AREA_M2 = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +47,7 @@ def half_plane(line: Line) -> Polygon:
 def polygons(geometry: Geometry) -> list[Polygon]:
     """The polygons of a geometry that are more than a numerical speck."""
     found = [part for part in get_parts(geometry) if isinstance(part, Polygon)]
-    return [part for part in found if part.area > LEAST_AREA_M2]
+    return [part for part in found if part.area > MIN_AREA_M2]
 
 
 def ring(polygon: Polygon) -> Array:
@@ -91,7 +91,7 @@ def cover(corners_m: Array, normals: Array, offsets_m: Array) -> list[ConvexRegi
     edges: list[Line] = [(float(n[0]), float(n[1]), float(d)) for n, d in zip(normals, offsets_m, strict=True)]
     ends = np.roll(corners_m, -1, axis=0)
     seeds = [np.array([np.zeros(2), start, end]) for start, end in zip(corners_m, ends, strict=True)]
-    seeds = [seed for seed in seeds if Polygon(seed).area > LEAST_AREA_M2]
+    seeds = [seed for seed in seeds if Polygon(seed).area > MIN_AREA_M2]
     candidates: list[ConvexRegion] = []
     for measure in (_area, _edges_kept):
         grown: list[ConvexRegion] = []
@@ -155,7 +155,7 @@ def _grown(polygon: Polygon, edges: list[Line], seed: Array, measure: Measure) -
         for line in dict.fromkeys(line for choice in forced or cuts for line in choice):
             kept = [part for part in polygons(region & half_plane(line)) if part.contains(middle)]
             # a cut that leaves all as it is would never end
-            if kept and kept[0].area < region.area - LEAST_AREA_M2:
+            if kept and kept[0].area < region.area - MIN_AREA_M2:
                 left = measure(kept[0], edges)
                 if best is None or left > best[0]:
                     best = (left, kept[0], line)

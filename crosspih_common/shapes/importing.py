@@ -3,7 +3,7 @@
 x is to the right and y up as the drawing is seen, looking at the peg's tip. Lengths must have a unit in the file: an
 SVG's width and height (say "60mm"), a DXF's $INSUNITS. The area's centroid is put on the peg's axis, or, where it does
 not see the whole outline, the place that does. Curves become chords, which leave them by the least of `TOLERANCES_M`
-that makes no more than `MOST_CORNERS` corners: peg and hole get the same chords, so that this changes the shape but not
+that makes no more than `MAX_CORNERS` corners: peg and hole get the same chords, so that this changes the shape but not
 the fit. The readers are imported when a file is read.
 """
 
@@ -21,7 +21,7 @@ from crosspih_common.shapes.outline import Outline
 
 FILE_SUFFIXES = (".svg", ".dxf")
 TOLERANCES_M = (5e-5, 1e-4, 2e-4)
-MOST_CORNERS = 64
+MAX_CORNERS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,12 +37,12 @@ class DrawingRead:
         """The peg's polygon about its axis. DrawingRefused where there is none."""
         for tolerance_m in TOLERANCES_M:
             corners = self.contour.chords(tolerance_m)
-            if len(corners) <= MOST_CORNERS:
+            if len(corners) <= MAX_CORNERS:
                 break
         else:
             raise DrawingRefused(
                 f"{self.path}: {self.entity} has {len(corners)} corners once its curves are chords, more than "
-                f"{MOST_CORNERS}; simplify it"
+                f"{MAX_CORNERS}; simplify it"
             )
         try:
             return Outline.of(self.path.stem, corners - _axis(corners))

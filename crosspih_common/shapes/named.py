@@ -19,7 +19,7 @@ round has 0.100 mm flat to flat when their sides are aligned and 0.053 mm corner
 ARC_SIDES = 32
 """Sides a full turn of the arcs of toothed outlines, whose teeth keep peg and hole aligned."""
 CAPTURE_M = 0.005
-LEAST_TIP_SCALE = 0.25
+MIN_TIP_SCALE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +129,7 @@ def tip_scale_of(outline: Outline, taper_slope: float, taper_length_m: float) ->
     """
     by_slope = 1.0 - taper_slope * taper_length_m / outline.inner_radius_m
     by_capture = (outline.inner_radius_m - CAPTURE_M) / outline.radius_m
-    return max(LEAST_TIP_SCALE, min(by_slope, by_capture))
+    return max(MIN_TIP_SCALE, min(by_slope, by_capture))
 
 
 def tapered(outline: Outline, body_start_m: float, taper_start_m: float, tip_m: float, tip_scale: float) -> Peg:

@@ -14,7 +14,7 @@ from shapely.validation import explain_validity
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.cover import ConvexRegion, cover
 
-LEAST_EDGE_M = 1e-6
+MIN_EDGE_M = 1e-6
 ROUND_FROM = 24
 """A polygon that comes back onto itself by that small a share of a turn, or a smaller one, counts as round."""
 ROUND_M = 5e-5
@@ -48,7 +48,7 @@ class Outline:
     def __post_init__(self) -> None:
         corners = self.corners_m
         edges = np.roll(corners, -1, axis=0) - corners
-        short = np.flatnonzero(np.hypot(edges[:, 0], edges[:, 1]) < LEAST_EDGE_M)
+        short = np.flatnonzero(np.hypot(edges[:, 0], edges[:, 1]) < MIN_EDGE_M)
         if len(short):
             raise ValueError(f"outline {self.name}: corners {short[0]} and {short[0] + 1} coincide; leave one out")
         polygon = Polygon(corners)
@@ -122,7 +122,7 @@ class Outline:
         mitre = (before + self.normals) / (1.0 + np.sum(before * self.normals, axis=1))[:, None]
         corners = self.corners_m + margin_m * mitre
         edges = np.roll(corners, -1, axis=0) - corners
-        kept = edges[:, 1] * self.normals[:, 0] - edges[:, 0] * self.normals[:, 1] > LEAST_EDGE_M
+        kept = edges[:, 1] * self.normals[:, 0] - edges[:, 0] * self.normals[:, 1] > MIN_EDGE_M
         if not np.all(kept) or not Polygon(corners).is_valid:
             raise ValueError(
                 f"outline {self.name}: cannot be widened by {margin_m * 1e3:g} mm, a detail closes up; take a smaller "

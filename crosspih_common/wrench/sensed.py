@@ -9,15 +9,15 @@ import numpy as np
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry.pose import Array
 
-MOST_FORCE_N, MOST_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
+MAX_FORCE_N, MAX_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
 
 
 def refuse_implausible_wrench(wrench: Sequence[float] | Array, name: str) -> None:
     """Raises CommandRefused `implausible` for (6,) N and Nm that no wrist sensor can feel."""
     forces, moments = np.abs(np.asarray(wrench)).reshape(2, 3)
-    if forces.max() > MOST_FORCE_N or moments.max() > MOST_MOMENT_NM:
+    if forces.max() > MAX_FORCE_N or moments.max() > MAX_MOMENT_NM:
         raise CommandRefused(
             "implausible",
-            f"{name}: {forces.max():.3g} N and {moments.max():.3g} Nm; at most {MOST_FORCE_N:g} N and "
-            f"{MOST_MOMENT_NM:g} Nm can be",
+            f"{name}: {forces.max():.3g} N and {moments.max():.3g} Nm; at most {MAX_FORCE_N:g} N and "
+            f"{MAX_MOMENT_NM:g} Nm can be",
         )

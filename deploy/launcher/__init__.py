@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from deploy.launcher.errors import AlreadyUpError, ComposeError, LauncherError, NotUpError, StartError
     from deploy.launcher.process import tethered
     from deploy.launcher.stack import DEFAULT_COMPOSE_FILE, StackRequest, is_up, start_stack, stop_stack
-    from deploy.launcher.state import DEFAULT_PROJECT, ServiceState, StackState, StateDirectory
+    from deploy.launcher.state import DEFAULT_PROJECT, ServiceRow, StackState, StateDirectory
 else:
     _MODULES = {
         "AlreadyUpError": "errors",
@@ -21,7 +21,7 @@ else:
         "DEFAULT_PROJECT": "state",
         "LauncherError": "errors",
         "NotUpError": "errors",
-        "ServiceState": "state",
+        "ServiceRow": "state",
         "StackRequest": "stack",
         "StackState": "state",
         "StartError": "errors",
@@ -41,7 +41,7 @@ __all__ = [
     "ComposeError",
     "LauncherError",
     "NotUpError",
-    "ServiceState",
+    "ServiceRow",
     "StackRequest",
     "StackState",
     "StartError",

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from deploy.launcher.conditions import Condition
+from deploy.launcher.conditions import StartCondition
 from deploy.launcher.restart import RestartPolicy, RestartWhen
 
 _DURATION_PART = re.compile(r"(\d+(?:\.\d+)?)(us|ms|s|m|h|d)")
@@ -104,7 +104,7 @@ class _Part(BaseModel):
 class Dependency(_Part):
     """One entry of ``depends_on``; one that is not required is waited for only if it is among the services run."""
 
-    condition: Condition = Condition.STARTED
+    condition: StartCondition = StartCondition.STARTED
     required: bool = True
 
 

@@ -6,7 +6,7 @@ from enum import Enum
 from deploy.launcher.health import Health, HealthState
 
 
-class Condition(str, Enum):
+class StartCondition(str, Enum):
     """What a service waits for in another before it starts."""
 
     STARTED = "service_started"
@@ -14,7 +14,7 @@ class Condition(str, Enum):
     COMPLETED = "service_completed_successfully"
 
 
-class Phase(str, Enum):
+class ServicePhase(str, Enum):
     """Where a service is in its life under the launcher."""
 
     WAITING = "waiting"  # for a dependency
@@ -26,10 +26,10 @@ class Phase(str, Enum):
 
 
 @dataclass(frozen=True)
-class Standing:
+class ServiceStanding:
     """A service at one instant; ``exit_code`` is that of its last process (negative: by that signal)."""
 
-    phase: Phase = Phase.WAITING
+    phase: ServicePhase = ServicePhase.WAITING
     health: HealthState = field(default_factory=HealthState)
     pid: int | None = None
     exit_code: int | None = None
@@ -37,7 +37,7 @@ class Standing:
     note: str = ""
 
 
-class Verdict(str, Enum):
+class DependencyVerdict(str, Enum):
     """Whether a dependency is what its dependant waits for."""
 
     MET = "met"
@@ -45,24 +45,24 @@ class Verdict(str, Enum):
     NEVER = "never"
 
 
-def judge(condition: Condition, standing: Standing) -> Verdict:
+def judge(condition: StartCondition, standing: ServiceStanding) -> DependencyVerdict:
     """Whether ``standing`` meets ``condition``, may still come to, or never will.
 
     A service that restarts, or is unhealthy for now, may still come to be healthy.
     """
     phase = standing.phase
-    if phase in (Phase.BLOCKED, Phase.STOPPED):
-        return Verdict.NEVER
-    if condition is Condition.STARTED:
-        return Verdict.PENDING if phase is Phase.WAITING else Verdict.MET
-    if condition is Condition.HEALTHY:
-        if phase is Phase.EXITED:
-            return Verdict.NEVER
-        healthy = phase is Phase.RUNNING and standing.health.health is Health.HEALTHY
-        return Verdict.MET if healthy else Verdict.PENDING
-    if phase is Phase.EXITED:
-        return Verdict.MET if standing.exit_code == 0 else Verdict.NEVER
-    return Verdict.PENDING
+    if phase in (ServicePhase.BLOCKED, ServicePhase.STOPPED):
+        return DependencyVerdict.NEVER
+    if condition is StartCondition.STARTED:
+        return DependencyVerdict.PENDING if phase is ServicePhase.WAITING else DependencyVerdict.MET
+    if condition is StartCondition.HEALTHY:
+        if phase is ServicePhase.EXITED:
+            return DependencyVerdict.NEVER
+        healthy = phase is ServicePhase.RUNNING and standing.health.health is Health.HEALTHY
+        return DependencyVerdict.MET if healthy else DependencyVerdict.PENDING
+    if phase is ServicePhase.EXITED:
+        return DependencyVerdict.MET if standing.exit_code == 0 else DependencyVerdict.NEVER
+    return DependencyVerdict.PENDING
 
 
 def describe_exit(exit_code: int) -> str:

@@ -7,13 +7,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from deploy.launcher.conditions import Phase, describe_exit
+from deploy.launcher.conditions import ServicePhase, describe_exit
 from deploy.launcher.health import Health
 from deploy.launcher.logfile import LogLine
-from deploy.launcher.state import ServiceState, StackState, Stopped
+from deploy.launcher.state import ServiceRow, StackState, Stopped
 
 _COLOURS = ("cyan", "yellow", "green", "magenta", "blue", "bright_red", "bright_cyan", "bright_yellow", "bright_green")
-_PHASE_STYLE = {Phase.RUNNING: "green", Phase.RESTARTING: "yellow", Phase.WAITING: "yellow", Phase.BLOCKED: "red"}
+_PHASE_STYLE = {
+    ServicePhase.RUNNING: "green",
+    ServicePhase.RESTARTING: "yellow",
+    ServicePhase.WAITING: "yellow",
+    ServicePhase.BLOCKED: "red",
+}
 _HEALTH_STYLE = {Health.HEALTHY: "green", Health.UNHEALTHY: "red", Health.STARTING: "yellow"}
 
 
@@ -75,7 +80,7 @@ def stopped_lines(stopped: Sequence[Stopped], spent_s: float) -> list[str]:
     return [*lines, f"the stack is down after {spent_s:.1f} s: {ends}"]
 
 
-def _phase_text(row: ServiceState) -> str:
-    if row.phase is Phase.EXITED and row.exit_code is not None:
+def _phase_text(row: ServiceRow) -> str:
+    if row.phase is ServicePhase.EXITED and row.exit_code is not None:
         return f"{row.phase.value} ({describe_exit(row.exit_code)})"
     return row.phase.value

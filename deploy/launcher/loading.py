@@ -10,9 +10,9 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from crosspih_common.endpoints import ENDPOINT_VARIABLE, fault_of
-from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
+from crosspih_common.plain_yaml import MAX_BYTES, text_of_file, yaml_of
 from deploy.launcher.compose import ComposeFile, Dependency, Healthcheck, Service
-from deploy.launcher.conditions import Condition
+from deploy.launcher.conditions import StartCondition
 from deploy.launcher.errors import ComposeError, Fault
 from deploy.launcher.interpolation import interpolate
 from deploy.launcher.order import cycle_among
@@ -38,7 +38,7 @@ def load_compose(path: Path, variables: Mapping[str, str]) -> ComposeFile:
     a dependency that does not exist or goes round in a circle.
     """
     try:
-        text = text_of_file(path, MOST_BYTES)
+        text = text_of_file(path, MAX_BYTES)
     except OSError as error:
         raise ComposeError(
             str(path), [Fault("file", error.strerror or str(error), "name a compose file with --file")]
@@ -111,7 +111,7 @@ def _dependency_faults(compose: ComposeFile) -> list[Fault]:
                 faults.append(
                     Fault(field, "no such service", f"did you mean {near[0]}?" if near else f"services are {known}")
                 )
-            elif dependency.condition is Condition.HEALTHY and not compose.services[needed].has_health:
+            elif dependency.condition is StartCondition.HEALTHY and not compose.services[needed].has_health:
                 faults.append(
                     Fault(
                         field,

@@ -19,7 +19,7 @@ import deploy
 from crosspih_common.errors import CONFIG_STATUS
 from crosspih_common.modules import DATA_VARIABLE, data_folder, module_command
 from deploy.launcher.compose import Service
-from deploy.launcher.conditions import Phase
+from deploy.launcher.conditions import ServicePhase
 from deploy.launcher.errors import AlreadyUpError, NotUpError, StartError
 from deploy.launcher.health import Health
 from deploy.launcher.loading import load_compose
@@ -96,7 +96,11 @@ class _Progress:
 
     def report(self, state: StackState) -> None:
         for row in state.services:
-            now = row.health.value if row.phase is Phase.RUNNING and row.health is not Health.NONE else row.phase.value
+            now = (
+                row.health.value
+                if row.phase is ServicePhase.RUNNING and row.health is not Health.NONE
+                else row.phase.value
+            )
             if self.reported.get(row.service) != now:
                 self.reported[row.service] = now
                 self.on_change(f"{row.service}: {now}")
@@ -164,23 +168,23 @@ def _wait_until_up(
         time.sleep(_POLL_S)
 
 
-def _is_up(phase: Phase, health: Health, wait_healthy: bool) -> bool:
-    if phase is Phase.EXITED:
+def _is_up(phase: ServicePhase, health: Health, wait_healthy: bool) -> bool:
+    if phase is ServicePhase.EXITED:
         return True
-    return phase is Phase.RUNNING and (not wait_healthy or health in (Health.NONE, Health.HEALTHY))
+    return phase is ServicePhase.RUNNING and (not wait_healthy or health in (Health.NONE, Health.HEALTHY))
 
 
 def _refuse_failed(state: StackState, directory: StateDirectory) -> None:
     for row in state.services:
-        gave_up = row.phase is Phase.EXITED and row.exit_code
-        if gave_up or (row.phase is Phase.RESTARTING and row.restarts >= _HOPELESS_RESTARTS):
+        gave_up = row.phase is ServicePhase.EXITED and row.exit_code
+        if gave_up or (row.phase is ServicePhase.RESTARTING and row.restarts >= _HOPELESS_RESTARTS):
             lines = [line.text for line in directory.tails((row.service,))[row.service].read()]
             own = [line for line in lines if line.strip() and not line.startswith("[")]  # the launcher's: [launcher]
             if row.exit_code == CONFIG_STATUS and own:
                 raise StartError(f"{row.service} did not start: {_without_level(own[-1])}")
             said = "\n  ".join(lines[-12:])
             raise StartError(f"{row.service} did not start; it wrote:\n  {said}")
-    blocked = [f"{row.service}: {row.note}" for row in state.services if row.phase is Phase.BLOCKED]
+    blocked = [f"{row.service}: {row.note}" for row in state.services if row.phase is ServicePhase.BLOCKED]
     if blocked:
         raise StartError("not started: " + "; ".join(blocked))
 

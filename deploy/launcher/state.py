@@ -20,7 +20,7 @@ from typing import IO
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from crosspih_common.modules import RUN_DIR_VARIABLE, run_folder
-from deploy.launcher.conditions import Phase
+from deploy.launcher.conditions import ServicePhase
 from deploy.launcher.errors import AlreadyUpError, LauncherError
 from deploy.launcher.health import Health
 from deploy.launcher.logfile import SUFFIX, LogTail
@@ -31,13 +31,13 @@ _STOPPED = "stopped.json"
 _SUPERVISOR_LOG = "supervisor.log"
 
 
-class ServiceState(BaseModel):
+class ServiceRow(BaseModel):
     """One row of ``crosspih ps``. ``exit_code`` is that of the last process that ended (negative: by that signal)."""
 
     model_config = ConfigDict(frozen=True)
 
     service: str
-    phase: Phase
+    phase: ServicePhase
     health: Health
     pid: int | None
     exit_code: int | None
@@ -56,7 +56,7 @@ class StackState(BaseModel):
     supervisor_pid: int
     since: str
     finished: bool
-    services: tuple[ServiceState, ...]
+    services: tuple[ServiceRow, ...]
 
 
 def default_run_root() -> Path:

@@ -11,7 +11,7 @@ from typing import Any
 
 from crosspih_common.errors import CONFIG_STATUS
 from deploy.launcher.compose import Service
-from deploy.launcher.conditions import Phase, Standing, Verdict, describe_exit, judge
+from deploy.launcher.conditions import DependencyVerdict, ServicePhase, ServiceStanding, describe_exit, judge
 from deploy.launcher.health import Health, HealthState, after_notification
 from deploy.launcher.logfile import LogLine, LogWriter, timestamp
 from deploy.launcher.monitoring import after_each_check, child_environment, watch_for_silence
@@ -19,7 +19,7 @@ from deploy.launcher.notify_socket import NotifyFolder, NotifySocket
 from deploy.launcher.order import start_levels
 from deploy.launcher.process import Guard, ServiceProcess
 from deploy.launcher.restart import decide
-from deploy.launcher.state import ServiceState, StackState, StateDirectory, Stopped, StoppedStack
+from deploy.launcher.state import ServiceRow, StackState, StateDirectory, Stopped, StoppedStack
 from deploy.launcher.state_keeper import StateKeeper
 
 # Ctrl-C has to stop everything within 3 s; this leaves room for the kill and the clearing up.
@@ -35,7 +35,7 @@ class _Unit:
         self.service = service
         self.working_dir = working_dir
         self.log = log
-        self.standing = Standing()
+        self.standing = ServiceStanding()
         self.since = timestamp()
         self.process: ServiceProcess | None = None
         self.notify: NotifySocket | None = None
@@ -118,14 +118,19 @@ class Supervisor:
             while not self._stopping.is_set():
                 exit_code, ran_s = await self._run_once(unit)
                 unit.standing = replace(
-                    unit.standing, pid=None, exit_code=exit_code, health=HealthState(), phase=Phase.STOPPED, note=""
+                    unit.standing,
+                    pid=None,
+                    exit_code=exit_code,
+                    health=HealthState(),
+                    phase=ServicePhase.STOPPED,
+                    note="",
                 )
                 if self._stopping.is_set():
                     break
                 decision = decide(unit.service.restart, exit_code, ran_s, attempt)
                 if decision is None:
                     self._say(unit, f"ended ({describe_exit(exit_code)})")
-                    self._enter(unit, Phase.EXITED)
+                    self._enter(unit, ServicePhase.EXITED)
                     if self._whole and exit_code == CONFIG_STATUS:
                         self._hopeless = True
                         self._say(unit, "cannot start with these settings: the stack is stopped")
@@ -135,9 +140,9 @@ class Supervisor:
                 attempt = decision.attempt
                 self._say(unit, f"ended ({describe_exit(exit_code)}); starts again in {decision.delay_s:.1f} s")
                 unit.standing = replace(unit.standing, restarts=unit.standing.restarts + 1)
-                self._enter(unit, Phase.RESTARTING)
+                self._enter(unit, ServicePhase.RESTARTING)
                 await self._pause(decision.delay_s)
-            self._enter(unit, Phase.STOPPED)
+            self._enter(unit, ServicePhase.STOPPED)
         finally:
             unit.down.set()
 
@@ -145,7 +150,7 @@ class Supervisor:
         while True:
             changed = self._changed
             if self._stopping.is_set():
-                self._enter(unit, Phase.STOPPED)
+                self._enter(unit, ServicePhase.STOPPED)
                 return False
             pending: list[str] = []
             for needed, dependency in unit.service.depends_on.items():
@@ -153,19 +158,19 @@ class Supervisor:
                     continue  # Not required, and not among the services run.
                 standing = self._units[needed].standing
                 verdict = judge(dependency.condition, standing)
-                if verdict is Verdict.NEVER and dependency.required:
+                if verdict is DependencyVerdict.NEVER and dependency.required:
                     ended = f" ({describe_exit(standing.exit_code)})" if standing.exit_code is not None else ""
                     problem = f"{needed} is {standing.phase.value}{ended}, not {dependency.condition.value}"
                     self._say(unit, f"not started: {problem}")
-                    self._enter(unit, Phase.BLOCKED, note=problem)
+                    self._enter(unit, ServicePhase.BLOCKED, note=problem)
                     return False
-                if verdict is Verdict.PENDING:
+                if verdict is DependencyVerdict.PENDING:
                     pending.append(f"{needed}: {dependency.condition.value}")
             if not pending:
                 return True
             note = "for " + ", ".join(pending)
             if unit.standing.note != note:
-                self._enter(unit, Phase.WAITING, note=note)
+                self._enter(unit, ServicePhase.WAITING, note=note)
             await changed.wait()
 
     async def _run_once(self, unit: _Unit) -> tuple[int, float]:
@@ -191,7 +196,7 @@ class Supervisor:
         unit.process = process
         health = Health.STARTING if service.has_health else Health.NONE
         unit.standing = replace(unit.standing, pid=process.pid, health=HealthState(health))
-        self._enter(unit, Phase.RUNNING)
+        self._enter(unit, ServicePhase.RUNNING)
         if self._stopping.is_set():
             process.signal_group(signal.SIGTERM)  # The stop came while it was being made.
         monitors = self._monitors(unit, environment, began_s)
@@ -227,7 +232,7 @@ class Supervisor:
         return [asyncio.create_task(monitor) for monitor in monitors]
 
     def _notified(self, unit: _Unit, message: bytes) -> None:
-        if unit.standing.phase is Phase.RUNNING:
+        if unit.standing.phase is ServicePhase.RUNNING:
             self._set_health(unit, after_notification(unit.standing.health, message, asyncio.get_running_loop().time()))
 
     def _set_health(self, unit: _Unit, health: HealthState) -> None:
@@ -293,7 +298,7 @@ class Supervisor:
 
     # What is known and said.
 
-    def _enter(self, unit: _Unit, phase: Phase, note: str = "") -> None:
+    def _enter(self, unit: _Unit, phase: ServicePhase, note: str = "") -> None:
         unit.standing = replace(unit.standing, phase=phase, note=note)
         unit.since = timestamp()
         self._announce()
@@ -312,7 +317,7 @@ class Supervisor:
                 since=self._since,
                 finished=finished,
                 services=tuple(
-                    ServiceState(
+                    ServiceRow(
                         service=unit.name,
                         phase=unit.standing.phase,
                         health=unit.standing.health.health,

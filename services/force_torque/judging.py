@@ -13,8 +13,8 @@ from crosspih_common.shapes import CrossPeg
 from services.force_torque.contact_likelihood import LikelihoodClassifier
 from services.force_torque.contact_state import ClassifierSettings, ContactStateResult, classify_contact
 
-LEAST_FORCE_SD_N = 1e-3
-LEAST_MOMENT_SD_NM = 1e-4
+MIN_FORCE_SD_N = 1e-3
+MIN_MOMENT_SD_NM = 1e-4
 
 
 class Judge:
@@ -35,8 +35,8 @@ class Judge:
         if wrench_sd is not None:
             settings = replace(
                 settings,
-                force_sd_n=max(float(np.mean(wrench_sd[:3])), LEAST_FORCE_SD_N),
-                moment_sd_nm=max(float(np.mean(wrench_sd[3:])), LEAST_MOMENT_SD_NM),
+                force_sd_n=max(float(np.mean(wrench_sd[:3])), MIN_FORCE_SD_N),
+                moment_sd_nm=max(float(np.mean(wrench_sd[3:])), MIN_MOMENT_SD_NM),
             )
         if chosen is ContactClassifier.RULE or self._likelihood is None:
             return _message(classify_contact(wrench_peg, settings), ContactClassifier.RULE)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import skew
 
-_LEAST_SD_N = 0.01
+_MIN_SD_N = 0.01
 _STEPS = 40
 _WORST_CONDITION = 300.0
 
@@ -114,7 +114,7 @@ def _fit(rotations: Array, forces: Array, start: Array) -> tuple[Array, Array, f
     scale = np.array([max(float(np.linalg.norm(weight)), 1e-9)] * 3 + [1.0] * 6)
     if np.linalg.cond(design / scale) > _WORST_CONDITION:
         return None
-    variance = float(np.sum(residuals**2)) / max(3 * count - 9, 1) + _LEAST_SD_N**2
+    variance = float(np.sum(residuals**2)) / max(3 * count - 9, 1) + _MIN_SD_N**2
     covariance = variance * np.linalg.inv(design.T @ design)[:3, :3]
     sd = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     return turn, weight, float(np.sqrt(np.mean(residuals**2))), sd

@@ -37,7 +37,7 @@ class Pipeline:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class PipelineStep:
     """What one batch gave: the filtered contact wrench (6,) at its end, contact, events, and the state of free air."""
 
     pipeline: Pipeline
@@ -56,7 +56,7 @@ def step(
     *,
     accelerating: bool,
     may_touch: bool,
-) -> Step:
+) -> PipelineStep:
     """Process a batch (n, 6), as the sensor gives it, first sample at `stamp_ns`, at orientation (3, 3).
 
     While the arm is `accelerating` the payload's inertia is felt like a contact: then neither contact nor free air is
@@ -74,4 +74,4 @@ def step(
     disturbed = onset.in_contact or accelerating or may_touch
     free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, disturbed, period_s)
     after = replace(pipeline, low_pass=low_pass, onset=onset, free=free)
-    return Step(after, filtered[-1], onset.in_contact, events, report)
+    return PipelineStep(after, filtered[-1], onset.in_contact, events, report)

@@ -43,7 +43,7 @@ from crosspih_common.keys import (
 from crosspih_common.messages import CellClock, Severity
 from crosspih_common.service import ServiceContext
 from services.foxglove.config import FoxgloveConfig
-from services.foxglove.told import Channel, Told
+from services.foxglove.told import ViewerChannel, ViewerMessages
 
 CATCH_UP_S = 0.2
 # what commands were asked and answered
@@ -55,7 +55,7 @@ ValueT = TypeVar("ValueT")
 class Looking(ServerListener):
     """Tells who looks at which topic."""
 
-    def __init__(self, told: Told) -> None:
+    def __init__(self, told: ViewerMessages) -> None:
         self._told = told
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
@@ -73,7 +73,7 @@ class FoxgloveShell:
     def __init__(self, context: ServiceContext, config: FoxgloveConfig) -> None:
         workcell, bus = context.cell.workcell, context.bus
         self._context = SdkContext()
-        self._told = Told(workcell, workcell.name, config.rate_hz, self._open)
+        self._told = ViewerMessages(workcell, workcell.name, config.rate_hz, self._open)
         self._boot_id = ""
         self._server = self._started(config, f"crosspih {workcell.name}")
         self._closing = threading.Event()
@@ -104,7 +104,7 @@ class FoxgloveShell:
                 f"foxglove: {config.host}:{config.port} cannot be listened on ({error}); give another --port, or 0"
             ) from None
 
-    def _open(self, name: str, schema: tuple[str, str, str, bytes], doc: str) -> Channel:
+    def _open(self, name: str, schema: tuple[str, str, str, bytes], doc: str) -> ViewerChannel:
         schema_name, encoding, message_encoding, data = schema
         return SdkChannel(
             name, message_encoding=message_encoding, context=self._context, metadata={"doc": doc},

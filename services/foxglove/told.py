@@ -13,7 +13,7 @@ from crosspih_common.foxglove.own_messages import channel_schema
 from crosspih_common.keys import Kind, Topic
 
 
-class Channel(Protocol):
+class ViewerChannel(Protocol):
     """Takes the messages of one topic."""
 
     def log(self, msg: bytes, *, log_time: int | None = None) -> None:
@@ -21,10 +21,10 @@ class Channel(Protocol):
 
 
 # name, (schema name, schema encoding, message encoding, schema), what it is
-Open = Callable[[str, tuple[str, str, str, bytes], str], Channel]
+Open = Callable[[str, tuple[str, str, str, bytes], str], ViewerChannel]
 
 
-class Told:
+class ViewerMessages:
     """Turns messages of the bus into messages for viewers. Any thread may call it.
 
     What comes many times a second is turned only while somebody looks; the rest always, so that who comes late is told
@@ -33,7 +33,7 @@ class Told:
 
     def __init__(self, workcell: Workcell, cell: str, rate_hz: float, open_channel: Open) -> None:
         self._cell, self._open = cell, open_channel
-        self._channels: dict[str, Channel] = {}
+        self._channels: dict[str, ViewerChannel] = {}
         self._last: dict[str, tuple[bytes, int]] = {}
         self._looked_at: dict[str, int] = {}  # how many look at each
         self._asked: set[str] = set()

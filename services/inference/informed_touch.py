@@ -16,7 +16,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Peg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
-from services.inference.next_touch import ArmPattern, TouchPlan, arm_touch, arms_of
+from services.inference.next_touch import ArmPattern, PlannedTouch, arm_touch, arms_of
 
 STEP = 1e-6
 WITHOUT_DEPTH = np.array([0, 1, 3, 4, 5])
@@ -39,12 +39,12 @@ class InformedSettings:
 
 def candidates(
     peg: Peg, pose_base_hole: Pose, covariance: Array, standoff_m: float = 0.004, pattern: ArmPattern | None = None
-) -> list[TouchPlan]:
+) -> list[PlannedTouch]:
     """Straight, and about the outline: each part first, turned either way, as it is, tilted, or more aside."""
     pattern = pattern or ArmPattern()
     standoff_m = standoff_m + 2.5 * float(np.sqrt(covariance[2, 2]))
     ahead = Pose.from_translation([0.0, 0.0, -standoff_m - peg.tip_m])
-    plans = [TouchPlan(pose_base_hole @ ahead, pose_base_hole.rotation[:, 2].copy(), "estimate")]
+    plans = [PlannedTouch(pose_base_hole @ ahead, pose_base_hole.rotation[:, 2].copy(), "estimate")]
     variants = (
         pattern,
         ArmPattern(pattern.shift_m, pattern.turn_rad, 0.04, pattern.largest_shift_m, pattern.largest_turn_rad),
@@ -59,14 +59,14 @@ def candidates(
 
 def informed_touch(
     tables: PairTables,
-    plans: list[TouchPlan],
+    plans: list[PlannedTouch],
     pose_base_hole: Pose,
     covariance: Array,
     compliance_peg: Array,
     friction: float,
     rng: np.random.Generator,
     settings: InformedSettings | None = None,
-) -> tuple[TouchPlan, Array]:
+) -> tuple[PlannedTouch, Array]:
     """The best plan, and the expected log-determinant of what is left, depth aside, for each plan (C,)."""
     settings = settings or InformedSettings()
     covariance = 0.5 * (covariance + covariance.T)

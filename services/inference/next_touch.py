@@ -15,7 +15,7 @@ WIDE_ROTATION_SD_RAD = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TouchPlan:
+class PlannedTouch:
     """Start of a guarded push: the peg's pose with its tip short of the rim, the unit direction in the base frame, and
     which idea it is: "estimate" (aim at the estimate) or "arm 1" and on (make that part of the outline touch first)."""
 
@@ -48,7 +48,7 @@ def next_touch(
     last_touch_used: bool = True,
     standoff_m: float = 0.004,
     pattern: ArmPattern | None = None,
-) -> TouchPlan:
+) -> PlannedTouch:
     """The next touch, given the posterior (mean, covariance (6, 6)), how many pushes failed, and the touches so far.
 
     While the posterior is wide, fewer than two pushes have failed and the last touch could be explained: straight at
@@ -62,7 +62,7 @@ def next_touch(
     standoff_m = standoff_m + 2.5 * float(sd[2])
     if wide and failed_pushes < 2 and last_touch_used:
         start = pose_base_hole @ Pose.from_translation([0.0, 0.0, -standoff_m - peg.tip_m])
-        return TouchPlan(start, direction, "estimate")
+        return PlannedTouch(start, direction, "estimate")
     arms = arms_of(peg)
     sense = 1.0 if (touches_made // arms) % 2 == 0 else -1.0
     return arm_touch(peg, pose_base_hole, covariance, touches_made % arms, sense, standoff_m, pattern or ArmPattern())
@@ -77,7 +77,7 @@ def arms_of(peg: Peg) -> int:
 
 def arm_touch(
     peg: Peg, pose_base_hole: Pose, covariance: Array, arm: int, sense: float, standoff_m: float, pattern: ArmPattern
-) -> TouchPlan:
+) -> PlannedTouch:
     """The touch that lets one part of the outline, counted from +x, touch first, turned one way (1) or other (-1)."""
     sd = np.sqrt(np.diag(covariance))
     # Wide of the mark, the shift must outweigh the error, within what the taper still catches.
@@ -91,4 +91,4 @@ def arm_touch(
     tilt = Pose.from_rotvec(pattern.tilt_rad * outward, np.zeros(3))
     offset = Pose.from_translation([*(shift_m * sideways)[:2], -standoff_m]) @ turn @ tilt
     start = pose_base_hole @ offset @ Pose.from_translation([0.0, 0.0, -peg.tip_m])
-    return TouchPlan(start, pose_base_hole.rotation[:, 2].copy(), f"arm {arm + 1}")
+    return PlannedTouch(start, pose_base_hole.rotation[:, 2].copy(), f"arm {arm + 1}")

@@ -17,18 +17,18 @@ from crosspih_common.wrench import refuse_implausible_wrench
 RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
 
-MOST_PRIOR_M, MOST_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
+MAX_PRIOR_M, MAX_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
 FAR_M = 0.5  # from the believed rim to the peg's tip: a touch there was on something else
 
 
 def refuse_implausible_prior(prior: PosePrior, name: str) -> None:
     """Raises CommandRefused `implausible`. `name` is the field's, for the text."""
     sd = np.sqrt(np.asarray(prior.covariance).reshape(6, 6).diagonal())
-    if sd[:3].max() > MOST_PRIOR_M or sd[3:].max() > MOST_PRIOR_RAD:
+    if sd[:3].max() > MAX_PRIOR_M or sd[3:].max() > MAX_PRIOR_RAD:
         raise CommandRefused(
             "implausible",
             f"{name}.covariance: its standard deviations are up to {sd[:3].max():.3g} m and {sd[3:].max():.3g} rad; "
-            f"give at most {MOST_PRIOR_M:g} m and {MOST_PRIOR_RAD:.3g} rad",
+            f"give at most {MAX_PRIOR_M:g} m and {MAX_PRIOR_RAD:.3g} rad",
         )
 
 

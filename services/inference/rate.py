@@ -32,7 +32,7 @@ from crosspih_common.service.lifecycle import ServiceContext
 from services.inference import informed_touch as informed
 from services.inference.config import InferenceConfig
 from services.inference.estimator import EstimatorSettings, TouchObservation, estimate_pose
-from services.inference.estimator import PosePrior as Prior
+from services.inference.estimator import HolePosePrior as Prior
 from services.inference.estimator import estimate as estimating
 from services.inference.estimator import hypotheses as choosing
 from services.inference.estimator.synthetic import touch

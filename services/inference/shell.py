@@ -33,8 +33,8 @@ from services.inference.config import InferenceConfig
 from services.inference.estimator import (
     BoreWalls,
     EstimatorSettings,
+    HolePosePrior,
     NotSeated,
-    PosePrior,
     PressSettings,
     TouchObservation,
     TouchVerdict,
@@ -110,8 +110,8 @@ class InferenceShell:
         workcell = self._workcell
         return (workcell.arm_compliance_peg if touch.seated else workcell.compliance_peg)(touch.joints_rad)
 
-    def _prior(self, prior: PriorMessage) -> PosePrior:
-        return PosePrior(
+    def _prior(self, prior: PriorMessage) -> HolePosePrior:
+        return HolePosePrior(
             prior.pose_base_hole.pose(),
             np.asarray(prior.covariance).reshape(6, 6),
             tail_degrees=self._config.prior_tail_degrees,

@@ -43,7 +43,7 @@ from crosspih_common.messages import (
     Touch,
 )
 from crosspih_common.recording import OVERTAKEN_NS, Recording
-from crosspih_common.recording.comparing import Difference, differences
+from crosspih_common.recording.comparing import FieldDifference, differences
 from crosspih_common.recording.rerun import Rerun, run_again
 from services.planning.asking import NO_LEASE
 from services.planning.assembly import assemble
@@ -70,7 +70,7 @@ BY_THE_BUS = (Failure.SERVICE_LOST, Failure.ABORTED, Failure.ARM_STOPPED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class RecordedRequest:
     """One recorded request of the planner: answered, refused, or neither."""
 
     command: Command[Any, Any]
@@ -83,7 +83,7 @@ class Step:
 class Departed(BaseException):
     """The planner asks for what was not asked then. No Exception: to the assembly that would be a defect of its own."""
 
-    def __init__(self, what: str, at_ns: int, rows: Iterable[Difference]) -> None:
+    def __init__(self, what: str, at_ns: int, rows: Iterable[FieldDifference]) -> None:
         super().__init__(what)
         self.what, self.at_ns, self.rows = what, at_ns, tuple(rows)
 
@@ -92,7 +92,7 @@ class Untold(BaseException):
     """The recording does not tell what came of a request."""
 
 
-def steps_of(recording: Recording, since_ns: int, until_ns: int) -> list[Step]:
+def steps_of(recording: Recording, since_ns: int, until_ns: int) -> list[RecordedRequest]:
     """What was asked between two instants of the recorder's clock, in the order of asking."""
     found = []
     for command in ASKED:
@@ -100,7 +100,11 @@ def steps_of(recording: Recording, since_ns: int, until_ns: int) -> list[Step]:
         for request, reply in recording.answered(command):
             if since_ns - OVERTAKEN_NS <= request.wall_ns <= until_ns + OVERTAKEN_NS:
                 why = refused.get(request.value.seq)
-                found.append(Step(command, request.value, request.wall_ns, None if reply is None else reply.value, why))
+                found.append(
+                    RecordedRequest(
+                        command, request.value, request.wall_ns, None if reply is None else reply.value, why
+                    )
+                )
     return sorted(found, key=lambda step: (step.request.stamp_ns, step.wall_ns))
 
 
@@ -108,7 +112,11 @@ class RecordedPorts:
     """Implements Ports by a recording."""
 
     def __init__(
-        self, steps: list[Step], calibration: FtCalibration | None, result: AssemblyResult | None, outcome: Rerun
+        self,
+        steps: list[RecordedRequest],
+        calibration: FtCalibration | None,
+        result: AssemblyResult | None,
+        outcome: Rerun,
     ) -> None:
         self._steps = deque(steps)
         self._calibration, self._result, self._outcome = calibration, result, outcome
@@ -117,7 +125,7 @@ class RecordedPorts:
         self.touches: list[Touch] = []
 
     @property
-    def left(self) -> Step | None:
+    def left(self) -> RecordedRequest | None:
         """The first recorded request that was not asked again."""
         return self._steps[0] if self._steps else None
 
@@ -148,7 +156,7 @@ class RecordedPorts:
                 raise AssemblyFailed(Failure.ARM_STOPPED, str(told))
             # the arm was taken anew, and asked once more
 
-    def _next(self, command: Command[RequestT, ReplyT], request: RequestT) -> Step:
+    def _next(self, command: Command[RequestT, ReplyT], request: RequestT) -> RecordedRequest:
         """The next request of that command; echoes of two services may have overtaken each other."""
         for index, step in enumerate(self._steps):
             if step.command == command:
@@ -158,7 +166,7 @@ class RecordedPorts:
         ahead = self.left
         asked = "nothing more was asked" if ahead is None else ahead.command.path
         at_ns = self._outcome.start_ns if ahead is None else ahead.request.stamp_ns
-        raise Departed(command.path, at_ns, [Difference("command", asked, command.path, None)])
+        raise Departed(command.path, at_ns, [FieldDifference("command", asked, command.path, None)])
 
     def _by_the_bus(self, command: Command[Any, Any]) -> BaseException:
         result = self._result
@@ -231,7 +239,9 @@ def _assembly(
         return
     if (left := ports.left) is not None:
         outcome.count(DECISIONS, False)
-        outcome.differ(left.command.path, left.request.stamp_ns, Difference("command", left.command.path, "none", None))
+        outcome.differ(
+            left.command.path, left.request.stamp_ns, FieldDifference("command", left.command.path, "none", None)
+        )
     told = [one for one in recording.messages(PHASE) if one.stamp_ns >= request.stamp_ns]
     _in_order(PHASES, PHASE, told, ports.phases, outcome)
     felt = [one for one in recording.messages(TOUCH) if any(one.stamp_ns == now.stamp_ns for now in ports.touches)]

@@ -35,7 +35,7 @@ class Effort:
 
 
 @dataclass(slots=True)
-class Counts:
+class AssemblyCounts:
     """Of one assembly: attempts, pushes, corrections, motions that the cell's caps stopped, time and peaks."""
 
     attempt: int = 0

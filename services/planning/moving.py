@@ -30,7 +30,7 @@ from crosspih_common.messages import (
     floats,
 )
 from services.planning.config import PlanningConfig
-from services.planning.counts import CAPPED, Counts
+from services.planning.counts import CAPPED, AssemblyCounts
 from services.planning.ports import AssemblyFailed, Ports
 from services.planning.telling import PhaseTeller
 from services.planning.trajectory import TrajectoryError, move_joints, move_line, scaled_limits
@@ -51,14 +51,14 @@ def knots_of(trajectory: JointTrajectory) -> FollowTrajectory:
     )
 
 
-class Motion:
+class PegMotion:
     """Where arm and peg are, and how they get elsewhere.
 
     Every move is counted; a move stopped by the cell's caps counts as an overload.
     """
 
     def __init__(
-        self, workcell: Workcell, config: PlanningConfig, ports: Ports, counts: Counts, tell: PhaseTeller
+        self, workcell: Workcell, config: PlanningConfig, ports: Ports, counts: AssemblyCounts, tell: PhaseTeller
     ) -> None:
         self._workcell, self._config, self._ports, self._counts, self._tell = workcell, config, ports, counts, tell
         self.arm = workcell.arm()

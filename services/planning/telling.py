@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from crosspih_common.messages import AssemblyPhase, Phase
-from services.planning.counts import Counts
+from services.planning.counts import AssemblyCounts
 from services.planning.ports import Ports
 
 
 class PhaseTeller:
     """Publishes a step of one assembly: `tell(Phase.PUSHING, "push 1", push_force_n=20.0)`."""
 
-    def __init__(self, ports: Ports, assembly_id: str, counts: Counts) -> None:
+    def __init__(self, ports: Ports, assembly_id: str, counts: AssemblyCounts) -> None:
         self._ports, self._assembly_id, self._counts = ports, assembly_id, counts
 
     def __call__(self, phase: Phase, text: str, **figures: float) -> None:

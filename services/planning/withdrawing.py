@@ -10,7 +10,7 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry import Pose
 from crosspih_common.keys import GUARDED_MOVE
 from crosspih_common.messages import Failure, GuardedMove, Phase, StopReason, Withdraw, floats
-from crosspih_common.messages.motion import MOST_TRAVEL_M
+from crosspih_common.messages.motion import MAX_TRAVEL_M
 from crosspih_common.wrench.plausibility import IMPLAUSIBLE
 from services.planning.calibrating import tell_payload
 from services.planning.ports import AssemblyFailed
@@ -82,11 +82,11 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
         travel_m = float(tip[2]) + request.clear_m
         if travel_m < THERE_M:
             return
-        if travel_m > MOST_TRAVEL_M:
+        if travel_m > MAX_TRAVEL_M:
             raise AssemblyFailed(
                 Failure.REFUSED,
                 f"pose_base_hole: by it the tip is {tip[2] * 1e3:.0f} mm inside, and {request.clear_m * 1e3:.0f} mm "
-                f"more are asked for; a peg is drawn {MOST_TRAVEL_M * 1e3:.0f} mm at the most: give the hole's pose "
+                f"more are asked for; a peg is drawn {MAX_TRAVEL_M * 1e3:.0f} mm at the most: give the hole's pose "
                 "as it was found",
             )
         outcome = run.ports.ask(

@@ -14,7 +14,7 @@ from services.recorder.file import RecordingFile
 from services.recorder.sample import Waiting
 
 # what waits to be shown, at most: a minute of a cell that runs ten times as fast as real time
-MOST_WAITING = 100_000
+MAX_WAITING = 100_000
 CHECK_EVERY = 16  # samples between two looks at the clock
 _PATHS = frozenset(topic.path for topic in (*HEARD, *TRUTH_HEARD))
 
@@ -25,7 +25,7 @@ class ForViewers:
     def __init__(self, workcell: Workcell, rate_hz: float) -> None:
         self._urdf = arm_urdf(workcell).encode()
         self._topics = FoxgloveTopics(workcell, self._publish, rate_hz)
-        self._waiting: deque[Waiting] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Waiting] = deque(maxlen=MAX_WAITING)
         self._made: list[tuple[ViewerTopic, int, bytes]] = []
         self._stamp_ns = self._wall_ns = 0
         self._counts: Counter[str] = Counter()
@@ -43,7 +43,7 @@ class ForViewers:
     def offer(self, samples: Iterable[Waiting]) -> None:
         """Keep what something would come of; the oldest are given up where too many wait."""
         kept = [sample for sample in samples if sample[1].path in _PATHS]
-        over = len(self._waiting) + len(kept) - MOST_WAITING
+        over = len(self._waiting) + len(kept) - MAX_WAITING
         if over > 0:
             self._counts["not_shown"] += over
         self._waiting.extend(kept)

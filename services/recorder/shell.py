@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from crosspih_common.bus import Bus
-from crosspih_common.bus.traffic import Counts
+from crosspih_common.bus.traffic import KeyCounters
 from crosspih_common.bus.transport import Tap
 from crosspih_common.keys import RECORD_START, RECORD_STOP, Topic, topics
 from crosspih_common.messages import RecordingStatus, Severity, StartRecording, StopRecording
@@ -40,8 +40,8 @@ def tap_all(bus: Bus, recorder: Recorder) -> None:
         bus.tap(topic, _taker_of(bus, recorder, topic), recorder.refused)
 
 
-def _taker_of(bus: Bus, recorder: Recorder, topic: Topic[Any]) -> Callable[[str, Counts], Tap]:
-    def taker(key: str, counts: Counts) -> Tap:
+def _taker_of(bus: Bus, recorder: Recorder, topic: Topic[Any]) -> Callable[[str, KeyCounters], Tap]:
+    def taker(key: str, counts: KeyCounters) -> Tap:
         def on_full() -> None:
             counts.dropped += 1
 

@@ -11,7 +11,7 @@ from crosspih_common.recording.numbering import Line
 RATE_HZ = 100.0  # of a key of which the table says nothing
 
 
-class Account:
+class KeyTally:
     """How many samples of one key came, one thread at a time, and what their numbers say. `before`: of `heard`, what
     came before the recording began."""
 
@@ -55,15 +55,15 @@ class Tally:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._accounts: dict[str, Account] = {}
+        self._accounts: dict[str, KeyTally] = {}
         self._counts: dict[str, Counter[str]] = {
             kind: Counter() for kind in self.KINDS if kind not in ("gaps", "restarts", "strays")
         }
 
-    def account(self, key: str, rate_hz: float | None = None) -> Account:
+    def account(self, key: str, rate_hz: float | None = None) -> KeyTally:
         """That of one key."""
         with self._lock:
-            return self._accounts.setdefault(key, Account(self._lock, RATE_HZ if rate_hz is None else rate_hz))
+            return self._accounts.setdefault(key, KeyTally(self._lock, RATE_HZ if rate_hz is None else rate_hz))
 
     def arrived(self, key: str, seq: int, now_s: float, rate_hz: float | None = None) -> None:
         """A sample with this number came (or was seen to come and then overflowed)."""

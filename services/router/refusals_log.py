@@ -42,7 +42,7 @@ VERBS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class RefusalEvent:
     """One refusal: a code of an event, and a sentence for people."""
 
     code: str
@@ -76,11 +76,11 @@ class RefusalsLog:
         self._names: dict[str, str] = {}  # session: common name
         self._worked_out: dict[str, _WorkedOut] = {}  # thread: the last key
 
-    def read(self, line: str) -> Refused | None:
+    def read(self, line: str) -> RefusalEvent | None:
         """The refusal that a line tells of, if it does."""
         line = COLOURS.sub("", line).rstrip()
         if (link := LINK.search(line)) is not None:
-            return Refused(LINK_REFUSED, f"a connection was refused: {_reason(HINT.sub('', link['why']))}")
+            return RefusalEvent(LINK_REFUSED, f"a connection was refused: {_reason(HINT.sub('', link['why']))}")
         for named in NAMED.finditer(line):
             self._names[named["session"]] = named["name"]
         thread = found[1] if (found := THREAD.search(line)) is not None else ""
@@ -95,7 +95,7 @@ class RefusalsLog:
             return None
         name = self._names.get(judged["session"], judged["session"])
         verb = VERBS.get(judged["what"], judged["what"].lower())
-        return Refused(ACCESS_REFUSED, f"the certificate of {name} may not {verb} {judged['key']}")
+        return RefusalEvent(ACCESS_REFUSED, f"the certificate of {name} may not {verb} {judged['key']}")
 
 
 def _reason(why: str) -> str:

@@ -16,7 +16,7 @@ from crosspih_common.bus.zenoh_transport import ZenohTransport
 from crosspih_common.errors import BusError
 from crosspih_common.keys import EVENTS
 from crosspih_common.messages import Event, Severity
-from services.router.refusals_log import LEVELS, RefusalsLog, Refused
+from services.router.refusals_log import LEVELS, RefusalEvent, RefusalsLog
 
 AGAIN_S = 10.0  # the same refusal is told again after so long
 PIPE_BYTES = 1 << 20  # what waits while Python is busy: Zenoh stands still when it is full
@@ -30,8 +30,8 @@ class Telling:
     """Zenoh's log is standard output: taken over here before Zenoh starts; our own words go on as they did."""
 
     def __init__(self) -> None:
-        self._log, self._said = RefusalsLog(), dict[Refused, float]()
-        self._found: queue.Queue[Refused] = queue.Queue(WAITING)
+        self._log, self._said = RefusalsLog(), dict[RefusalEvent, float]()
+        self._found: queue.Queue[RefusalEvent] = queue.Queue(WAITING)
         reading, writing = os.pipe()
         with contextlib.suppress(ImportError, AttributeError, OSError):
             import fcntl

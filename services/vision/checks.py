@@ -22,46 +22,46 @@ from services.vision.refusals import (
 )
 
 # of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
-INSIDE_LEAST, SUPPORT_LEAST, EDGES_LEAST = 0.6, 0.5, 0.5
-SATURATED_MOST = 0.25
+MIN_INSIDE, MIN_SUPPORT, MIN_EDGES = 0.6, 0.5, 0.5
+MAX_SATURATED = 0.25
 # the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
-RIM_SATURATED_MOST, SATURATED_OFFSET_MOST, SATURATED_SIZES_MOST = 0.5, 4.0, 10.0
+MAX_RIM_SATURATED, MAX_SATURATED_OFFSET, MAX_SATURATED_SIZES = 0.5, 4.0, 10.0
 # a chamfer that is white alone, the inside seen: its outer line looks wider by where the blur is cut off
 WHITE_RIM_INSIDE, WHITE_RIM_SIZES = 0.1, 18.0
-STEP_NOISES, STEP_LEAST_GREY = 4.0, 4.0
+STEP_NOISES, MIN_STEP_GREY = 4.0, 4.0
 # a face darker than that could hide a hole
 DARK_GREY = 25.0
 # on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
 DIM_NOISES = 8.0
-RESIDUAL_MOST = 0.1
+MAX_RESIDUAL = 0.1
 # how rough what is seen at the rim may be, share of the step; and where less than that of the rim looks like one
-ROUGH_MOST, ROUGH_MOST_COVERED, COVERED = 0.35, 0.16, 0.85
+MAX_ROUGH, MAX_ROUGH_COVERED, COVERED = 0.35, 0.16, 0.85
 # chi2 of what the pictures say against the calibration (2) and against the drawing (4)
-OFFSET_MOST, SIZES_MOST = 7.0, 25.0
+MAX_OFFSET, MAX_SIZES = 7.0, 25.0
 PRIOR_SLACK = 1.3
 
 
 def require_sound(quality: Quality, rim: Rim) -> None:
     """Raises the VisionRefusal that says best what is wrong with a fit."""
-    if quality.saturated > SATURATED_MOST:
+    if quality.saturated > MAX_SATURATED:
         raise TooBright(
-            f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {SATURATED_MOST:.0%}: "
+            f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {MAX_SATURATED:.0%}: "
             "expose less, or take the glare off it"
         )
-    saturated = quality.rim_saturated > RIM_SATURATED_MOST
-    blind = quality.inside < INSIDE_LEAST
-    sizes_most = WHITE_RIM_SIZES if quality.inside_saturated < WHITE_RIM_INSIDE else SATURATED_SIZES_MOST
-    odd = quality.offset_conflict > SATURATED_OFFSET_MOST or quality.sizes_conflict > sizes_most
+    saturated = quality.rim_saturated > MAX_RIM_SATURATED
+    blind = quality.inside < MIN_INSIDE
+    sizes_most = WHITE_RIM_SIZES if quality.inside_saturated < WHITE_RIM_INSIDE else MAX_SATURATED_SIZES
+    odd = quality.offset_conflict > MAX_SATURATED_OFFSET or quality.sizes_conflict > sizes_most
     if saturated and (odd or blind):
         raise TooBright(
             f"{quality.rim_saturated:.0%} of the rim is beside something saturated: expose less, or take the glare "
             "off it"
         )
-    if quality.inside < INSIDE_LEAST:
+    if quality.inside < MIN_INSIDE:
         raise CutOff(
-            f"{quality.inside:.0%} of the rim lies inside the picture, want {INSIDE_LEAST:.0%}: move camera or part"
+            f"{quality.inside:.0%} of the rim lies inside the picture, want {MIN_INSIDE:.0%}: move camera or part"
         )
-    step = max(STEP_NOISES * quality.noise_grey, STEP_LEAST_GREY)
+    step = max(STEP_NOISES * quality.noise_grey, MIN_STEP_GREY)
     dark = quality.face_grey < DARK_GREY
     too_dark = TooDark(
         f"the rim's step is {quality.step_grey:.0f} grey levels in noise of {quality.noise_grey:.1f}, want "
@@ -79,42 +79,42 @@ def require_sound(quality: Quality, rim: Rim) -> None:
     # in each picture by itself: one that shows it all does not speak for one that shows something else
     seen = quality.support.mean(axis=1)
     edges = np.mean(quality.support > 0.5, axis=1)
-    if seen.min() < SUPPORT_LEAST or edges.min() < EDGES_LEAST:
+    if seen.min() < MIN_SUPPORT or edges.min() < MIN_EDGES:
         if dim:
             raise too_dark
         side = int(np.argmin(np.minimum(seen, edges)))
         raise NotEnoughRim(
             f"{seen[side]:.0%} of the rim and {edges[side]:.0%} of its edges can be seen in the "
-            f"{('left', 'right')[side]} picture, want {SUPPORT_LEAST:.0%}; hidden or dark is "
+            f"{('left', 'right')[side]} picture, want {MIN_SUPPORT:.0%}; hidden or dark is "
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
-    rough_most = ROUGH_MOST if quality.supported > COVERED else ROUGH_MOST_COVERED
+    rough_most = MAX_ROUGH if quality.supported > COVERED else MAX_ROUGH_COVERED
     # what noise alone leaves says nothing against the rim, however low its step
     noise = quality.noise_grey / max(quality.step_grey, 1.0)
     unexplained = float(np.sqrt(max(quality.residual**2 - noise**2, 0.0)))
-    if unexplained > RESIDUAL_MOST or quality.rough > rough_most:
+    if unexplained > MAX_RESIDUAL or quality.rough > rough_most:
         if dim:
             raise too_dark
         raise PoorFit(
             f"at the rim {unexplained:.0%} of the step is left unexplained, want less than "
-            f"{RESIDUAL_MOST:.0%}, and its texture is {quality.rough:.0%} of it, want less than {rough_most:.0%}: use "
+            f"{MAX_RESIDUAL:.0%}, and its texture is {quality.rough:.0%} of it, want less than {rough_most:.0%}: use "
             "a larger, softer light"
         )
     # an outline of another size pulls at the calibration as well, and harder at the drawing
     drawing_first = quality.sizes_conflict > quality.offset_conflict
-    if quality.offset_conflict > OFFSET_MOST and not drawing_first:
+    if quality.offset_conflict > MAX_OFFSET and not drawing_first:
         du, dv = quality.offset_px
         raise NotAStereoPair(
             f"the right picture is off by ({du:.2f}, {dv:.2f}) px or more ({quality.offset_conflict:.0f}, want "
-            f"less than {OFFSET_MOST:g}): was a camera moved, do the pictures belong together, does the light glare "
+            f"less than {MAX_OFFSET:g}): was a camera moved, do the pictures belong together, does the light glare "
             "in one?"
         )
-    if quality.sizes_conflict > SIZES_MOST or quality.offset_conflict > OFFSET_MOST:
+    if quality.sizes_conflict > MAX_SIZES or quality.offset_conflict > MAX_OFFSET:
         outer, inner, near, far = quality.sizes_m * 1e3
         raise NotTheDrawing(
             f"the outline is not the drawing's: outer line {outer:+.2f} mm, inner {inner:+.2f}, near edges "
-            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {SIZES_MOST:g}; the pictures "
-            f"apart by {quality.offset_conflict:.0f}, want {OFFSET_MOST:g}): is it the right part and cell, is "
+            f"{near:+.2f}, far {far:+.2f} ({quality.sizes_conflict:.0f}, want less than {MAX_SIZES:g}; the pictures "
+            f"apart by {quality.offset_conflict:.0f}, want {MAX_OFFSET:g}): is it the right part and cell, is "
             "cell.hole.tolerance too small?"
         )
 

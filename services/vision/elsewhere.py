@@ -16,7 +16,7 @@ from services.vision.fit.steps import sample
 from services.vision.stereo import StereoModel
 
 # of a group's profiles: with fewer that look like the rim in either picture it is looked for elsewhere
-SUPPORT_MOST = 0.6
+MAX_SUPPORT = 0.6
 # how far to both sides, how finely, how much is smoothed, and what still is the drawn edge itself, m
 REACH_M, STEP_M, SMOOTH_M, SELF_M = 10e-3, 0.125e-3, 0.25e-3, 1.7e-3
 # what another drawn edge lies that near to belongs to it, m
@@ -25,7 +25,7 @@ OTHER_M = 1.2e-3
 AGREE_M, AGREE_PX = 0.15e-3, 0.25
 # the step's height, as a share of the rim's; how much of it all profiles along the edge share; and, as a share of it,
 # what may be seen where the drawing has the edge
-HEIGHT_LEAST, ALIKE_LEAST, DRAWN_MOST = 0.3, 0.75, 0.35
+MIN_HEIGHT, MIN_ALIKE, MAX_DRAWN = 0.3, 0.75, 0.35
 
 
 def edges_elsewhere(
@@ -33,8 +33,8 @@ def edges_elsewhere(
 ) -> list[tuple[int, float]]:
     """Groups of the rim that lie elsewhere in the face's plane, and by how much outward, m."""
     found = []
-    for group in np.flatnonzero(quality.support.max(axis=0) < SUPPORT_MOST):
-        offset = _elsewhere(images, stereo, rim, fit, int(group), HEIGHT_LEAST * quality.step_grey)
+    for group in np.flatnonzero(quality.support.max(axis=0) < MAX_SUPPORT):
+        offset = _elsewhere(images, stereo, rim, fit, int(group), MIN_HEIGHT * quality.step_grey)
         if offset is not None:
             found.append((int(group), offset))
     return found
@@ -62,12 +62,12 @@ def _elsewhere(images: Images, stereo: StereoModel, rim: Rim, fit: Fit, group: i
         whole = float(np.mean(heights))
         if (
             abs(whole) < height_grey
-            or np.ptp(drawn) > DRAWN_MOST * abs(whole)
+            or np.ptp(drawn) > MAX_DRAWN * abs(whole)
             or at in (0, len(offsets) - 1)
             or not free[at]
         ):
             return None
-        if np.mean(heights * np.sign(whole) > 0.5 * abs(whole)) < ALIKE_LEAST:
+        if np.mean(heights * np.sign(whole) > 0.5 * abs(whole)) < MIN_ALIKE:
             return None
         around = np.abs(mean[at - 1 : at + 2])
         bend = around[0] - 2.0 * around[1] + around[2]

@@ -9,7 +9,7 @@ from services.vision.fit.rim import Rim
 
 HIDDEN = 0.5  # of an edge's profiles: fewer than that look like the rim
 ON_AXIS_RAD = np.deg2rad(32.0)  # the sides of a cross's arm still lie at its axis
-NAMED_MOST = 3
+MAX_NAMED = 3
 MOSTLY = 0.8
 SIDES = ("left", "right")
 
@@ -25,7 +25,7 @@ def hidden_parts(support: Array, rim: Rim) -> str:
             said.append(f"in the {side} picture nearly all of it")
         elif hidden.any():
             names, counts = np.unique(places[hidden], return_counts=True)
-            worst = [str(names[index]) for index in np.argsort(-counts, kind="stable")[:NAMED_MOST]]
+            worst = [str(names[index]) for index in np.argsort(-counts, kind="stable")[:MAX_NAMED]]
             said.append(f"in the {side} picture the rim at {_listed(worst)}")
     return ", ".join(said)
 

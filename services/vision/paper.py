@@ -19,7 +19,7 @@ from services.vision.stereo import StereoModel
 # Eq. 6, signs restored: the hole in the left camera
 ROTATION_CAMERA_HOLE = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
-ROW_MOST_PX = 12.0
+MAX_ROW_PX = 12.0
 
 
 def find_both(left: Light, right: Light, stereo: StereoModel, hole: Rimmed, nominal: Pose) -> tuple[Region, Region]:
@@ -43,9 +43,9 @@ def find_both(left: Light, right: Light, stereo: StereoModel, hole: Rimmed, nomi
             f"the hole's two pictures meet at {depth:.2f} m, want before the cameras: are left and right swapped?"
         )
     apart = float(np.linalg.norm(stereo.apart_px(*centres)))
-    if apart > ROW_MOST_PX:
+    if apart > MAX_ROW_PX:
         raise NotAStereoPair(
-            f"the hole's two pictures miss each other by {apart:.1f} px, want less than {ROW_MOST_PX:g}: was a camera "
+            f"the hole's two pictures miss each other by {apart:.1f} px, want less than {MAX_ROW_PX:g}: was a camera "
             "moved?"
         )
     return regions

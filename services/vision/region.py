@@ -13,13 +13,13 @@ from services.vision.refusals import CutOff, NoCross, TooDark, TwoCrosses
 
 Grey = NDArray[np.uint8]
 
-FACE_GREY_LEAST = 25.0
+MIN_FACE_GREY = 25.0
 BORDER_PX = 3
 # how far area over convex hull may be from the outline's (a Greek cross with arms three times as long as wide: 5/7);
 # perspective and lit walls blur it
 SOLIDITY_OFF = (-0.115, 0.125)
-ASPECT_MOST = 1.35
-AREA_OFF_MOST = 1.7
+MAX_ASPECT = 1.35
+MAX_AREA_OFF = 1.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,13 +64,13 @@ def _holes(mask: Grey, expected: ExpectedRegion) -> tuple[list[NDArray[np.int32]
         if parent < 0:
             continue
         area = float(cv2.contourArea(contour))
-        if not expected.area_px / AREA_OFF_MOST < area < expected.area_px * AREA_OFF_MOST:
+        if not expected.area_px / MAX_AREA_OFF < area < expected.area_px * MAX_AREA_OFF:
             continue
         hull = float(cv2.contourArea(cv2.convexHull(contour)))
         (_, (side_a, side_b), _) = cv2.minAreaRect(contour)
         aspect = max(side_a, side_b) / max(min(side_a, side_b), 1.0)
         low, high = (expected.solidity + off for off in SOLIDITY_OFF)
-        if not low < area / hull < high or not aspect / ASPECT_MOST < expected.aspect < aspect * ASPECT_MOST:
+        if not low < area / hull < high or not aspect / MAX_ASPECT < expected.aspect < aspect * MAX_ASPECT:
             continue
         left, top, w, h = cv2.boundingRect(contour)
         if min(left, top, width - left - w, height - top - h) < BORDER_PX:
@@ -88,8 +88,8 @@ def find_hole(grey: Grey, expected: ExpectedRegion, side: str) -> Region:
     smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)
     threshold, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     face = float(np.median(smooth[bright > 0])) if np.any(bright) else 0.0
-    if face < FACE_GREY_LEAST:
-        raise TooDark(f"{side}: the bright part is at grey {face:.0f}, want {FACE_GREY_LEAST:.0f} or more")
+    if face < MIN_FACE_GREY:
+        raise TooDark(f"{side}: the bright part is at grey {face:.0f}, want {MIN_FACE_GREY:.0f} or more")
     found, cut_off = _holes(np.asarray(bright, dtype=np.uint8), expected)
     # lit bore walls can be nearer to the plate's grey than to the background's: look again among the bright
     if not found:

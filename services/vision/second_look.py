@@ -12,18 +12,18 @@ HOPELESS = frozenset({"wrong_image", "cut_off", "two_crosses", "outside_prior", 
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Lighting:
     """How a picture is taken: factor on the usual exposure, and which lamp is lit."""
 
     exposure_scale: float = 1.0
     lamp: int = 0
 
 
-def next_look(look: Look, refusal_code: str, certain: bool = True) -> Look | None:
+def next_look(look: Lighting, refusal_code: str, certain: bool = True) -> Lighting | None:
     """The light to try after a refusal (its code, and whether it is certain); None when light is not what is wrong."""
     if certain and refusal_code in HOPELESS:
         return None
     if refusal_code in ("too_dark", "too_bright"):
         exposure = look.exposure_scale * (LONGER if refusal_code == "too_dark" else SHORTER)
-        return Look(exposure, look.lamp) if EXPOSURES[0] <= exposure <= EXPOSURES[1] else None
-    return Look(look.exposure_scale, look.lamp + 1) if look.lamp + 1 < LAMPS else None
+        return Lighting(exposure, look.lamp) if EXPOSURES[0] <= exposure <= EXPOSURES[1] else None
+    return Lighting(look.exposure_scale, look.lamp + 1) if look.lamp + 1 < LAMPS else None

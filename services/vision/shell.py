@@ -27,7 +27,7 @@ from services.vision.light import linear_light
 from services.vision.locate import locate_rim
 from services.vision.paper import locate_paper
 from services.vision.refusals import VisionRefusal
-from services.vision.second_look import Look, next_look
+from services.vision.second_look import Lighting, next_look
 from services.vision.stereo import StereoModel
 from services.vision.straightness import lenses_of
 
@@ -49,7 +49,7 @@ class VisionShell:
         self._annotated = self._bus.publisher(ANNOTATED_LEFT), self._bus.publisher(ANNOTATED_RIGHT)
         self._bus.serve(LOCATE, self._locate)
 
-    def _capture(self, look: Look) -> tuple[StereoPair, list[Image]]:
+    def _capture(self, look: Lighting) -> tuple[StereoPair, list[Image]]:
         command = CaptureStereo(exposure_scale=look.exposure_scale, lamp=look.lamp)
         pair = self._bus.call(CAPTURE, command, self._config.capture_deadline_s)
         pictures = []
@@ -71,7 +71,7 @@ class VisionShell:
     def _locate(self, request: LocateHole) -> HoleEstimate:
         if not self._config.enabled:
             raise CommandRefused("switched_off", "vision.enabled is false in the cell's file")
-        look: Look | None = Look()
+        look: Lighting | None = Lighting()
         refusals: list[VisionRefusal] = []
         capture_wall_s = 0.0
         while look is not None and len(refusals) < self._config.looks:

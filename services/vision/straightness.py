@@ -19,22 +19,22 @@ from services.vision.light import Light, shown
 from services.vision.stereo import Camera
 
 SEARCH_WIDTH_PX = 400  # lines are looked for in a picture no wider than this
-LENGTH_LEAST = 0.1  # of a line, as a share of the picture's width
-EDGES_MOST, EDGES_LEAST, EDGES_SURE = 24, 3, 4
+MIN_LENGTH = 0.1  # of a line, as a share of the picture's width
+MAX_EDGES, MIN_EDGES, EDGES_SURE = 24, 3, 4
 ENDS = 0.06  # share of a line at each end that a corner disturbs
 ALONG = 96  # profiles across a line
 REACH_PX, STEP_PX = 6.0, 0.5
-STEP_LEAST_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
-ROUGH_MOST_PX = 0.5
+MIN_STEP_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
+MAX_ROUGH_PX = 0.5
 # one sd of how far the middle of a straight edge is off the line through its ends, as seen: 0.05 mm at 0.3 m; and of
 # how far it is ragged: what is not straight in the small is not in the large
 OWN_BOW_RAD, RAGGED_BOW = 1.6e-4, 1.5
-ALIKE_MOST = 0.8
+MAX_ALIKE = 0.8
 DEGREES = 4.0  # of Student's t: one edge that is none of a straight thing counts little
 JOIN_STEPS = 8
 SURE, SURE_WITHOUT_ONE = 4.0, 2.5
-K1_LEAST = 0.005
-K1_MOST = 0.5  # an edge that bows by more is none of a straight thing: a round plate's, a cable's
+MIN_K1 = 0.005
+MAX_K1 = 0.5  # an edge that bows by more is none of a straight thing: a round plate's, a cable's
 HIGHER_SHARE = 0.1  # of a k1: what k2 and the rest may be, which edges about the middle do not tell
 
 
@@ -103,13 +103,13 @@ def bows(light: Light, camera: Camera) -> Array:
     edges = _edges(light, _lines(light, camera))
     found = [bow for points in edges if (bow := _of_edge(points, camera)) is not None]
     k1, sd = np.array(found).reshape(-1, 2).T
-    straight = np.abs(k1) < K1_MOST
+    straight = np.abs(k1) < MAX_K1
     return np.stack([k1[straight], sd[straight]], axis=1)
 
 
 def left_over(seen: Array) -> LeftOver | None:
     """What edges (n, 2), as `bows` gives them, say of one lens, or of two alike; None where they are too few."""
-    if len(seen) < EDGES_LEAST:
+    if len(seen) < MIN_EDGES:
         return None
     values, sds = seen.T
 
@@ -125,7 +125,7 @@ def left_over(seen: Array) -> LeftOver | None:
     everything = np.arange(len(values))
     k1, sd = joined(everything)
     without = [joined(np.delete(everything, one)) for one in everything]
-    enough = len(values) >= EDGES_SURE and abs(k1) > max(SURE * sd, K1_LEAST)
+    enough = len(values) >= EDGES_SURE and abs(k1) > max(SURE * sd, MIN_K1)
     sure = enough and all(
         np.sign(one) == np.sign(k1) and abs(one) > SURE_WITHOUT_ONE * its_sd for one, its_sd in without
     )
@@ -146,7 +146,7 @@ def _lines(light: Light, camera: Camera) -> Array:
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     kept: list[Array] = []
     for index in np.argsort(-length):
-        if length[index] < LENGTH_LEAST * light.shape[1] or len(kept) == EDGES_MOST:
+        if length[index] < MIN_LENGTH * light.shape[1] or len(kept) == MAX_EDGES:
             break
         if not any(_same(ends[index], other) for other in kept):
             kept.append(ends[index])
@@ -186,10 +186,10 @@ def _of_edge(points: Array, camera: Camera) -> tuple[float, float] | None:
     rest = off - shape @ np.linalg.lstsq(shape, off, rcond=None)[0]
     rough = float(np.std(rest))
     strength = float(bowed @ bowed)
-    if rough > ROUGH_MOST_PX or strength < 1e-9:
+    if rough > MAX_ROUGH_PX or strength < 1e-9:
         return None
     # neighbours that are off alike are no two witnesses
-    alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-12), 0.0, ALIKE_MOST))
+    alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-12), 0.0, MAX_ALIKE))
     ragged = rough * float(np.sqrt((1.0 + alike) / (1.0 - alike) / strength))
     own_bow_px = np.hypot(OWN_BOW_RAD * np.sqrt(camera.fx_px * camera.fy_px), RAGGED_BOW * rough)
     return float(bowed @ off / strength), float(np.hypot(ragged, own_bow_px * (bowed @ own) / strength))
@@ -226,5 +226,5 @@ def _edges(light: Light, lines: Array) -> list[Array]:
     noise = np.std(grey - np.swapaxes(basis @ parts, 1, 2), axis=(1, 2))
     height = np.abs(mean[:, -1] - mean[:, 0])
     single = np.abs(np.diff(mean, axis=1)).sum(axis=1) < 1.3 * height
-    clear &= single & (height >= STEP_LEAST_NOISE * noise) & (np.abs(shift).max(axis=1) <= REACH_PX / 2)
+    clear &= single & (height >= MIN_STEP_NOISE * noise) & (np.abs(shift).max(axis=1) <= REACH_PX / 2)
     return list((at + shift[..., None] * normal[:, None])[clear])

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
-from crosspih_common.bus.authors import MOST_HELD, PROCESS, Authors, Standing, names_of
+from crosspih_common.bus.authors import MAX_HELD, PROCESS, Authors, SampleStanding, names_of
 from crosspih_common.bus.codec import encode, label_of, label_with_seq
 from crosspih_common.bus.memory import MemoryTransport
 from crosspih_common.bus.transport import Closeable
@@ -79,13 +79,13 @@ def test_a_forged_state_is_thrown_away_and_told(hub: MemoryHub, planning: Bus, f
 
 
 def test_what_comes_before_its_claim_waits_for_it(hub: MemoryHub, planning: Bus, forged: list[str]) -> None:
-    latest, stranger = planning.latest(FT_CALIBRATION, 2 * MOST_HELD), Stranger(hub)
-    weights = [float(number) for number in range(MOST_HELD + 3)]
+    latest, stranger = planning.latest(FT_CALIBRATION, 2 * MAX_HELD), Stranger(hub)
+    weights = [float(number) for number in range(MAX_HELD + 3)]
     for weight_n in weights:
         stranger.say(CALIBRATION.model_copy(update={"weight_n": weight_n}))
     assert latest.value() is None and not forged
     stranger.claim("force_torque", "one")
-    assert [one.weight_n for one in latest.values()] == weights[-MOST_HELD:]
+    assert [one.weight_n for one in latest.values()] == weights[-MAX_HELD:]
 
 
 def test_what_was_held_is_told_when_another_claims_the_name(
@@ -117,16 +117,20 @@ def test_a_name_is_its_first_claimants_and_the_next_ones_when_that_is_gone(hub: 
     beside.claim("vision", "one")  # another session of the same process
     second.claim("vision", "two")
 
-    def standing(of: Stranger) -> Standing:
+    def standing(of: Stranger) -> SampleStanding:
         return authors.standing(("vision",), of.transport.author)
 
-    assert [standing(of) for of in (first, beside, second)] == [Standing.RIGHTFUL, Standing.RIGHTFUL, Standing.ANOTHER]
+    assert [standing(of) for of in (first, beside, second)] == [
+        SampleStanding.RIGHTFUL,
+        SampleStanding.RIGHTFUL,
+        SampleStanding.ANOTHER,
+    ]
     first.transport.close()
-    assert [standing(of) for of in (beside, second)] == [Standing.RIGHTFUL, Standing.ANOTHER]
+    assert [standing(of) for of in (beside, second)] == [SampleStanding.RIGHTFUL, SampleStanding.ANOTHER]
     beside.transport.close()
-    assert standing(second) is Standing.RIGHTFUL
+    assert standing(second) is SampleStanding.RIGHTFUL
     second.transport.close()
-    assert standing(second) is Standing.UNCLAIMED
+    assert standing(second) is SampleStanding.UNCLAIMED
 
 
 def test_operators_share_their_name(hub: MemoryHub) -> None:
@@ -134,7 +138,7 @@ def test_operators_share_their_name(hub: MemoryHub) -> None:
     one, two = Stranger(hub), Stranger(hub)
     one.claim("operator", "one")
     two.claim("operator", "two")
-    assert authors.standing(("operator",), two.transport.author) is Standing.RIGHTFUL
+    assert authors.standing(("operator",), two.transport.author) is SampleStanding.RIGHTFUL
 
 
 def test_who_may_publish_a_topic() -> None:

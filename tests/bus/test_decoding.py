@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosspih_common.bus.codec import MOST_BYTES, decode, label_of, split_label
+from crosspih_common.bus.codec import MAX_BYTES, decode, label_of, split_label
 from crosspih_common.errors import ContractError
 from crosspih_common.keys import topics
 from crosspih_common.messages import (
@@ -97,7 +97,7 @@ def test_absurd_times_and_numbers_are_refused_by_their_fields() -> None:
 
 
 def test_what_is_larger_than_any_message_is_not_read() -> None:
-    payload = b"[" * (MOST_BYTES + 1)
+    payload = b"[" * (MAX_BYTES + 1)
     with pytest.raises(ContractError, match="bytes"):
         decode(CellClock, payload, label_of(CellClock), "a/key")
     # a picture may be larger, and this is none

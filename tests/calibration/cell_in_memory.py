@@ -11,7 +11,7 @@ from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.config import load_cell
 from crosspih_common.keys import CALIBRATE_FT
 from crosspih_common.messages import CalibrateFt, FtCalibration
-from crosspih_common.service.lifecycle import Closeable, ServiceContext
+from crosspih_common.service.lifecycle import ServiceContext, ServiceResource
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
 from services.hardware.config import HardwareConfig
@@ -34,7 +34,7 @@ class CalibratedCell:
         self.cell = load_cell(path)
         self.contexts: list[ServiceContext] = []
         config = self.cell.section("hardware", HardwareConfig)
-        self._shells: list[Closeable] = [
+        self._shells: list[ServiceResource] = [
             HardwareShell(open_cell(self.cell.workcell, config, False), self._context("hardware"))
         ]
         file = str(folder / "ft.yaml")

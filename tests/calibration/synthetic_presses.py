@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.arm.inverse import InverseError, nearest
-from crosspih_common.calibration.presses import Level, Press, Pressed, touching_corner
+from crosspih_common.calibration.presses import Press, Pressed, RestLevel, touching_corner
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -51,7 +51,7 @@ class Rig:
         self.normal = self.plane.rotation[:, 2]
         self.home = np.asarray(WORKCELL.home_joints_rad, float)
 
-    def level(self, joints: Array, force_base: Array, point_peg: Array) -> Level:
+    def level(self, joints: Array, force_base: Array, point_peg: Array) -> RestLevel:
         """What encoders and sensor say at rest with a force (3,) of the base at a point (3,) of the peg."""
         machine, rotation = self.machine, WORKCELL.pose_base_peg(joints).rotation
         force, weight = rotation.T @ force_base, rotation.T @ WEIGHT
@@ -61,7 +61,7 @@ class Rig:
         felt = np.concatenate([sensor.T @ force, sensor.T @ (moment - np.cross(machine.sensor_m, force))]) + BIAS
         sd = np.repeat([machine.noise_n, machine.noise_nm], 3)
         raw = felt + self.rng.normal(size=6) * sd
-        return Level(joints_rad=tuple(joints.tolist()), raw=tuple(raw.tolist()), raw_sd=tuple(sd.tolist()))
+        return RestLevel(joints_rad=tuple(joints.tolist()), raw=tuple(raw.tolist()), raw_sd=tuple(sd.tolist()))
 
     def press(self, tilt: float, side: float, spin: float, at: float, forces: tuple[float, ...]) -> Press | None:
         """One push; None where no posture of the arm does it."""

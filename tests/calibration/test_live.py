@@ -19,7 +19,7 @@ from crosspih_common.recording.comparing import differences
 from services.force_torque.offline import answer
 from services.operator.calibrate.moving import HeldArm
 from services.operator.calibrate.options import recorded
-from services.operator.calibrate.pressing import Manner, take_presses
+from services.operator.calibrate.pressing import PressingManner, take_presses
 from services.operator.calibrate.recorded import pressed_of, readings_of
 from tests.calibration.cell_in_memory import CalibratedCell
 
@@ -37,7 +37,7 @@ def test_a_push_finds_the_plate_presses_gently_and_goes_home(tmp_path: Path, mon
         truth = cell.bus.latest(TRUTH)
         session, console = cell.session(), Console(file=io.StringIO(), width=400)
         with recorded(session, "test", True, console):
-            pressed = take_presses(session, console, Manner(1, 8.0), 1.0, "test", weighed=False)
+            pressed = take_presses(session, console, PressingManner(1, 8.0), 1.0, "test", weighed=False)
         sensor = cell.bus.latest(FT_CALIBRATION).wait_for(lambda _: True, 10.0)
         told = truth.value()
     finally:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from crosspih_common.calibration.fitting import Fit, Residual, fit_groups, moved_by
+from crosspih_common.calibration.fitting import GroupedFit, Residual, fit_groups, moved_by
 from crosspih_common.geometry import Pose
 from services.vision.calibration.boards import Board
 from services.vision.calibration.registration import register_corners
@@ -74,7 +74,7 @@ def test_what_all_groups_have_in_common_moves_a_fit_as_fitting_again_does() -> N
     seen, common, slope = rng.normal(size=60), 1e-3 * rng.normal(size=60), rng.normal(size=60)
     steps, own_steps = np.full(3, 1e-6), np.array([1e-6])
 
-    def fitted(of: np.ndarray) -> tuple[Residual, Fit]:
+    def fitted(of: np.ndarray) -> tuple[Residual, GroupedFit]:
         def residual(shared: np.ndarray, own: np.ndarray) -> np.ndarray:
             return np.asarray(of - design @ shared - slope * own[group, 0])
 

@@ -11,7 +11,7 @@ from ezdxf.document import Drawing
 from crosspih_common.config import PegDrawing, load_cell
 from crosspih_common.config.drawing import peg_section
 from crosspih_common.errors import ConfigError
-from crosspih_common.shapes.importing import MOST_CORNERS, outline_from_file
+from crosspih_common.shapes.importing import MAX_CORNERS, outline_from_file
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="60mm" viewBox="0 0 60 60">'
 
@@ -75,7 +75,7 @@ def test_lines_and_arcs_of_a_dxf_are_joined_in_its_unit(tmp_path: Path) -> None:
 def test_curves_get_no_more_corners_than_a_cell_can_bear(tmp_path: Path) -> None:
     petals = "M 40 20 C 60 20 60 40 40 40 C 40 60 20 60 20 40 C 0 40 0 20 20 20 C 20 0 40 0 40 20 Z"
     outline = outline_from_file(_svg(tmp_path, f'<path d="{petals}"/>'))
-    assert len(outline.corners_m) <= MOST_CORNERS
+    assert len(outline.corners_m) <= MAX_CORNERS
     assert outline.symmetry_order == 4
     assert np.count_nonzero(outline.reentrant) == 4
 

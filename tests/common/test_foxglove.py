@@ -19,7 +19,7 @@ from crosspih_common.arm.description import UrdfChain
 from crosspih_common.config import Workcell
 from crosspih_common.foxglove import HEARD, TRUTH_HEARD, FoxgloveTopics, ViewerTopic, arm_urdf, viewer_topics
 from crosspih_common.foxglove.cameras import pixels_of
-from crosspih_common.foxglove.meshes import Mesh, peg_mesh, plate_mesh
+from crosspih_common.foxglove.meshes import TriangleMesh, peg_mesh, plate_mesh
 from crosspih_common.foxglove.primitives import along
 from crosspih_common.foxglove.scenes import CHI2_95_OF_3, FAR_M, MAGNIFIED, line_of_action
 from crosspih_common.foxglove.schemas import TRUTH_PREFIX
@@ -135,7 +135,7 @@ def test_every_sample_of_the_sensor_is_told_at_its_own_time_as_a_load_on_the_peg
     assert [read(told, "wrench/raw", index).force.x for index in range(10)] == [-float(row) for row in range(10)]
 
 
-def volume_m3(mesh: Mesh) -> float:
+def volume_m3(mesh: TriangleMesh) -> float:
     """By the divergence theorem: right only where the surface is closed and its triangles look outward."""
     a, b, c = (mesh.corners_m[mesh.triangles[:, index]] for index in range(3))
     return float(np.sum(np.cross(a, b) * c) / 6.0)

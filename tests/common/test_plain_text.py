@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crosspih_common.bus.codec import decode, decode_refusal, encode, label_of
-from crosspih_common.bus.traffic import MOST_KEYS, OTHERS, Traffic
+from crosspih_common.bus.traffic import MAX_KEYS, OTHERS, Traffic
 from crosspih_common.errors import ContractError
 from crosspih_common.messages import AssemblyPhase, Event, Phase, Severity
 from crosspih_common.plain_text import is_plain_json, plain
@@ -62,9 +62,9 @@ def test_the_name_of_a_field_that_there_is_not_is_told_in_short() -> None:
 
 def test_keys_that_somebody_invents_are_counted_together() -> None:
     traffic = Traffic()
-    for number in range(10 * MOST_KEYS):
+    for number in range(10 * MAX_KEYS):
         traffic.of(f"crosspih/c/service/invented{number}/event").received += 1
         traffic.reject(f"crosspih/c/service/invented{number}/status", "why")
     rows = {row.key: row for row in traffic.snapshot()}
-    assert len(rows) == MOST_KEYS + 1 and rows[OTHERS].received + MOST_KEYS // 2 == 10 * MOST_KEYS
-    assert traffic.total("rejected") == 10 * MOST_KEYS
+    assert len(rows) == MAX_KEYS + 1 and rows[OTHERS].received + MAX_KEYS // 2 == 10 * MAX_KEYS
+    assert traffic.total("rejected") == 10 * MAX_KEYS

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from crosspih_common.config import load_cell
 from crosspih_common.config.section import Section
 from crosspih_common.errors import ConfigError
-from crosspih_common.plain_yaml import MOST_BYTES, yaml_of
+from crosspih_common.plain_yaml import MAX_BYTES, yaml_of
 
 BOMB = 'a: &a ["x","x","x","x","x","x","x","x","x"]\n' + "".join(
     f"{name}: &{name} [{','.join(['*' + before] * 9)}]\n" for before, name in zip("abcdefghi", "bcdefghij", strict=True)
@@ -81,9 +81,9 @@ def test_a_file_that_is_none_is_refused_at_once(tmp_path: Path) -> None:
     binary.write_bytes(b"cell: \xff\xfe")
     os.mkfifo(pipe)
     with large.open("wb") as file:
-        file.truncate(MOST_BYTES + 1)
+        file.truncate(MAX_BYTES + 1)
     endless.symlink_to("/dev/zero")
-    said = {binary: "no text in UTF-8: byte 6", pipe: "no regular file", large: f"{MOST_BYTES} are allowed",
+    said = {binary: "no text in UTF-8: byte 6", pipe: "no regular file", large: f"{MAX_BYTES} are allowed",
             endless: "no regular file", tmp_path: "Is a directory"}  # fmt: skip
     for path, words in said.items():
         with pytest.raises(ConfigError, match=words):

@@ -28,7 +28,7 @@ from services.operator.bench.cells.trials import TrialJob, trial_key
 from services.operator.bench.protocols.walked import check_walk, note_walk
 from services.operator.bench.reliability.fuzz.rests_on import part_key
 from services.operator.bench.reliability.matrix import command as matrix
-from services.operator.bench.reliability.matrix.plan import Case, Ending
+from services.operator.bench.reliability.matrix.plan import MatrixCase, ProcessEnding
 from services.operator.dataset.commands.collect import cell_sha256
 
 
@@ -102,7 +102,7 @@ def test_a_data_set_is_what_its_command_and_code_make(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("changed", ["cell", "code"])
 def test_a_death_is_of_its_cell_and_code(changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    case = Case(victim="router", phase=Phase.PUSHING, ending=Ending.KILL, seed=1)
+    case = MatrixCase(victim="router", phase=Phase.PUSHING, ending=ProcessEnding.KILL, seed=1)
     before = matrix.case_key(case, "max")
     if changed == "cell":
         cell = tmp_path / "cell.yaml"

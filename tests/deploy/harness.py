@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from deploy.launcher import NotUpError, StackRequest, StackState, StateDirectory, start_stack, stop_stack
-from deploy.launcher.state import ServiceState
+from deploy.launcher.state import ServiceRow
 
 ROOT = Path(__file__).resolve().parents[2]
 DEADLINE_S = 20.0
@@ -66,7 +66,7 @@ class Stacks:
     def directory(self, project: str = "test") -> StateDirectory:
         return StateDirectory(project, self.run_root)
 
-    def row(self, service: str, project: str = "test") -> ServiceState:
+    def row(self, service: str, project: str = "test") -> ServiceRow:
         state = self.directory(project).read()
         assert state is not None
         return next(row for row in state.services if row.service == service)

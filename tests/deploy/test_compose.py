@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from deploy.launcher import DEFAULT_COMPOSE_FILE, ComposeError
 from deploy.launcher.compose import ComposeFile, parse_duration_s
-from deploy.launcher.conditions import Condition
+from deploy.launcher.conditions import StartCondition
 from deploy.launcher.interpolation import interpolate
 from deploy.launcher.loading import load_compose, parse_compose
 from deploy.launcher.order import select, start_levels
@@ -69,7 +69,7 @@ def test_every_key_is_read() -> None:
     assert router.stop_grace_period == 1.0
     assert user.command == ("python", "-m", "services.user", "5")
     assert user.environment == {"A": "1=2", "HOME": None}
-    assert user.depends_on["router"].condition is Condition.STARTED
+    assert user.depends_on["router"].condition is StartCondition.STARTED
     assert user.restart == RestartPolicy(RestartWhen.NO)
     assert (user.profiles, user.notify, user.watchdog_s) == (("extra",), True, 2.5)
 

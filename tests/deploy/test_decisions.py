@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from crosspih_common.errors import CONFIG_STATUS
 from deploy.launcher import StartError, logfile
-from deploy.launcher.conditions import Condition, Phase, Standing, Verdict, judge
+from deploy.launcher.conditions import DependencyVerdict, ServicePhase, ServiceStanding, StartCondition, judge
 from deploy.launcher.display import stopped_lines
 from deploy.launcher.health import Health, HealthState, after_check, after_notification, after_silence
 from deploy.launcher.logfile import LineSplitter, LogLine, LogTail, LogWriter, merged
@@ -104,19 +104,66 @@ def test_starting_service_is_not_hung() -> None:
 @pytest.mark.parametrize(
     ("standing", "started", "healthy", "completed"),
     [
-        (Standing(Phase.WAITING), Verdict.PENDING, Verdict.PENDING, Verdict.PENDING),
-        (Standing(Phase.RUNNING, STARTING), Verdict.MET, Verdict.PENDING, Verdict.PENDING),
-        (Standing(Phase.RUNNING, HealthState(Health.HEALTHY)), Verdict.MET, Verdict.MET, Verdict.PENDING),
-        (Standing(Phase.RUNNING, HealthState(Health.UNHEALTHY)), Verdict.MET, Verdict.PENDING, Verdict.PENDING),
-        (Standing(Phase.RESTARTING, exit_code=1), Verdict.MET, Verdict.PENDING, Verdict.PENDING),
-        (Standing(Phase.EXITED, exit_code=0), Verdict.MET, Verdict.NEVER, Verdict.MET),
-        (Standing(Phase.EXITED, exit_code=1), Verdict.MET, Verdict.NEVER, Verdict.NEVER),
-        (Standing(Phase.BLOCKED), Verdict.NEVER, Verdict.NEVER, Verdict.NEVER),
-        (Standing(Phase.STOPPED), Verdict.NEVER, Verdict.NEVER, Verdict.NEVER),
+        (
+            ServiceStanding(ServicePhase.WAITING),
+            DependencyVerdict.PENDING,
+            DependencyVerdict.PENDING,
+            DependencyVerdict.PENDING,
+        ),
+        (
+            ServiceStanding(ServicePhase.RUNNING, STARTING),
+            DependencyVerdict.MET,
+            DependencyVerdict.PENDING,
+            DependencyVerdict.PENDING,
+        ),
+        (
+            ServiceStanding(ServicePhase.RUNNING, HealthState(Health.HEALTHY)),
+            DependencyVerdict.MET,
+            DependencyVerdict.MET,
+            DependencyVerdict.PENDING,
+        ),
+        (
+            ServiceStanding(ServicePhase.RUNNING, HealthState(Health.UNHEALTHY)),
+            DependencyVerdict.MET,
+            DependencyVerdict.PENDING,
+            DependencyVerdict.PENDING,
+        ),
+        (
+            ServiceStanding(ServicePhase.RESTARTING, exit_code=1),
+            DependencyVerdict.MET,
+            DependencyVerdict.PENDING,
+            DependencyVerdict.PENDING,
+        ),
+        (
+            ServiceStanding(ServicePhase.EXITED, exit_code=0),
+            DependencyVerdict.MET,
+            DependencyVerdict.NEVER,
+            DependencyVerdict.MET,
+        ),
+        (
+            ServiceStanding(ServicePhase.EXITED, exit_code=1),
+            DependencyVerdict.MET,
+            DependencyVerdict.NEVER,
+            DependencyVerdict.NEVER,
+        ),
+        (
+            ServiceStanding(ServicePhase.BLOCKED),
+            DependencyVerdict.NEVER,
+            DependencyVerdict.NEVER,
+            DependencyVerdict.NEVER,
+        ),
+        (
+            ServiceStanding(ServicePhase.STOPPED),
+            DependencyVerdict.NEVER,
+            DependencyVerdict.NEVER,
+            DependencyVerdict.NEVER,
+        ),
     ],
 )
-def test_conditions(standing: Standing, started: Verdict, healthy: Verdict, completed: Verdict) -> None:
-    conditions = (Condition.STARTED, Condition.HEALTHY, Condition.COMPLETED)
+def test_conditions(
+    standing: ServiceStanding, started: DependencyVerdict, healthy: DependencyVerdict, completed: DependencyVerdict
+) -> None:
+    conditions = (StartCondition.STARTED, StartCondition.HEALTHY, StartCondition.COMPLETED)
     assert tuple(judge(condition, standing) for condition in conditions) == (started, healthy, completed)
 
 

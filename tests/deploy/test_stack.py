@@ -11,7 +11,7 @@ import pytest
 
 from crosspih_common.errors import CONFIG_STATUS
 from deploy.launcher import AlreadyUpError, NotUpError, StartError, is_up, stop_stack
-from deploy.launcher.conditions import Phase
+from deploy.launcher.conditions import ServicePhase
 from deploy.launcher.health import Health
 from tests.deploy.harness import NOTIFY, SERVE, Stacks, is_alive, wait_until
 
@@ -84,7 +84,7 @@ def test_gives_up_after_the_retries_and_ends_when_nothing_is_left(stacks: Stacks
     assert process.returncode == 1
     assert output.count("starts again") == 2 and "ended (exit 3)\n" in output
     row = stacks.row("fails")
-    assert (row.phase, row.exit_code, row.restarts) == (Phase.EXITED, 3, 2)
+    assert (row.phase, row.exit_code, row.restarts) == (ServicePhase.EXITED, 3, 2)
 
 
 def test_interrupt_stops_all_and_leaves_no_process(stacks: Stacks) -> None:
@@ -136,7 +136,7 @@ def test_hung_service_becomes_unhealthy_and_recovers(stacks: Stacks) -> None:
     (pid,) = _pids(stacks, "hangs")
     os.kill(pid, signal.SIGSTOP)
     wait_until(lambda: stacks.row("hangs").health is Health.UNHEALTHY, "unhealthy")
-    assert stacks.row("hangs").phase is Phase.RUNNING
+    assert stacks.row("hangs").phase is ServicePhase.RUNNING
     os.kill(pid, signal.SIGCONT)
     wait_until(lambda: stacks.row("hangs").health is Health.HEALTHY, "healthy again")
     assert _pids(stacks, "hangs") == [pid]
@@ -188,7 +188,10 @@ def test_completed_dependency_is_waited_for(stacks: Stacks, tmp_path: Path) -> N
             },
         }
     )
-    assert {row.service: row.phase for row in state.services} == {"prepare": Phase.EXITED, "use": Phase.RUNNING}
+    assert {row.service: row.phase for row in state.services} == {
+        "prepare": ServicePhase.EXITED,
+        "use": ServicePhase.RUNNING,
+    }
     wait_until(lambda: stacks.log("use") == ["True"], "use sees what prepare made")
 
 

@@ -22,7 +22,7 @@ from services.operator.assembly.payload import ready_arm
 from services.operator.assembly.session import Session
 from services.operator.bench.contact_states.aiming import pattern_of, predict_pushes
 from services.operator.bench.contact_states.collecting import Contact, stiffness_condition
-from services.operator.bench.contact_states.judged import Judged, Verdict
+from services.operator.bench.contact_states.judged import Judged, StateVerdict
 from services.operator.bench.contact_states.labels import label_contacts
 from services.operator.bench.contact_states.plan import (
     AHEAD_M,
@@ -174,8 +174,8 @@ def test_the_summary_counts_what_was_judged() -> None:
         force = np.array(rows)[:, 3:].sum(axis=0)
         result = PushResult(target=name, index=0, wrench=(*force, 0.0, 0.0, 0.0))
         said = {
-            ContactClassifier.RULE: Verdict(rule, confidence, "n_z0 = 0.5 lies outside"),
-            ContactClassifier.LIKELIHOOD: Verdict(likelihood, confidence, ""),
+            ContactClassifier.RULE: StateVerdict(rule, confidence, "n_z0 = 0.5 lies outside"),
+            ContactClassifier.LIKELIHOOD: StateVerdict(likelihood, confidence, ""),
         }
         return Judged(Contact(0.0, result, truth), said)
 

@@ -45,7 +45,7 @@ from crosspih_common.recording import Recording, read_recording
 from crosspih_common.service.lifecycle import ServiceContext
 from services.hardware.__main__ import build
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.config import ForceTorqueConfig
+from services.hardware.drivers.simulated.config import SimulatedSensorConfig
 from services.recorder.config import RecorderConfig
 from services.recorder.shell import RecorderShell
 
@@ -54,7 +54,7 @@ SIMULATED = {"driver": "simulated", "simulated": {"speed": "max", "camera": {"sa
 CELL: dict[str, Any] = {"name": "film", "camera": {"width_px": 160, "height_px": 120, "cx_px": 80.5, "cy_px": 60.5}}
 # across from the hole, the tip 30 mm in front of the plate
 BESIDE_THE_HOLE = PoseData.of(Pose.from_translation([0.02, 0.02, -Workcell().peg.shape().tip_m - 0.03]))
-FT = ForceTorqueConfig()
+FT = SimulatedSensorConfig()
 PAYLOAD = SetPayload(
     bias=FT.bias, weight_n=9.81 * FT.payload_kg, centroid_ft_m=FT.payload_centroid_m, gravity_base=(0.0, 0.0, -1.0)
 )

@@ -11,7 +11,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.messages import ResetCell
 from services.hardware.config import HardwareConfig
 from services.hardware.control.backing_off import back_off
-from services.hardware.control.cycle import Reading, Reference
+from services.hardware.control.cycle import CycleReading, Reference
 from services.hardware.control.runner import Runner
 from services.hardware.control.trail import TRAIL_STEP_RAD
 from services.hardware.drivers.registry import open_devices
@@ -55,7 +55,7 @@ def backed_off(runner: Runner, force_n: Callable[[float], float]) -> tuple[float
         force = force_n(along(runner))
         largest = max(largest, force)
         try:
-            reference = steps.send(Reading(np.zeros((1, 6)), np.zeros(6), (0.0,) * 6, force, 0.0, HOME))
+            reference = steps.send(CycleReading(np.zeros((1, 6)), np.zeros(6), (0.0,) * 6, force, 0.0, HOME))
         except StopIteration:
             return along(runner), largest
 

@@ -16,7 +16,7 @@ from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.geometry.pose import Array
-from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig, TruthConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig, TruthConfig
 from services.hardware.drivers.simulated.engines import registry
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, joint_lines, link_masses
 from services.hardware.drivers.simulated.engines.protocol import Physics
@@ -32,7 +32,7 @@ CELLS = Path(__file__).resolve().parents[2] / "deploy" / "cells"
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole_prior.pose_base_hole()
 TIP_M = WORKCELL.peg.shape().tip_m
-FT = ForceTorqueConfig()
+FT = SimulatedSensorConfig()
 EVERY = pytest.mark.parametrize("name", installed_engines())
 
 

@@ -26,7 +26,7 @@ from crosspih_common.messages import (
 from services.hardware.config import HardwareConfig
 from services.hardware.control.effort import smoothness
 from services.hardware.control.search_path import SearchPath
-from services.hardware.drivers.simulated.config import ForceTorqueConfig
+from services.hardware.drivers.simulated.config import SimulatedSensorConfig
 from services.hardware.drivers.simulated.engines.protocol import STEP_S
 from services.hardware.hosting import HostedCell, open_cell
 
@@ -38,7 +38,7 @@ turns = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
 @pytest.fixture(scope="module")
 def cell() -> Iterator[HostedCell]:
     opened = open_cell(WORKCELL, HardwareConfig(), realtime=False)
-    ft = ForceTorqueConfig()
+    ft = SimulatedSensorConfig()
     opened.arm.set_payload(
         SetPayload(
             bias=ft.bias, weight_n=9.81 * ft.payload_kg, centroid_ft_m=ft.payload_centroid_m,

@@ -29,12 +29,12 @@ from crosspih_common.messages import (
 )
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
 from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()
-FT = ForceTorqueConfig()
-QUIET = HardwareConfig(simulated=SimulatedConfig(force_torque=ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)))
+FT = SimulatedSensorConfig()
+QUIET = HardwareConfig(simulated=SimulatedConfig(force_torque=SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0)))
 HOME = np.array(WORKCELL.home_joints_rad)
 
 

@@ -24,7 +24,7 @@ from crosspih_common.messages import (
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.control.guarded import onset
-from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
 from services.hardware.hosting import HostedCell, open_cell
 
 WORKCELL = Workcell()
@@ -34,11 +34,11 @@ HALF_WIDTH_M = WORKCELL.peg.half_width_m + WORKCELL.hole.clearance_m
 SLOPE = WORKCELL.peg.taper_slope
 NOMINAL = WORKCELL.hole_prior.pose_base_hole()
 AXIS_BASE = NOMINAL.rotation[:, 2]
-FT = ForceTorqueConfig()
+FT = SimulatedSensorConfig()
 
 
 def opened(friction: float = 0.1, noisy: bool = True, **more: Any) -> HostedCell:
-    sensor = FT if noisy else ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
+    sensor = FT if noisy else SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0)
     config = SimulatedConfig(friction_coefficient=friction, force_torque=sensor, **more)
     cell = open_cell(WORKCELL, HardwareConfig(simulated=config), realtime=False)
     know_payload(cell)

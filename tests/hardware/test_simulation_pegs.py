@@ -13,13 +13,13 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, SetPayload, StopReason
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies
 from services.hardware.drivers.simulated.scene.fixture_mesh import chamfer_meshes, fixture_meshes
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh
 from services.hardware.hosting import HostedCell, open_cell
 
-FT = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
+FT = SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0)
 ELL_M = tuple((x * 1e-3, y * 1e-3) for x, y in ((-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)))
 
 
@@ -123,7 +123,7 @@ def test_the_plate_that_is_seen_is_the_plate_that_is_felt(name: str) -> None:
     hole = Workcell(peg=PegDrawing(outline=name)).hole.shape(PegDrawing(outline=name).shape())
     meshes = fixture_meshes(hole)
     chamfer = [mesh for _, mesh in chamfer_meshes(hole)]
-    seen = Mesh.merged([meshes["face"], meshes["sides"], meshes["bore"], *chamfer])
+    seen = RenderMesh.merged([meshes["face"], meshes["sides"], meshes["bore"], *chamfer])
     corners = seen.vertices_m[np.array(seen.indices).reshape(-1, 3)]
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # closed, turned outward, and around as much as is solid

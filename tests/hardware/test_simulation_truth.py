@@ -12,10 +12,10 @@ from crosspih_common.geometry import Pose, wrench_of_force_at_point
 from crosspih_common.messages import CaptureStereo, Dwell, ResetCell
 from crosspih_common.shapes import CrossPeg
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.config import CameraConfig, ForceTorqueConfig, SimulatedConfig, TruthConfig
+from services.hardware.drivers.simulated.config import CameraConfig, SimulatedConfig, SimulatedSensorConfig, TruthConfig
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
 from services.hardware.drivers.simulated.truth import (
-    SensorMounting,
+    TrueSensorMounting,
     true_camera,
     true_hole,
     true_peg,
@@ -38,7 +38,7 @@ def test_by_default_the_cell_is_as_drawn() -> None:
     camera = StereoRig.of(CameraSection()).pose_base_camera
     assert true_camera(camera, truth) is camera
     wrench = np.arange(6.0)
-    assert SensorMounting(truth).felt(wrench) is wrench
+    assert TrueSensorMounting(truth).felt(wrench) is wrench
 
 
 @settings(deadline=None)
@@ -67,7 +67,7 @@ def test_a_sensor_off_its_place_feels_forces_about_its_own_origin(
     force: tuple[float, float, float],
 ) -> None:  # fmt: skip
     """The same force at the same point, written in the sensor's own frame."""
-    felt = SensorMounting(TruthConfig(ft_shift_m=shift, ft_turn_rad=turn)).felt(
+    felt = TrueSensorMounting(TruthConfig(ft_shift_m=shift, ft_turn_rad=turn)).felt(
         wrench_of_force_at_point(np.array(force), np.array(point))
     )
     into_sensor = Pose.from_rotvec(turn, shift).inverse()
@@ -77,7 +77,7 @@ def test_a_sensor_off_its_place_feels_forces_about_its_own_origin(
 
 def _cell(truth: TruthConfig) -> HostedCell:
     config = SimulatedConfig(
-        truth=truth, force_torque=ForceTorqueConfig(noise_n=0.0, noise_nm=0.0, bias=(0.0,) * 6),
+        truth=truth, force_torque=SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0, bias=(0.0,) * 6),
         camera=CameraConfig(samples=2, noise_grey=0.0),
     )  # fmt: skip
     return open_cell(WORKCELL, HardwareConfig(simulated=config), realtime=False)

@@ -21,7 +21,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused, ConfigError
 from crosspih_common.messages import CaptureStereo
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.video.source import Kind, Wanted, kernel_stamp_ns, set_exposure, set_up
+from services.hardware.drivers.video.source import SourceKind, WantedFormat, kernel_stamp_ns, set_exposure, set_up
 from services.hardware.hosting import HostedCell, open_cell
 from services.operator.bench.pictures.cameras import cell_pair
 
@@ -279,7 +279,7 @@ class Device:
             self.held[cv2.CAP_PROP_FRAME_WIDTH], self.held[cv2.CAP_PROP_FRAME_HEIGHT] = float(width), float(height)
 
 
-WANTED = Wanted(1280, 720, "MJPG", 30.0, 0.01, 1e-4, 10.0)
+WANTED = WantedFormat(1280, 720, "MJPG", 30.0, 0.01, 1e-4, 10.0)
 FORMATS = {"YUYV": [(640, 480)], "MJPG": [(1280, 720), (640, 480)]}
 
 
@@ -315,9 +315,9 @@ def test_a_setting_that_the_device_did_not_take_is_named(device: Device, change:
 def test_the_kernels_stamp_counts_where_it_is_one_of_the_monotonic_clock() -> None:
     device = Device(FORMATS)
     device.held[cv2.CAP_PROP_POS_MSEC] = 5000.0
-    assert kernel_stamp_ns(device, Kind.DEVICE, 5_040_000_000) == 5_000_000_000
-    assert kernel_stamp_ns(device, Kind.DEVICE, 9_000_000_000) is None  # another clock, or none
-    assert kernel_stamp_ns(device, Kind.STREAM, 5_040_000_000) is None
+    assert kernel_stamp_ns(device, SourceKind.DEVICE, 5_040_000_000) == 5_000_000_000
+    assert kernel_stamp_ns(device, SourceKind.DEVICE, 9_000_000_000) is None  # another clock, or none
+    assert kernel_stamp_ns(device, SourceKind.STREAM, 5_040_000_000) is None
 
 
 def test_it_is_a_driver_for_cameras_alone(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from crosspih_common.arm import NAMED_ARMS
-from services.hardware.peers.ur.ports import Ports
+from services.hardware.peers.ur.ports import ControllerPorts
 from services.hardware.peers.ur.robot import Robot
 from services.hardware.peers.ur.sources import OwnJoints
 
@@ -37,7 +37,7 @@ def robot(version: tuple[int, int, int, int] = E_SERIES, model: str = "UR5", wei
 def running(made: Robot) -> Iterator[str]:
     """The controller's cycles in a thread of this process, its ports on the address that is given."""
     where, closing = address(), threading.Event()
-    ports = Ports(made, where)
+    ports = ControllerPorts(made, where)
     loop = threading.Thread(target=made.run, args=(closing,))
     loop.start()
     try:

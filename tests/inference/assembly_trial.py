@@ -13,8 +13,8 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Peg
 from services.inference.estimator import (
     EstimatorSettings,
-    PoseErrorEstimate,
-    PosePrior,
+    HolePosePrior,
+    HolePosterior,
     TouchObservation,
     estimate_pose,
     final_estimate,
@@ -151,8 +151,8 @@ def assemble(
     error = rng.normal(size=6) * prior_sd
     truth = Pose.from_rotvec(rng.uniform(-3, 3, 3), rng.uniform(-1, 1, 3))
     believed = truth @ Pose.from_rotvec(error[3:], error[:3])
-    prior = PosePrior(believed, np.diag(np.square(prior_sd)))
-    estimate: PoseErrorEstimate | None = None
+    prior = HolePosePrior(believed, np.diag(np.square(prior_sd)))
+    estimate: HolePosterior | None = None
     covariance = prior.covariance
     observations: list[TouchObservation] = []
     log: list[str] = []

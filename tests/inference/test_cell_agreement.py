@@ -22,7 +22,7 @@ from crosspih_common.messages import GuardedMove, ResetCell, SetPayload, StopRea
 from crosspih_common.messages.base import PoseData, floats
 from crosspih_common.wrench import Payload
 from services.hardware.config import HardwareConfig
-from services.hardware.drivers.simulated.config import ForceTorqueConfig, SimulatedConfig
+from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
 from services.hardware.drivers.simulated.engines.registry import installed_engines
 from services.hardware.hosting import open_cell
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
@@ -50,7 +50,7 @@ class Agreement:
 
 def agreements(engine: Engine, friction_coefficient: float, count: int) -> list[Agreement]:
     """The first `count` single contacts at random poses, up to 0.08 rad about each axis and 2 mm to either side."""
-    sensor = ForceTorqueConfig(noise_n=0.0, noise_nm=0.0)
+    sensor = SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0)
     config = SimulatedConfig(friction_coefficient=friction_coefficient, force_torque=sensor)
     cell = open_cell(WORKCELL, HardwareConfig(engine=engine, simulated=config), realtime=False)
     payload = Payload(

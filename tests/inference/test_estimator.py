@@ -9,8 +9,8 @@ import pytest
 from crosspih_common.geometry import Pose
 from crosspih_common.shapes import CrossPeg
 from services.inference.estimator import (
-    PoseErrorEstimate,
-    PosePrior,
+    HolePosePrior,
+    HolePosterior,
     TouchObservation,
     estimate_pose,
     final_estimate,
@@ -25,12 +25,12 @@ TABLES = PairTables.of(PEG, HOLE)
 VISION_SD = (2e-4, 2e-4, 6e-4, np.radians(0.6), np.radians(0.6), np.radians(0.1))
 
 
-def assembly(seed: int, mu: float = 0.1, count: int = 4) -> tuple[Pose, PosePrior, list[TouchObservation]]:
+def assembly(seed: int, mu: float = 0.1, count: int = 4) -> tuple[Pose, HolePosePrior, list[TouchObservation]]:
     """Truth, prior and arm touches about the prior's mean."""
     rng = np.random.default_rng(seed)
     truth = Pose.from_rotvec(rng.uniform(-2, 2, 3), rng.uniform(-1, 1, 3))
     error = rng.normal(size=6) * VISION_SD
-    prior = PosePrior.from_sd(truth @ Pose.from_rotvec(error[3:], error[:3]), VISION_SD)
+    prior = HolePosePrior.from_sd(truth @ Pose.from_rotvec(error[3:], error[:3]), VISION_SD)
     touches = []
     for made in range(count):
         plan = next_touch(PEG, prior.pose_base_hole, prior.covariance, 2, made)
@@ -38,7 +38,7 @@ def assembly(seed: int, mu: float = 0.1, count: int = 4) -> tuple[Pose, PosePrio
     return truth, prior, touches
 
 
-def estimate(prior: PosePrior, touches: list[TouchObservation]) -> PoseErrorEstimate:
+def estimate(prior: HolePosePrior, touches: list[TouchObservation]) -> HolePosterior:
     return estimate_pose(TABLES, prior, touches, np.random.default_rng(0))
 
 
@@ -62,7 +62,7 @@ def test_estimate_is_deterministic_and_moves_with_the_base() -> None:
     assert np.array_equal(once.pose_base_hole.matrix(), twice.pose_base_hole.matrix())
     move = Pose.from_rotvec([0.4, -1.0, 0.3], [0.5, 0.1, -0.2])
     moved = estimate(
-        PosePrior(move @ prior.pose_base_hole, prior.covariance),
+        HolePosePrior(move @ prior.pose_base_hole, prior.covariance),
         [
             dataclasses.replace(
                 touch,
@@ -104,7 +104,7 @@ def test_observation_names_a_wrong_shape() -> None:
 
 def test_seated_peg_gives_the_hole_within_the_clearance() -> None:
     truth = Pose.from_rotvec([0.1, 0.2, 0.3], [0.4, 0.0, 0.6])
-    prior = PosePrior.from_sd(truth @ Pose.from_rotvec([0.01, -0.01, 0.002], [3e-4, -2e-4, 2e-4]), VISION_SD)
+    prior = HolePosePrior.from_sd(truth @ Pose.from_rotvec([0.01, -0.01, 0.002], [3e-4, -2e-4, 2e-4]), VISION_SD)
     depth = PEG.taper_start_m - HOLE.chamfer_m - 0.015
     seated = truth @ Pose.from_translation([5e-5, -5e-5, -depth])
     pose, covariance = final_estimate(

@@ -9,7 +9,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import BoreContact, InsertionAction
 from crosspih_common.shapes import CrossPeg, Outline, Peg
-from services.inference.estimator import BoreWalls, InsertionAdvice, advise_insertion
+from services.inference.estimator import BoreWalls, InsertionJudgement, advise_insertion
 from services.inference.estimator.insertion import bore_load, clamps
 from tests.inference.free_peg_world import FreePegWorld
 
@@ -26,7 +26,7 @@ def inside(depth_m: float) -> Pose:
     return Pose.from_translation([0.0, 0.0, HOLE.chamfer_m + depth_m - PEG.taper_start_m])
 
 
-def advised(pose: Pose, wrench: Array, friction: float = 0.3) -> InsertionAdvice:
+def advised(pose: Pose, wrench: Array, friction: float = 0.3) -> InsertionJudgement:
     return advise_insertion(PEG, HOLE, Pose.identity(), COVARIANCE, pose, wrench, STIFF, friction, PUSH_N)
 
 

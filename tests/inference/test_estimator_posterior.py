@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from crosspih_common.geometry import Pose
 from crosspih_common.shapes import CrossPeg, Outline, Peg
-from services.inference.estimator import EstimatorSettings, PosePrior, estimate_pose
+from services.inference.estimator import EstimatorSettings, HolePosePrior, estimate_pose
 from services.inference.estimator.coverage import TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses
 from services.inference.estimator.synthetic import complementarity, settle, touch
@@ -50,7 +50,7 @@ def test_pushing_on_a_symmetric_peg_presses_many_walls_and_is_understood() -> No
     start = truth @ turned @ Pose.from_translation([0.0, 0.0, -0.004 - PEG.tip_m])
     felt = touch(TABLES, truth, start, truth.rotation[:, 2], COMPLIANCE, 0.1, np.random.default_rng(0))
     assert felt is not None and felt.contacts >= 3
-    prior = PosePrior.from_sd(truth, (2e-4, 2e-4, 6e-4, 0.01, 0.01, 0.02))
+    prior = HolePosePrior.from_sd(truth, (2e-4, 2e-4, 6e-4, 0.01, 0.01, 0.02))
     several = estimate_pose(TABLES, prior, [felt.observation], np.random.default_rng(0))
     assert several.touches[0].used
     assert len(several.touches[0].contacts) >= 2
@@ -125,7 +125,7 @@ def test_another_outline_is_touched_and_estimated() -> None:
     sd = (2e-4, 2e-4, 6e-4, 0.01, 0.01, 0.005)
     rng = np.random.default_rng(3)
     error = rng.normal(size=6) * sd
-    prior = PosePrior.from_sd(NOMINAL @ Pose.from_rotvec(error[3:], error[:3]), sd)
+    prior = HolePosePrior.from_sd(NOMINAL @ Pose.from_rotvec(error[3:], error[:3]), sd)
     made = []
     for index in range(3):
         plan = next_touch(peg, prior.pose_base_hole, prior.covariance, 2, 2 * index)
@@ -145,7 +145,7 @@ def test_a_face_touch_gives_depth_and_leaves_the_place_open(seed: int) -> None:
     """Nine millimetres beside the hole the tip meets the face: that says how deep the face is, and nothing lateral."""
     sd = (3e-3, 3e-3, 5e-3, 0.03, 0.03, 0.03)
     truth = NOMINAL @ Pose.from_rotvec([0.01, -0.02, 0.0], [0.011, 0.011, 0.004])
-    prior = PosePrior.from_sd(NOMINAL @ Pose.from_translation([0.002, 0.002, 0.0]), sd)
+    prior = HolePosePrior.from_sd(NOMINAL @ Pose.from_translation([0.002, 0.002, 0.0]), sd)
     start = prior.pose_base_hole @ Pose.from_translation([0.0, 0.0, -0.02 - PEG.tip_m])
     felt = touch(TABLES, truth, start, prior.pose_base_hole.rotation[:, 2], COMPLIANCE, 0.1, np.random.default_rng(1))
     assert felt is not None

@@ -7,7 +7,7 @@ import pytest
 
 from crosspih_common.geometry import Pose
 from crosspih_common.shapes import CrossPeg
-from services.inference.estimator import PosePrior, TouchObservation, pressed_estimate
+from services.inference.estimator import HolePosePrior, TouchObservation, pressed_estimate
 from tests.inference.free_peg_world import FreePegWorld
 
 PEG = CrossPeg()
@@ -36,9 +36,9 @@ def presses(world: FreePegWorld, rng: np.random.Generator) -> list[TouchObservat
     return made
 
 
-def seat(rng: np.random.Generator) -> PosePrior:
+def seat(rng: np.random.Generator) -> HolePosePrior:
     error = rng.normal(size=6) * SEAT_SD
-    return PosePrior.from_sd(TRUTH @ Pose.from_rotvec(error[3:], error[:3]), SEAT_SD)
+    return HolePosePrior.from_sd(TRUTH @ Pose.from_rotvec(error[3:], error[:3]), SEAT_SD)
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +72,8 @@ def test_a_press_that_does_not_fit_is_left_out(world: FreePegWorld) -> None:
 
 def test_it_says_what_it_wants() -> None:
     with pytest.raises(ValueError, match="at least one press"):
-        pressed_estimate(PEG, HOLE, PosePrior.from_sd(TRUTH, SEAT_SD), [])
+        pressed_estimate(PEG, HOLE, HolePosePrior.from_sd(TRUTH, SEAT_SD), [])
     outside = TRUTH @ Pose.from_translation([0.0, 0.0, -PEG.tip_m])
     touch = TouchObservation(outside, np.ones(6), READING_SD, np.zeros((6, 6)), np.array([1.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="short of the bore"):
-        pressed_estimate(PEG, HOLE, PosePrior.from_sd(TRUTH, SEAT_SD), [touch])
+        pressed_estimate(PEG, HOLE, HolePosePrior.from_sd(TRUTH, SEAT_SD), [touch])

@@ -19,8 +19,8 @@ from crosspih_common.wrench import Payload
 from services.inference.cell_refinement.assemblies import (
     AssemblyData,
     NothingToRefine,
-    Past,
-    Seen,
+    RecordedAssemblies,
+    SeenHole,
     Weighing,
     read_past,
     weighing_of,
@@ -67,7 +67,7 @@ def pressed(hole: Pose, rng: np.random.Generator) -> tuple[TouchObservation, ...
     return tuple(made)
 
 
-def past(count: int, rng: np.random.Generator) -> Past:
+def past(count: int, rng: np.random.Generator) -> RecordedAssemblies:
     assemblies = []
     for index in range(count):
         move = rng.uniform(-1.0, 1.0, size=6) * WORKCELL.hole_prior.half_ranges()
@@ -76,9 +76,9 @@ def past(count: int, rng: np.random.Generator) -> Past:
         seen = (CAMERA @ OFF).inverse() @ hole @ Pose.from_rotvec(error[3:], error[:3])
         start = hole @ Pose.from_rotvec(rng.normal(size=3) * 2e-3, [*rng.normal(size=2) * 4e-5, 1e-3])
         assemblies.append(
-            AssemblyData(str(index), start, (), pressed(hole, rng), Seen(seen, np.diag(VISION_SD**2), CAMERA))
+            AssemblyData(str(index), start, (), pressed(hole, rng), SeenHole(seen, np.diag(VISION_SD**2), CAMERA))
         )
-    return Past(tuple(assemblies), (), ())
+    return RecordedAssemblies(tuple(assemblies), (), ())
 
 
 def test_the_clearance_and_the_camera_are_found_from_presses_and_vision() -> None:

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from crosspih_common.provenance import ResultStore
 from services.operator.bench.reliability.fuzz import rests_on
-from services.operator.bench.reliability.fuzz.attacking import AFTERWARDS, Part, parts
+from services.operator.bench.reliability.fuzz.attacking import AFTERWARDS, AttackedPart, parts
 from services.operator.bench.reliability.fuzz.decoding import Decoded, decode_share, kinds, shares
 from services.operator.bench.reliability.fuzz.decoding_all import AllDecoded, decode_every_key, share_key
 from services.operator.bench.reliability.fuzz.rests_on import part_key, services_behind
@@ -54,9 +54,9 @@ def test_each_command_and_topic_is_a_part_and_the_page_has_its_counts() -> None:
     answers = {"accepted": 3, "contract": 5, "implausible": 2, "internal": 1}
     attacked = Attacked(
         [
-            Part(what="arm/dwell", answers=answers, defects=["internal: ..."], memory_mb={"vision": 100.0}),
-            Part(what="clock", samples=40, tracebacks={"vision": 2}, memory_mb={"vision": 101.5}),
-            Part(what=AFTERWARDS, answers={"inserted": 1}, memory_mb={"vision": 102.0}),
+            AttackedPart(what="arm/dwell", answers=answers, defects=["internal: ..."], memory_mb={"vision": 100.0}),
+            AttackedPart(what="clock", samples=40, tracebacks={"vision": 2}, memory_mb={"vision": 101.5}),
+            AttackedPart(what=AFTERWARDS, answers={"inserted": 1}, memory_mb={"vision": 102.0}),
         ]
     )
     assert part_rows(attacked) == [("arm/dwell", 11, 3, 7, 1, 0, 0), ("clock", 40, 0, 0, 0, 0, 1)]

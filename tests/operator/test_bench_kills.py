@@ -11,7 +11,15 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import AssemblyPhase, Failure, Phase
 from services.operator.bench.reliability.kills.judging import Limits, Observed, complaints, stopped_after_s
 from services.operator.bench.reliability.kills.options import chosen
-from services.operator.bench.reliability.kills.plan import PHASES, SERVICES, Case, Ending, begins, cases, ripe
+from services.operator.bench.reliability.kills.plan import (
+    PHASES,
+    SERVICES,
+    KillCase,
+    ServiceEnding,
+    begins,
+    cases,
+    ripe,
+)
 
 LIMITS = Limits(force_cap_n=60.0, holder_timeout_s=0.1)
 PERIOD_NS = 4_000_000
@@ -41,19 +49,19 @@ def test_an_arm_that_stands_does_not_stop() -> None:
 
 
 def test_all_cases_are_planned_once() -> None:
-    planned = list(cases(SERVICES, PHASES, Ending, 7))
-    assert len(planned) == len(set(planned)) == len(SERVICES) * len(PHASES) * len(Ending)
+    planned = list(cases(SERVICES, PHASES, ServiceEnding, 7))
+    assert len(planned) == len(set(planned)) == len(SERVICES) * len(PHASES) * len(ServiceEnding)
 
 
 def test_the_moment_is_waited_for() -> None:
-    case = Case(service="vision", phase=Phase.PUSHING, ending=Ending.KILL, seed=1)
+    case = KillCase(service="vision", phase=Phase.PUSHING, ending=ServiceEnding.KILL, seed=1)
     assert begins(case, AssemblyPhase(assembly_id="", phase=Phase.PUSHING, text="compliant push 2"))
     assert not begins(case, AssemblyPhase(assembly_id="", phase=Phase.PUSHING, text="did not enter"))
     assert ripe(case, 0.0, 6.0) and not ripe(case, 1.0, 1.0)
 
 
-def case_of(service: str, ending: Ending = Ending.KILL) -> Case:
-    return Case(service=service, phase=Phase.PUSHING, ending=ending, seed=1)
+def case_of(service: str, ending: ServiceEnding = ServiceEnding.KILL) -> KillCase:
+    return KillCase(service=service, phase=Phase.PUSHING, ending=ending, seed=1)
 
 
 def seen(**changes: object) -> Observed:
@@ -113,7 +121,7 @@ def test_what_is_not(service: str, changes: dict[str, object], said: str) -> Non
 
 
 def test_a_planner_that_hung_must_deal_with_an_arm_that_let_go() -> None:
-    case = case_of("planning", Ending.STOP)
+    case = case_of("planning", ServiceEnding.STOP)
     assert complaints(case, seen(failure=Failure.ARM_STOPPED), LIMITS) == []
     assert complaints(case, seen(**INSERTED), LIMITS) == []
     assert complaints(case, seen(failure=Failure.DEFECT), LIMITS) != []
@@ -122,8 +130,8 @@ def test_a_planner_that_hung_must_deal_with_an_arm_that_let_go() -> None:
 
 
 @pytest.mark.parametrize("service", SERVICES)
-@pytest.mark.parametrize("ending", list(Ending))
-def test_every_loss_is_to_be_named_within_a_second(service: str, ending: Ending) -> None:
+@pytest.mark.parametrize("ending", list(ServiceEnding))
+def test_every_loss_is_to_be_named_within_a_second(service: str, ending: ServiceEnding) -> None:
     for named_s in (1.01, 5.0, None):
         found = complaints(case_of(service, ending), seen(**{**INSERTED, "named_s": named_s}), LIMITS)
         assert any("named" in complaint for complaint in found), found
@@ -132,6 +140,6 @@ def test_every_loss_is_to_be_named_within_a_second(service: str, ending: Ending)
 def test_what_is_asked_for_is_chosen_in_the_order_of_the_plan() -> None:
     assert chosen("--phase", ["seated", "locating"], PHASES) == (Phase.LOCATING, Phase.SEATED)
     assert chosen("--service", None, SERVICES) == SERVICES
-    assert chosen("--signal", [Ending.STOP], Ending) == (Ending.STOP,)
+    assert chosen("--signal", [ServiceEnding.STOP], ServiceEnding) == (ServiceEnding.STOP,)
     with pytest.raises(ConfigError, match=r"^--phase approach, zero: want one of locating, approaching, pushing"):
         chosen("--phase", ["zero", "seated", "approach"], PHASES)

@@ -11,21 +11,25 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Phase, Strategy
 from crosspih_common.provenance import ResultStore
 from services.operator.bench.reliability.matrix.command import case_key
-from services.operator.bench.reliability.matrix.judging import Seen, Tape, complaints, lost, outcome
-from services.operator.bench.reliability.matrix.page import BEGIN, END, Row, section, write_section
-from services.operator.bench.reliability.matrix.plan import PHASES, VICTIMS, Case, Ending, cases
+from services.operator.bench.reliability.matrix.judging import MatrixObservation, TapeFigures, complaints, lost, outcome
+from services.operator.bench.reliability.matrix.page import BEGIN, END, MatrixResult, section, write_section
+from services.operator.bench.reliability.matrix.plan import PHASES, VICTIMS, MatrixCase, ProcessEnding, cases
 from services.operator.cli.commands import app
 
-TAPE = Tape(parts=1, gap_s=0.05, missing=0, finished=True)
-INSERTED = Seen(signalled=True, result_s=20.0, inserted=True, status=0, healthy_s=2.0, tape=TAPE, tip_before_m=-0.05)
+TAPE = TapeFigures(parts=1, gap_s=0.05, missing=0, finished=True)
+INSERTED = MatrixObservation(
+    signalled=True, result_s=20.0, inserted=True, status=0, healthy_s=2.0, tape=TAPE, tip_before_m=-0.05
+)
 
 
-def case(victim: str = "planning", ending: Ending = Ending.KILL, phase: Phase = Phase.PUSHING) -> Case:
-    return Case(victim=victim, phase=phase, ending=ending, seed=1)
+def case(
+    victim: str = "planning", ending: ProcessEnding = ProcessEnding.KILL, phase: Phase = Phase.PUSHING
+) -> MatrixCase:
+    return MatrixCase(victim=victim, phase=phase, ending=ending, seed=1)
 
 
 def test_every_process_by_every_signal_in_every_phase_once() -> None:
-    every = list(cases(VICTIMS, PHASES, Ending, 1000))
+    every = list(cases(VICTIMS, PHASES, ProcessEnding, 1000))
     assert len(every) == len({one.name for one in every}) == 8 * 5 * 3
     assert {"router", "operator", "recorder", "hardware"} < {one.victim for one in every}
     touching = {one.moment.strategy for one in every if one.phase is Phase.TOUCHING}
@@ -61,7 +65,7 @@ def test_a_time_without_samples_is_a_loss_where_the_recorder_was_away() -> None:
 
 
 def test_what_is_said_is_no_loss_in_silence() -> None:
-    parts = Tape(parts=2, gap_s=3.0, missing=0, finished=True, warnings=("2.9 s are missing",))
+    parts = TapeFigures(parts=2, gap_s=3.0, missing=0, finished=True, warnings=("2.9 s are missing",))
     seen = INSERTED.model_copy(update={"tape": parts})
     assert complaints(case("recorder"), seen) == [] and lost(seen) == "2 parts, 3.0 s"
 
@@ -75,7 +79,7 @@ def test_nobody_is_told_where_the_operator_is_gone() -> None:
 def test_the_section_is_put_between_the_marks_and_the_rest_is_left(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(f"before\n{BEGIN}\nformer\n{END}\nafter\n")
-    rows = [Row(case=case(), seen=INSERTED)]
+    rows = [MatrixResult(case=case(), seen=INSERTED)]
     write_section(page, section(rows, "crosspih bench matrix", 120))
     text = page.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "former" not in text

@@ -12,7 +12,7 @@ from crosspih_common.errors import NoService
 from crosspih_common.messages import JointState
 from services.operator.bench.protocols.assembling import CycleCount, ProtocolResult, ProtocolTrial, line_of, table_of
 from services.operator.bench.protocols.peers import Peer
-from services.operator.bench.protocols.plants import Way, base_content
+from services.operator.bench.protocols.plants import ProtocolWay, base_content
 
 
 def test_a_peer_answers_lines_and_is_ended(tmp_path: Path) -> None:
@@ -52,9 +52,9 @@ def test_the_table_names_each_failure() -> None:
     assert "ended as arm_stopped" in cells and any("1 of 2" in cell for cell in cells)
 
 
-@pytest.mark.parametrize("way", list(Way))
-def test_what_stands_behind_the_protocols_is_a_shipped_cell(way: Way) -> None:
-    assert "hole_prior" in base_content(way)["cell"] or way is Way.ROS2
+@pytest.mark.parametrize("way", list(ProtocolWay))
+def test_what_stands_behind_the_protocols_is_a_shipped_cell(way: ProtocolWay) -> None:
+    assert "hole_prior" in base_content(way)["cell"] or way is ProtocolWay.ROS2
 
 
 def test_each_assembly_is_told_in_a_line() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.operator.bench.cells.processes import Held, held_by
+from services.operator.bench.cells.processes import ProcessResources, held_by
 from services.operator.bench.reliability.soak.measuring import Figures, complaints, grown, size_mb
 from services.operator.bench.reliability.soak.trend import growth
 
@@ -19,7 +19,8 @@ MINUTE_S = 60.0
 def figures(number: int, memory_mb: float, **more: object) -> Figures:
     taken = {
         "at_s": number * MINUTE_S, "seed": number, "inserted": True, "ended_as": "inserted", "wall_s": 4.0,
-        "latency_ms": (1.0, 2.0), "services": {"vision": Held(memory_mb=memory_mb, descriptors=30, threads=9)},
+        "latency_ms": (1.0, 2.0),
+        "services": {"vision": ProcessResources(memory_mb=memory_mb, descriptors=30, threads=9)},
         "restarts": {"vision": 0}, "dropped": {"vision": 0}, "rejected": {"vision": 0}, "recorded_mb": 3.0,
         "kept_mb": 0.5, "missing": (),
     }  # fmt: skip

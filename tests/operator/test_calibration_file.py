@@ -13,11 +13,11 @@ import yaml
 
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, Gamma
-from services.operator.locate.calibration_file import Reading, read_calibration
-from services.operator.locate.reading import CalibrationFileError
+from services.operator.locate.calibration_file import FileReading, read_calibration
+from services.operator.locate.reading import CameraFileError
 
 BASE = Pose.from_rotvec([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
-READING = Reading(BASE)
+READING = FileReading(BASE)
 M1 = np.array([[400.0, 0.0, 322.0], [0.0, 395.0, 236.0], [0.0, 0.0, 1.0]])
 M2 = np.array([[410.0, 0.0, 318.0], [0.0, 407.0, 243.0], [0.0, 0.0, 1.0]])
 D1, D2 = np.array([[-0.3, 0.09, 1e-3, -7e-4, -0.01]]), np.array([[0.1, -0.05, 0.0, 1e-4, 0.0, 0.01, 0.0, 0.0]])
@@ -73,7 +73,7 @@ def test_the_camera_message_is_read(tmp_path: Path, suffix: str) -> None:
     stands = {"position_m": [1, 2, 3], "quaternion_xyzw": [0, 0, 0, 1]}
     told = read_calibration([text(tmp_path / f"d.{suffix}", {**MESSAGE, "pose_base_camera": stands})], READING)
     assert told.pose_base_camera.position_m == (1.0, 2.0, 3.0)
-    linear = read_calibration([tmp_path / f"d.{suffix}"], Reading(BASE, gamma=Gamma.LINEAR))
+    linear = read_calibration([tmp_path / f"d.{suffix}"], FileReading(BASE, gamma=Gamma.LINEAR))
     assert linear.right.gamma is Gamma.LINEAR
     assert read_calibration([text(tmp_path / f"e.{suffix}", told.model_dump(mode="json"))], READING) == told
 
@@ -95,18 +95,18 @@ def test_what_opencv_writes_is_read(tmp_path: Path, suffix: str) -> None:
         tmp_path / f"other.{suffix}", cameraMatrix1=M1, distCoeffs1=D1.T, cameraMatrix2=M2, distCoeffs2=D2.T,
         R=ROTATION, T=SHIFT.T * 1e3,
     )  # fmt: skip
-    with pytest.raises(CalibrationFileError, match="image_width and image_height"):
+    with pytest.raises(CameraFileError, match="image_width and image_height"):
         read_calibration([other], READING)
     sizes = (640, 480), (640, 480)
-    with pytest.raises(CalibrationFileError, match="--unit mm"):
-        read_calibration([other], Reading(BASE, sizes=lambda: sizes))
-    require_stereo(read_calibration([other], Reading(BASE, unit_m=1e-3, sizes=lambda: sizes)))
+    with pytest.raises(CameraFileError, match="--unit mm"):
+        read_calibration([other], FileReading(BASE, sizes=lambda: sizes))
+    require_stereo(read_calibration([other], FileReading(BASE, unit_m=1e-3, sizes=lambda: sizes)))
 
 
 def test_opencvs_rectified_pictures_are_described_by_its_p(tmp_path: Path) -> None:
     _, _, p1, p2, *_ = cv2.stereoRectify(M1, D1, M2, D2, (640, 480), ROTATION, SHIFT)
     path = store(tmp_path / "c.yml", M1=M1, D1=D1, M2=M2, D2=D2, R=ROTATION, T=SHIFT, P1=p1, P2=p2, **SIZE)
-    read = read_calibration([path], Reading(BASE, rectified=True))
+    read = read_calibration([path], FileReading(BASE, rectified=True))
     assert read.left.fx_px == pytest.approx(p1[0, 0]) and not any(read.left.distortion)
     assert read.pose_left_right.position_m[0] == pytest.approx(np.linalg.norm(SHIFT))
 
@@ -145,9 +145,9 @@ def test_ros_camera_info_is_read_from_two_files_and_from_one_with_both(tmp_path:
     stream = tmp_path / "stream.yaml"
     stream.write_text("\n---\n".join(yaml.safe_dump(info) for info in (left, right)), encoding="utf-8")
     require_stereo(read_calibration([stream], READING))
-    with pytest.raises(CalibrationFileError, match="left camera's camera_info first"):
+    with pytest.raises(CameraFileError, match="left camera's camera_info first"):
         read_calibration(files[::-1], READING)
-    with pytest.raises(CalibrationFileError, match="1 camera; give that of both"):
+    with pytest.raises(CameraFileError, match="1 camera; give that of both"):
         read_calibration(files[:1], READING)
 
 
@@ -161,7 +161,7 @@ def test_a_printed_camera_info_message_is_read_and_rectified_pictures_are_descri
         told |= {"height": 480, "width": 640, "distortion_model": info["distortion_model"], "header": {"frame_id": "c"}}
         files.append(text(tmp_path / f"{case}.yaml", told))
     require_stereo(read_calibration(files, READING))
-    flat = read_calibration(files, Reading(BASE, rectified=True))
+    flat = read_calibration(files, FileReading(BASE, rectified=True))
     assert flat.left.fx_px == flat.right.fx_px == pytest.approx(camera_infos()[0]["projection_matrix"]["data"][0])
     assert flat.pose_left_right.position_m == pytest.approx((float(np.linalg.norm(SHIFT)), 0.0, 0.0))
 
@@ -187,14 +187,14 @@ def test_a_printed_camera_info_message_is_read_and_rectified_pictures_are_descri
 def test_a_file_that_cannot_be_used_is_told_its_field(tmp_path: Path, content: str, said: str) -> None:
     path = tmp_path / "c.yaml"
     path.write_text(content, encoding="utf-8")
-    with pytest.raises(CalibrationFileError, match="calibration: ") as refused:
+    with pytest.raises(CameraFileError, match="calibration: ") as refused:
         read_calibration([path], READING)
     assert said in str(refused.value)
 
 
 def test_a_file_that_is_not_there_or_no_text_is_told(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationFileError, match=r"none\.yaml cannot be read"):
+    with pytest.raises(CameraFileError, match=r"none\.yaml cannot be read"):
         read_calibration([tmp_path / "none.yaml"], READING)
     (tmp_path / "c.yaml").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(CalibrationFileError, match="is no text"):
+    with pytest.raises(CameraFileError, match="is no text"):
         read_calibration([tmp_path / "c.yaml"], READING)

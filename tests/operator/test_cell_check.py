@@ -15,7 +15,7 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import CLOCK, DWELL
 from crosspih_common.messages import Dwell
 from services.operator.cell.check.first import check_before_first
-from services.operator.cell.check.measuring import Manner, check_cell
+from services.operator.cell.check.measuring import CheckManner, check_cell
 from services.operator.cli.rows import Verdict, table_of, wrong_ones
 from tests.operator.mistaken_cells import (
     cell_with,
@@ -27,10 +27,10 @@ from tests.operator.mistaken_cells import (
 )
 
 # as gentle, in less of the cell's time; nobody is waited for in memory
-QUICK = Manner(turn_rad_s=1.0, dwell_s=0.15, settle_s=0.05, patience_s=0.1)
-LEVEL = Manner(dwell_s=0.15, patience_s=0.1, tilting=False)
+QUICK = CheckManner(turn_rad_s=1.0, dwell_s=0.15, settle_s=0.05, patience_s=0.1)
+LEVEL = CheckManner(dwell_s=0.15, patience_s=0.1, tilting=False)
 OF_THE_TILT = ("sensor's sign and axes", "unit of force", "joint speeds in rad/s")
-TOLD = Manner(turn_rad_s=1.0, dwell_s=0.15, settle_s=0.05, patience_s=0.1, provoking=False)
+TOLD = CheckManner(turn_rad_s=1.0, dwell_s=0.15, settle_s=0.05, patience_s=0.1, provoking=False)
 RIGHT_ANGLE = float(np.pi / 2)
 
 # what is planted; the check that must name it, what it must have found, and what must mend it
@@ -79,7 +79,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[Any]]:
     """The checks of a cell; of one that was looked at already, those."""
     known: dict[str, list[Any]] = {}
 
-    def look(planted: dict[str, Any], manner: Manner = QUICK) -> list[Any]:
+    def look(planted: dict[str, Any], manner: CheckManner = QUICK) -> list[Any]:
         name = repr(planted)
         if name not in known:
             with cell_with(tmp_path_factory.mktemp("cell"), **planted) as (bus, cell):
@@ -115,7 +115,7 @@ def test_nothing_moves_where_the_joints_are_in_degrees(tmp_path: Path) -> None:
 
 def test_the_cameras_alone_need_no_arm_to_hold(tmp_path: Path) -> None:
     with cell_with(tmp_path) as (bus, cell):
-        checks = check_cell(bus, cell.workcell, Manner(arm=False, patience_s=0.1))
+        checks = check_cell(bus, cell.workcell, CheckManner(arm=False, patience_s=0.1))
     assert [check.name for check in checks] == [
         "liveliness token of camera", "left image", "right image", "stereo pair", "messages as the contract says",
     ]  # fmt: skip

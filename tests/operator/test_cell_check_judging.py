@@ -26,10 +26,10 @@ from crosspih_common.messages import (
     StopReason,
 )
 from services.operator.cell.check import gravity, images, presence, streams
-from services.operator.cell.check.gravity import Reading, felt_weight
+from services.operator.cell.check.gravity import DwellReading, felt_weight
 from services.operator.cell.check.measuring import tilt_axes
 from services.operator.cell.check.provoking import beyond
-from services.operator.cell.check.refused import Answer, check_refused, check_stop
+from services.operator.cell.check.refused import CommandEnd, check_refused, check_stop
 from services.operator.cli.rows import Row, Verdict
 
 WORKCELL = Workcell()
@@ -42,7 +42,7 @@ def workcell(**sensor: Any) -> Workcell:
 
 
 def readings(peg: Array, weight_n: float, turn_rad: Any = (0.0, 0.0, 0.0), sign: int = 1, scale: float = 1.0,
-             cell: Workcell = WORKCELL, bias: Any = (0.0,) * 6) -> list[Reading]:  # fmt: skip
+             cell: Workcell = WORKCELL, bias: Any = (0.0,) * 6) -> list[DwellReading]:  # fmt: skip
     """What a sensor would give that is turned, reversed or scaled against what the file of WORKCELL says."""
     down = np.asarray(cell.gravity_base_m_s2) / np.linalg.norm(cell.gravity_base_m_s2)
     real = Rotation.from_rotvec(turn_rad).as_matrix()
@@ -53,7 +53,7 @@ def readings(peg: Array, weight_n: float, turn_rad: Any = (0.0, 0.0, 0.0), sign:
         force = weight_n * (tilted @ real).T @ down
         moment = np.cross([0.0, 0.0, 0.03], force)
         raw = sign * scale * np.concatenate([force, moment]) + np.asarray(bias)
-        found.append(Reading(tilted, raw, np.full(6, 1e-3)))
+        found.append(DwellReading(tilted, raw, np.full(6, 1e-3)))
     return found
 
 
@@ -127,12 +127,12 @@ def test_an_unknown_weight_that_cannot_be_is_named() -> None:
 def test_a_force_that_is_no_turned_weight_is_no_sound_sensor() -> None:
     peg = WORKCELL.pose_base_peg(WORKCELL.home_joints_rad).rotation
     pulled = [
-        Reading(one.rotation_base_peg, one.raw + np.array([(-1.0) ** index * 3.0, 0, 0, 0, 0, 0]), one.raw_sd)
+        DwellReading(one.rotation_base_peg, one.raw + np.array([(-1.0) ** index * 3.0, 0, 0, 0, 0, 0]), one.raw_sd)
         for index, one in enumerate(readings(peg, 9.5))
     ]
     check = gravity.check_sign(felt_weight(pulled, WORKCELL), WORKCELL)
     assert check.verdict is Verdict.WRONG and "cable" in check.mend
-    dead = [Reading(one.rotation_base_peg, np.zeros(6), one.raw_sd) for one in pulled]
+    dead = [DwellReading(one.rotation_base_peg, np.zeros(6), one.raw_sd) for one in pulled]
     assert gravity.check_sign(felt_weight(dead, WORKCELL), WORKCELL).verdict is Verdict.WRONG
     assert felt_weight(readings(peg, 9.5)[:2], WORKCELL) is None
     assert gravity.check_sign(None, WORKCELL).verdict is Verdict.SKIPPED
@@ -141,7 +141,7 @@ def test_a_force_that_is_no_turned_weight_is_no_sound_sensor() -> None:
 def test_moments_in_mnm_hang_the_weight_far_away() -> None:
     peg = WORKCELL.pose_base_peg(WORKCELL.home_joints_rad).rotation
     big = [
-        Reading(one.rotation_base_peg, one.raw * np.array([1, 1, 1, 1e3, 1e3, 1e3]), one.raw_sd)
+        DwellReading(one.rotation_base_peg, one.raw * np.array([1, 1, 1, 1e3, 1e3, 1e3]), one.raw_sd)
         for one in readings(peg, 9.5)
     ]
     check = gravity.check_moment(felt_weight(big, WORKCELL))
@@ -309,11 +309,11 @@ def test_pictures_against_what_is_said_of_them() -> None:
 
 
 def test_refusals_and_stops() -> None:
-    def judged(answer: Answer) -> Verdict:
+    def judged(answer: CommandEnd) -> Verdict:
         return check_refused("limit", answer, ("joint_limit",), "refuse it").verdict
 
-    assert judged(Answer("joint_limit")) is Verdict.OK
-    assert judged(Answer("busy")) is Verdict.WRONG and judged(Answer(None, "completed")) is Verdict.WRONG
+    assert judged(CommandEnd("joint_limit")) is Verdict.OK
+    assert judged(CommandEnd("busy")) is Verdict.WRONG and judged(CommandEnd(None, "completed")) is Verdict.WRONG
     stopped = outcome(stop_reason=StopReason.STOPPED)
     assert check_stop(stopped, True, 0.05, True).verdict is Verdict.OK
     assert "0.300 s after" in check_stop(stopped, True, 0.3, True).found

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from crosspih_common.config import cell_of_text, load_cell
 from services.operator.cell.drivers import installed_drivers
 from services.operator.cell.init import command
-from services.operator.cell.init.answers import Refused
+from services.operator.cell.init.answers import InvalidAnswer
 from services.operator.cell.init.questions import Question, questions
 from services.operator.cell.init.writing import cell_text
 from services.operator.cli.commands import app
@@ -170,7 +170,7 @@ def test_any_answer_is_taken_or_refused_and_what_is_taken_makes_a_file_that_read
         answers["arm"] = {"name": "xb4"}
     try:
         answers[question.key] = question.read(text, answers)
-    except Refused as refused:
+    except InvalidAnswer as refused:
         assert str(refused)
         return
     for after in EACH[EACH.index(question) + 1 :]:
@@ -180,7 +180,7 @@ def test_any_answer_is_taken_or_refused_and_what_is_taken_makes_a_file_that_read
                 return  # of a real arm: its address
             try:
                 answers[after.key] = after.read(default, answers)
-            except Refused:
+            except InvalidAnswer:
                 return  # the default does not go with it: the command says so
     cell_of_text(Path("cell.yaml"), cell_text(answers, Path("cell.yaml"), {}))
 
@@ -191,7 +191,7 @@ def test_any_address_is_taken_or_refused(text: str) -> None:
     question = next(one for one in EACH if one.key == "address")
     try:
         said = question.read(text, {"driver": "robo"})
-    except Refused as refused:
+    except InvalidAnswer as refused:
         assert str(refused)
         return
     assert yaml.safe_load(yaml.safe_dump({"host": said})) == {"host": said}

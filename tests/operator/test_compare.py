@@ -22,13 +22,13 @@ from services.operator.bench.compare.figure import save_figure
 from services.operator.bench.compare.table import compare_table
 from services.operator.bench.domain.boxes import DomainResult, boxes_of
 from services.operator.bench.domain.boxes import table_of as domain_table
-from services.operator.bench.domain.factors import Factor, Level
+from services.operator.bench.domain.factors import Factor, FactorLevel
 from services.operator.bench.protocols.assembling import ProtocolResult, ProtocolTrial
 from services.operator.bench.protocols.assembling import table_of as protocols_table
 from services.operator.bench.refinement_gain.command import compared_table
 from services.operator.bench.reliability.busy.loading import BusyResult, ended
 from services.operator.bench.reliability.busy.loading import table_of as busy_table
-from services.operator.scoring.challenge_score import MOST, challenge_score
+from services.operator.scoring.challenge_score import MAX_SCORE, challenge_score
 from services.operator.scoring.score import TrialFigures
 from services.operator.scoring.statistics import Sight, sight_row, summarise
 
@@ -48,7 +48,7 @@ def scored(**changed: object) -> float:
 
 
 def test_a_perfect_trial_has_all_points() -> None:
-    assert scored() == MOST == 100.0
+    assert scored() == MAX_SCORE == 100.0
 
 
 def test_the_parts_have_their_published_weights() -> None:
@@ -73,7 +73,7 @@ def test_no_trial_leaves_the_scale(
         inserted=inserted, duration_s=duration_s, mean_jerk_m_s3=jerk, tip_path_m=path_m, start_distance_m=distance_m,
         over_20_n_s=heavy_s,
     )  # fmt: skip
-    assert -12.0 <= points <= MOST
+    assert -12.0 <= points <= MAX_SCORE
     assert (points > 60.0) == inserted
 
 
@@ -195,7 +195,7 @@ def test_what_vision_refused_and_force_found_is_told_by_every_bench() -> None:
         speed="max", busy_processes=0, cores=2, inserted=2, stopped=0, assemblies=[ended(0, one) for one in trials]
     )
     comparison = compare_strategies(0, [(TrialJob(seed=one.seed or 0), one) for one in trials])
-    factor = Factor("light", True, (Level("usual", {}),))
+    factor = Factor("light", True, (FactorLevel("usual", {}),))
     boxes = boxes_of([factor], [(TrialJob(seed=one.seed or 0), one) for one in trials], 0)
     domain = DomainResult(strategy="fused", seed=0, trials=4, boxes=boxes)
     each = [ProtocolTrial(seed=0, inserted=True, failure=None, detail="", looked=True, felt_for=True)]

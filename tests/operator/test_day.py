@@ -17,13 +17,13 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from services.hardware.config import hardware_of
 from services.hardware.peers.following import FollowingCamera
-from services.hardware.peers.seen import Seen
+from services.hardware.peers.seen import JointsTeller
 from services.operator.bench.cells.conditions import merged
 from services.operator.bench.protocols.assembling import calibrated_cell
 from services.operator.bench.protocols.board import put_board
 from services.operator.bench.protocols.day import LEFT_OUT, PAGE
 from services.operator.bench.protocols.hidden import BOARD, behind, cameras_of, held_by_hand, true_cameras
-from services.operator.bench.protocols.page import Step, steps_of
+from services.operator.bench.protocols.page import PageStep, steps_of
 from services.operator.bench.protocols.plants import (
     ADDRESSES,
     ARM,
@@ -32,7 +32,7 @@ from services.operator.bench.protocols.plants import (
     RIGHT,
     SEEN_PORT,
     SENSOR,
-    Way,
+    ProtocolWay,
     base_content,
 )
 from services.operator.bench.protocols.scoring_day import camera_rows, tool_rows, true_tool, truth_lines
@@ -51,7 +51,7 @@ DRIVERS: list[dict[str, Any]] = [
 ]
 
 
-def _commands() -> list[Step]:
+def _commands() -> list[PageStep]:
     return [step for step in STEPS if step.kind == "command" and step.words[0] == "crosspih"]
 
 
@@ -105,8 +105,8 @@ def test_a_cameras_file_is_looked_for_beside_the_cells_file(tmp_path: Path) -> N
     assert found == str((tmp_path / "cameras.yaml").resolve())
 
 
-@pytest.mark.parametrize("way", list(Way))
-def test_what_stands_behind_the_devices_is_not_as_its_file_says(way: Way) -> None:
+@pytest.mark.parametrize("way", list(ProtocolWay))
+def test_what_stands_behind_the_devices_is_not_as_its_file_says(way: ProtocolWay) -> None:
     base = base_content(way)
     assert behind(base, None) is base
     real, other = behind(base, 1), behind(base, 2)
@@ -124,7 +124,7 @@ def test_what_stands_behind_the_devices_is_not_as_its_file_says(way: Way) -> Non
 
 
 def test_the_board_is_held_where_both_cameras_see_it_before_the_plate() -> None:
-    real = behind(base_content(Way.UR), 1)
+    real = behind(base_content(ProtocolWay.UR), 1)
     held, cameras = held_by_hand(real, 1), true_cameras(real)
     outline = BoardPattern.of(BOARD).outline_m()
     hole = Workcell.model_validate(real["cell"]).hole_prior.pose_base_hole()
@@ -159,7 +159,7 @@ def test_cameras_follow_the_arm_of_another_process_and_whoever_holds_the_board()
     camera = _Camera()
     poses = [Pose.from_translation([float(number), 0.0, 0.0]) for number in (1, 2)]
     following = FollowingCamera(camera, SEEN_PORT, poses)  # type: ignore[arg-type]
-    seen = Seen(f"127.0.0.1:{SEEN_PORT}")
+    seen = JointsTeller(f"127.0.0.1:{SEEN_PORT}")
     try:
         assert put_board("hand")
         for _ in range(3):

@@ -18,7 +18,7 @@ from crosspih_common.messages import (
 )
 from services.operator.assembly.display.drawing import drawn, narrowed, sparkline
 from services.operator.assembly.display.live import LiveStory, caps_of
-from services.operator.assembly.display.standing import Caps, Standing
+from services.operator.assembly.display.standing import AssemblyStanding, Caps
 from services.operator.cli.time_left import TimeLeft, in_words
 
 START_NS = 5_000_000_000
@@ -40,9 +40,9 @@ def _felt(force_n: float, at_s: float) -> ContactWrench:
 
 
 @pytest.fixture
-def standing() -> Standing:
+def standing() -> AssemblyStanding:
     """Located, driven there, pushing for 3 s with 30 N at most."""
-    found = Standing("seed 7, peg cross, fused", Caps(60.0, 6.0))
+    found = AssemblyStanding("seed 7, peg cross, fused", Caps(60.0, 6.0))
     found.begin(START_NS)
     found.add_phase(_phase(Phase.LOCATING, -1.0))  # of another assembly
     found.add_phase(_phase(Phase.LOCATING, 0.5, sd_lateral_mm=0.268, sd_depth_mm=0.254, sd_tilt_deg=0.795))
@@ -53,21 +53,21 @@ def standing() -> Standing:
     return found
 
 
-def test_phases_have_the_cells_time_and_the_running_one_grows(standing: Standing) -> None:
+def test_phases_have_the_cells_time_and_the_running_one_grows(standing: AssemblyStanding) -> None:
     assert standing.in_phase_s(Phase.LOCATING) == pytest.approx(0.25)
     assert standing.in_phase_s(Phase.APPROACHING) == pytest.approx(4.0)
     assert standing.in_phase_s(Phase.PUSHING) == pytest.approx(2.99)
     assert standing.in_phase_s(Phase.SEATED) is None and standing.pushes == 1
 
 
-def test_the_history_has_the_largest_of_each_piece_and_forgets(standing: Standing) -> None:
+def test_the_history_has_the_largest_of_each_piece_and_forgets(standing: AssemblyStanding) -> None:
     assert max(standing.history()) == pytest.approx(30.0) and max(standing.history(moments=True)) == pytest.approx(1.5)
     before = len(standing.history())
     standing.add_wrench(_felt(1.0, 60.0))
     assert len(standing.history()) == before and max(standing.history()) == 1.0 and standing.peak_n == 30.0
 
 
-def test_an_estimate_replaces_what_vision_said(standing: Standing) -> None:
+def test_an_estimate_replaces_what_vision_said(standing: AssemblyStanding) -> None:
     assert standing.believed is not None and standing.believed.by == "vision"
     variances = (4e-6, 0.0, 1e-6, 0.0, 1e-4, 0.0)
     covariance = tuple(variances[row] if row == column else 0.0 for row in range(6) for column in range(6))
@@ -85,7 +85,7 @@ def test_an_estimate_replaces_what_vision_said(standing: Standing) -> None:
 
 
 def test_what_is_felt_before_a_calibration_has_ended_counts_for_nothing() -> None:
-    standing = Standing("", Caps(60.0, 6.0))
+    standing = AssemblyStanding("", Caps(60.0, 6.0))
     standing.begin(START_NS)
     standing.add_phase(_phase(Phase.CALIBRATING, 1.0))
     standing.add_wrench(_felt(40.0, 2.0))
@@ -93,7 +93,7 @@ def test_what_is_felt_before_a_calibration_has_ended_counts_for_nothing() -> Non
 
 
 @pytest.mark.parametrize("width", [80, 110, 200])
-def test_the_panel_fits_and_stays_as_high_as_it_was(standing: Standing, width: int) -> None:
+def test_the_panel_fits_and_stays_as_high_as_it_was(standing: AssemblyStanding, width: int) -> None:
     def lines() -> list[str]:
         out = io.StringIO()
         Console(file=out, width=width, force_terminal=False).print(drawn(standing, width))
@@ -106,7 +106,7 @@ def test_the_panel_fits_and_stays_as_high_as_it_was(standing: Standing, width: i
     assert len(lines()) == len(before)
 
 
-def test_a_warning_stands_in_the_panel_and_in_the_lines(standing: Standing) -> None:
+def test_a_warning_stands_in_the_panel_and_in_the_lines(standing: AssemblyStanding) -> None:
     out = io.StringIO()
     console = Console(file=out, width=110)
     story = LiveStory(console, standing)

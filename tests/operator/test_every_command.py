@@ -12,30 +12,30 @@ from typer.testing import CliRunner
 
 from services.operator.cli.commands import COMMANDS, app
 from services.operator.cli.failure import TRACEBACK, failure_of, with_nearest
-from services.operator.cli.page import Listed, every_command, markdown
+from services.operator.cli.page import ListedCommand, every_command, markdown
 
 # of the others among the benches, and of `cell drivers`, what could fail does so after seconds of work
 FAIL_AT_ONCE = {"bench assembly", "bench compare", "bench domain", "bench soak"}
 SAY_IT_THEMSELVES = {"doctor", "security show"}  # what is wrong is what they are asked: rows of their own object
 
 
-def _name(one: Listed) -> str:
+def _name(one: ListedCommand) -> str:
     return " ".join(one.path[1:])
 
 
 @pytest.fixture(scope="module")
-def every() -> list[Listed]:
+def every() -> list[ListedCommand]:
     """All commands. Loaded once, and not while tests are collected."""
     return list(every_command())
 
 
 @pytest.fixture(scope="module")
-def with_json(every: list[Listed]) -> list[Listed]:
+def with_json(every: list[ListedCommand]) -> list[ListedCommand]:
     """Those that have --json."""
     return [one for one in every if any(parameter.name == "as_json" for parameter in one.command.params)]
 
 
-def test_every_example_can_be_asked(every: list[Listed]) -> None:
+def test_every_example_can_be_asked(every: list[ListedCommand]) -> None:
     for one in every:
         context = one.command.make_context(one.path[-1], shlex.split(one.entry.example))
         assert context.params, _name(one)
@@ -43,7 +43,7 @@ def test_every_example_can_be_asked(every: list[Listed]) -> None:
         assert not required or one.entry.example, f"{_name(one)} wants {required}: give it an example"
 
 
-def test_the_list_says_what_the_commands_own_help_says(every: list[Listed]) -> None:
+def test_the_list_says_what_the_commands_own_help_says(every: list[ListedCommand]) -> None:
     for one in every:
         first, _, _ = (one.command.help or "").partition("\n\n")
         assert " ".join(first.split()) == one.entry.says, _name(one)
@@ -76,7 +76,7 @@ def _error_of(text: str) -> dict[str, str]:
     return dict(error)
 
 
-def test_what_cannot_be_asked_so_is_an_object_too(with_json: list[Listed]) -> None:
+def test_what_cannot_be_asked_so_is_an_object_too(with_json: list[ListedCommand]) -> None:
     assert len(with_json) > 40
     for one in with_json:
         said = CliRunner().invoke(app, [*one.path[1:], "--json", "--no-such-option"])
@@ -84,13 +84,13 @@ def test_what_cannot_be_asked_so_is_an_object_too(with_json: list[Listed]) -> No
         assert _error_of(said.stdout)["field"] == "--no-such-option", _name(one)
 
 
-def _fails_at_once(one: Listed) -> bool:
+def _fails_at_once(one: ListedCommand) -> bool:
     if _name(one).startswith("bench ") or _name(one) == "cell drivers":
         return _name(one) in FAIL_AT_ONCE
     return _name(one) not in SAY_IT_THEMSELVES
 
 
-def test_a_failure_is_one_line_and_an_object(with_json: list[Listed], nothing_there: Path) -> None:
+def test_a_failure_is_one_line_and_an_object(with_json: list[ListedCommand], nothing_there: Path) -> None:
     for one in filter(_fails_at_once, with_json):
         words = shlex.split(one.entry.example.partition("--cell")[0])
         if any(parameter.name == "cell" for parameter in one.command.params):

@@ -11,8 +11,8 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.modules import module_command
 from services.operator.cli.commands import app
 from services.operator.results.command import entries_named
-from services.operator.results.page import Sections, duration, make_page, when
-from services.operator.results.plan import Entry, arguments, load_plan
+from services.operator.results.page import SectionCounts, duration, make_page, when
+from services.operator.results.plan import PlannedSection, arguments, load_plan
 from services.operator.results.printed import Printed
 
 PLAN = """
@@ -58,7 +58,7 @@ def test_an_entry_stands_for_all_combinations(tmp_path: Path) -> None:
     "name, found", [("p", ["p-x", "p-y"]), ("p-x", ["p-x"]), ("one", ["one"]), ("one-more", ["one-more"])]
 )
 def test_a_name_or_how_names_begin_is_enough(name: str, found: list[str]) -> None:
-    entries = [Entry(name=each, title="", command="crosspih x") for each in ("one", "one-more", "p-x", "p-y")]
+    entries = [PlannedSection(name=each, title="", command="crosspih x") for each in ("one", "one-more", "p-x", "p-y")]
     assert [entry.name for entry in entries_named(entries, [name])] == found
 
 
@@ -82,7 +82,7 @@ def test_the_page_holds_commands_what_they_said_and_pictures(tmp_path: Path) -> 
         text="argv[0]=\na table\nargv[0]=\n",
     )
     page, counts = make_page(entries, {"two": printed}, "docs/results", "other")
-    assert counts == Sections(this=0, other=1, missing=1)
+    assert counts == SectionCounts(this=0, other=1, missing=1)
     assert "Not run yet." in page and "Look." in page
     assert "```text\na table\n```" in page and "![The second](results/two.png)" in page
     assert "ended with status 1" in page and "changed since" in page and duration(7300.0) in page

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from deploy.launcher.conditions import Phase
+from deploy.launcher.conditions import ServicePhase
 from deploy.launcher.health import Health
-from deploy.launcher.state import ServiceState, StackState
+from deploy.launcher.state import ServiceRow, StackState
 from services.operator.cli.ps import SILENT, noted, with_clock
 
 
-def row(service: str, phase: Phase = Phase.RUNNING, health: Health = Health.HEALTHY) -> ServiceState:
-    return ServiceState(
+def row(service: str, phase: ServicePhase = ServicePhase.RUNNING, health: Health = Health.HEALTHY) -> ServiceRow:
+    return ServiceRow(
         service=service, phase=phase, health=health, pid=1, exit_code=None, restarts=0, since="2026-01-01", note=""
     )
 
 
-def notes(*rows: ServiceState, alive: set[str]) -> dict[str, str]:
+def notes(*rows: ServiceRow, alive: set[str]) -> dict[str, str]:
     state = StackState(
         project="p", compose_file="", supervisor_pid=1, since="2026-01-01", finished=False, services=rows
     )
@@ -31,7 +31,7 @@ def test_one_that_hangs_is_named(service: str) -> None:
 
 
 def test_what_the_launcher_knows_of_is_not_said_again() -> None:
-    rows = (row("vision"), row("planning", health=Health.STARTING), row("recorder", phase=Phase.RESTARTING))
+    rows = (row("vision"), row("planning", health=Health.STARTING), row("recorder", phase=ServicePhase.RESTARTING))
     assert notes(*rows, alive={"vision"}) == {}
 
 

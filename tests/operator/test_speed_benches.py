@@ -13,11 +13,11 @@ from services.hardware.rate import measure_engine
 from services.inference.rate import measured as answers_measured
 from services.operator.bench.speed import startup
 from services.operator.bench.speed.bus.command import measured
-from services.operator.bench.speed.bus.figures import Turn, figures_of, turn_of
+from services.operator.bench.speed.bus.figures import BusRound, figures_of, turn_of
 from services.operator.bench.speed.bus.ways import PAYLOAD_BYTES, RAW, installed_ways, message, number_of, plain
 from services.operator.bench.speed.inference import InferenceResult
 from services.operator.bench.speed.recorder import result_of as recorder_result
-from services.operator.bench.speed.where_time_goes import Account, cpu_of
+from services.operator.bench.speed.where_time_goes import TrialTime, cpu_of
 from services.operator.bench.speed.where_time_goes import result_of as trials_result
 from services.recorder.rate import measure, paced
 
@@ -30,8 +30,8 @@ def test_a_turn_joins_what_was_sent_to_what_was_heard() -> None:
 
 
 def test_ratios_are_against_the_other_of_the_same_round() -> None:
-    def turn(delay_us: float, seconds: float, heard: int = 10) -> Turn:
-        return Turn(
+    def turn(delay_us: float, seconds: float, heard: int = 10) -> BusRound:
+        return BusRound(
             delays_us=(delay_us,), burst_sent=10, burst_heard=heard, burst_s=seconds, send_cpu_s=1e-4, hear_cpu_s=2e-4
         )
 
@@ -89,8 +89,8 @@ def test_cpu_time_is_read_past_any_name() -> None:
 
 
 def test_what_nobody_computes_in_is_waiting() -> None:
-    def account(wall_s: float, hardware_s: float) -> Account:
-        return Account(
+    def account(wall_s: float, hardware_s: float) -> TrialTime:
+        return TrialTime(
             seed=1, inserted=True, wall_s=wall_s, motion_s=6.0, rendering_s=0.5,
             cpu_s={"hardware": hardware_s, "vision": 0.25, "operator": 0.25},
         )  # fmt: skip

@@ -21,7 +21,7 @@ from services.operator.__main__ import app
 from services.operator.topic import echoing, listing, measuring
 from services.operator.topic.listing import rows_of
 from services.operator.topic.naming import chosen_topic
-from services.operator.topic.running import Arrivals, CellTime, Newest
+from services.operator.topic.running import Arrivals, CellTimeOffset, Newest
 from services.operator.topic.values import field_of, shortened
 
 CELL = "cell1"
@@ -101,7 +101,7 @@ def test_rate_size_and_what_is_missing() -> None:
 
 
 def test_the_fastest_tick_tells_the_cells_time_and_another_run_begins_anew() -> None:
-    cell = CellTime()
+    cell = CellTimeOffset()
     assert cell.offset_s is None
     cell.tick(1.00, 101.5, "a")  # .5 s on its way
     cell.tick(1.02, 101.02, "a")

@@ -7,25 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.operator.bench.pictures.cameras import Lens, bent, cell_pair
+from services.operator.bench.pictures.cameras import PictureLens, bent, cell_pair
 from services.operator.bench.pictures.sensor import Sensor, expose, seen
-from services.operator.bench.pictures.tracer import FloatImage, Level
+from services.operator.bench.pictures.tracer import FloatImage, LightLevel
 
-LENS = Lens(160, 120, 200.0, 200.0, 79.5, 59.5)
+LENS = PictureLens(160, 120, 200.0, 200.0, 79.5, 59.5)
 CLEAN = Sensor(blur_px=0.0, noise_grey=0.0)
 
 
-def level(light: FloatImage, density: int = 2) -> Level:
+def level(light: FloatImage, density: int = 2) -> LightLevel:
     """Light that fills LENS's picture."""
     rows, columns = light.shape
-    return Level(200.0 * density, -columns // 2, -rows // 2, light)
+    return LightLevel(200.0 * density, -columns // 2, -rows // 2, light)
 
 
-def even(share: float) -> Level:
+def even(share: float) -> LightLevel:
     return level(np.full((240, 320), share, dtype=np.float32))
 
 
-def step_at(column: int) -> Level:
+def step_at(column: int) -> LightLevel:
     light = np.zeros((240, 320), dtype=np.float32)
     light[:, 2 * column :] = 1.0
     return level(light)
@@ -81,8 +81,8 @@ def test_undistorted_is_the_inverse_and_a_spot_goes_where_the_lens_bends_it(mode
     light[59:62, 59:62] = 1.0
     at = np.array([0.5, -0.3])
     left, top = (int(value) for value in np.floor(at * focal) - 60)
-    spot = Level(focal, left, top, light)
-    dark = Level(lens.fx_px / 4.0, -200, -150, np.zeros((300, 400), dtype=np.float32))
+    spot = LightLevel(focal, left, top, light)
+    dark = LightLevel(lens.fx_px / 4.0, -200, -150, np.zeros((300, 400), dtype=np.float32))
     picture = seen([dark, spot], lens, Sensor()).astype(float)
     v, u = np.mgrid[: lens.height_px, : lens.width_px]
     found = np.array([np.sum(picture * u), np.sum(picture * v)]) / picture.sum()

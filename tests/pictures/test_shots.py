@@ -14,11 +14,11 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import CameraCalibration
 from services.operator.bench.commands import app
 from services.operator.bench.pictures import shots, store
-from services.operator.bench.pictures.judging import PicturesReport, Verdict, figures, figures_of, least_off
+from services.operator.bench.pictures.judging import PicturesReport, PictureVerdict, figures, figures_of, least_off
 from services.operator.bench.pictures.plain_pnp import plain_pose
 from services.operator.bench.pictures.sets import ROWS
 from services.operator.bench.pictures.table import table_of
-from services.operator.bench.pictures.tracer import Level
+from services.operator.bench.pictures.tracer import LightLevel
 
 SMALL = Path(__file__).parent / "set"
 WORKCELL = Workcell()
@@ -91,7 +91,7 @@ def test_what_is_not_there_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("small", "most", "off"), [(False, 4.0, 5e-4), (True, 1.5, 5e-3)])
 def test_a_store_keeps_the_light(small: bool, most: float, off: float, tmp_path: Path) -> None:
     light = np.linspace(0.0, 1.4, 240, dtype=np.float32).reshape(12, 20)
-    level = Level(381.36, -10, 4, light)
+    level = LightLevel(381.36, -10, 4, light)
     store.save(tmp_path / "a.npz", store.Rendered((level,), (level, level), {"seed": 3}), small)
     read = store.load(tmp_path / "a.npz")
     assert (len(read.left), len(read.right), read.truth) == (1, 2, {"seed": 3})
@@ -119,9 +119,11 @@ def test_pictures_that_are_nowhere_end_with_one_line(tmp_path: Path) -> None:
 
 def test_a_mixture_of_renderers_is_said() -> None:
     """Scenes that are there are kept when the renderer's code changes, so the table must say so."""
-    verdicts = [Verdict(name="a", row="matt", is_the_hole=True, located=False, rendered_by=by) for by in ("x", "x", "")]
+    verdicts = [
+        PictureVerdict(name="a", row="matt", is_the_hole=True, located=False, rendered_by=by) for by in ("x", "x", "")
+    ]
 
-    def caption(some: list[Verdict]) -> str:
+    def caption(some: list[PictureVerdict]) -> str:
         row = figures("matt", some)
         return str(table_of(PicturesReport(pictures="p", rows=[row], all=row, each=some)).caption)
 

@@ -7,14 +7,14 @@ import pytest
 
 from crosspih_common.config import Workcell
 from services.operator.bench.pictures.sets import OUTLINES
-from services.operator.bench.pictures.solids import Rim, box_solid, disc, prism
+from services.operator.bench.pictures.solids import SolidRim, box_solid, disc, prism
 from services.operator.bench.pictures.targets import hole_of
 
 HOLE = hole_of(Workcell(), "cross")
 
 
 def test_without_a_broken_edge_the_rim_is_the_drawings() -> None:
-    edge, bore = Rim(HOLE.outline, HOLE.chamfer_m, 0.0).strips(0.03)
+    edge, bore = SolidRim(HOLE.outline, HOLE.chamfer_m, 0.0).strips(0.03)
     corners = {tuple(np.round(corner, 9)) for corner in edge.vertices_m}
     assert corners == {tuple(np.round(corner, 9)) for corner in (*HOLE.outer_rim_m(), *HOLE.inner_rim_m())}
     assert bore.vertices_m[:, 2].max() == pytest.approx(0.03)
@@ -23,7 +23,7 @@ def test_without_a_broken_edge_the_rim_is_the_drawings() -> None:
 @pytest.mark.parametrize("outline", ["cross", *OUTLINES])
 def test_a_broken_edge_opens_the_face_by_its_tangent(outline: str) -> None:
     hole = hole_of(Workcell(), outline)
-    rim = Rim(hole.outline, hole.chamfer_m, 0.2e-3)
+    rim = SolidRim(hole.outline, hole.chamfer_m, 0.2e-3)
     edge, bore = rim.strips(0.03)
     drawn, made = hole.opening().area_m2, rim.opening().area
     length = np.sum(

@@ -32,7 +32,7 @@ from crosspih_common.messages import (
     Strategy,
     floats,
 )
-from crosspih_common.service.lifecycle import Closeable, ServiceContext
+from crosspih_common.service.lifecycle import ServiceContext, ServiceResource
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.shell import ForceTorqueShell
 from services.hardware.config import HardwareConfig
@@ -101,7 +101,7 @@ class CellInMemory:
         hardware = self.context("hardware")
         settings = HardwareConfig(simulated=simulated or SimulatedConfig(), limits=limits or LimitsConfig())
         self.planning = PlanningShell(self.context("planning"), planning)
-        self._shells: list[Closeable] = [
+        self._shells: list[ServiceResource] = [
             HardwareShell(open_cell(self.cell.workcell, settings, False), hardware),
             ForceTorqueShell(self.context("force_torque"), ForceTorqueConfig(calibration_file=str(file))),
             self.planning,

@@ -6,7 +6,7 @@ import pytest
 
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.bus.codec import label_of
-from crosspih_common.bus.traffic import Counts
+from crosspih_common.bus.traffic import KeyCounters
 from crosspih_common.bus.transport import Tap
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import DWELL, LOCATE, REFUSAL, Topic
@@ -25,7 +25,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.recording import Recorded, Recording
 from crosspih_common.recording.rerun import Rerun
-from services.planning.again import Departed, RecordedPorts, Step, Untold, steps_of
+from services.planning.again import Departed, RecordedPorts, RecordedRequest, Untold, steps_of
 from services.planning.ports import AssemblyFailed
 
 POSE = PoseData(position_m=(0.4, -0.3, 0.2), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))
@@ -43,14 +43,14 @@ def refused(code: str) -> CommandRefusal:
     return CommandRefusal(command=LOCATE.path, request_seq=0, refused=code, text="because")
 
 
-def ports(*steps: Step, result: AssemblyResult | None = None) -> tuple[RecordedPorts, Rerun]:
+def ports(*steps: RecordedRequest, result: AssemblyResult | None = None) -> tuple[RecordedPorts, Rerun]:
     told = Rerun(0)
     return RecordedPorts(list(steps), None, result, told), told
 
 
-def dwell(duration_s: float = 0.05, stamp_ns: int = 1) -> Step:
+def dwell(duration_s: float = 0.05, stamp_ns: int = 1) -> RecordedRequest:
     request = Dwell(stamp_ns=stamp_ns, seq=0, duration_s=duration_s, lease="theirs")
-    return Step(DWELL, request, stamp_ns, outcome(stamp_ns), None)
+    return RecordedRequest(DWELL, request, stamp_ns, outcome(stamp_ns), None)
 
 
 def test_the_recorded_answer_is_given_to_the_same_request_whoever_held_the_arm() -> None:
@@ -78,14 +78,16 @@ def test_another_request_ends_it_and_says_what_differs() -> None:
 
 
 def test_what_was_refused_then_is_refused_with_the_same_words() -> None:
-    here, _ = ports(Step(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, refused("no_hole")))
+    here, _ = ports(RecordedRequest(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, refused("no_hole")))
     with pytest.raises(CommandRefused, match="no_hole: because"):
         here.ask(LOCATE, LocateHole())
-    here, _ = ports(Step(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, refused("no_lease")))
+    here, _ = ports(RecordedRequest(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, refused("no_lease")))
     with pytest.raises(AssemblyFailed, match="arm_stopped"):
         here.ask(LOCATE, LocateHole())
-    again = Step(LOCATE, LocateHole(stamp_ns=2, seq=1), 2, POSE_FOUND, None)  # the arm was taken anew, to back off
-    here, _ = ports(Step(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, refused("no_lease")), again)
+    again = RecordedRequest(
+        LOCATE, LocateHole(stamp_ns=2, seq=1), 2, POSE_FOUND, None
+    )  # the arm was taken anew, to back off
+    here, _ = ports(RecordedRequest(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, refused("no_lease")), again)
     here.ignore_abort()
     found: Message = here.ask(LOCATE, LocateHole())
     assert found == POSE_FOUND
@@ -95,7 +97,7 @@ POSE_FOUND = outcome(7)  # any message does for an answer
 
 
 def test_what_the_bus_did_is_done_again_and_what_nobody_tells_ends_it() -> None:
-    unanswered = Step(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, None)
+    unanswered = RecordedRequest(LOCATE, LocateHole(stamp_ns=1, seq=0), 1, None, None)
     here, _ = ports(unanswered)
     with pytest.raises(Untold, match="neither an answer nor a refusal"):
         here.ask(LOCATE, LocateHole())
@@ -116,7 +118,7 @@ def test_a_refusal_on_the_bus_names_the_request_and_its_answer_is_not_another_on
     recording = Recording.empty("a.mcap")
 
     def record(topic: Topic[Message]) -> None:
-        def taker(key: str, counts: Counts) -> Tap:
+        def taker(key: str, counts: KeyCounters) -> Tap:
             samples = recording.samples.setdefault(key, [])
             label = label_of(topic.type)
             return lambda payload, number: samples.append(Recorded(key, label, payload, number, 0, len(samples) + 1))

@@ -25,7 +25,7 @@ from crosspih_common.messages import (
     Withdraw,
 )
 from services.operator.scoring.score import insertion_depth_m
-from services.planning.moving import Motion
+from services.planning.moving import PegMotion
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies import STRATEGIES
@@ -79,20 +79,20 @@ def test_a_defect_in_a_strategy_ends_with_the_peg_out_and_a_name(
 
 
 def test_a_refused_return_from_a_wall_leaves_the_peg_in(cell: CellInMemory, monkeypatch: pytest.MonkeyPatch) -> None:
-    slide_to, fused = Motion.slide_to, STRATEGIES[Strategy.FUSED]
+    slide_to, fused = PegMotion.slide_to, STRATEGIES[Strategy.FUSED]
     runs: list[Run] = []
 
     def remembered(run: Run) -> PosePrior:
         runs.append(run)
         return fused(run)
 
-    def refused(motion: Motion, pose_base_peg: Pose, speed_m_s: float = 0.03) -> None:
+    def refused(motion: PegMotion, pose_base_peg: Pose, speed_m_s: float = 0.03) -> None:
         if runs and len(runs[0].presses) == 2:
             raise AssemblyFailed(Failure.UNREACHABLE, "joint_limit: planted")
         slide_to(motion, pose_base_peg, speed_m_s)
 
     monkeypatch.setitem(STRATEGIES, Strategy.FUSED, remembered)
-    monkeypatch.setattr(Motion, "slide_to", refused)
+    monkeypatch.setattr(PegMotion, "slide_to", refused)
     cell.reset(22)
     result = cell.assemble()
     assert result.inserted and result.presses == 2 and seated(cell)

@@ -15,7 +15,7 @@ from crosspih_common.recording import read_recording
 from services.operator.recordings.animating.command import animate
 from services.operator.recordings.animating.timing import frame_times
 from services.operator.report.model import facts_of
-from services.operator.scene3d import View, can_draw, draw
+from services.operator.scene3d import Viewpoint, can_draw, draw
 from services.operator.scene3d.bodies import Bodies, cut_normal
 from services.operator.scene3d.meshes import capsule, convex
 from tests.recorder.synthetic import SyntheticRecording, write_assembly
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(not can_draw(), reason="OpenCV 5 draws in space,
 
 def test_a_point_is_drawn_where_it_is_reckoned_to_be() -> None:
     """Not upside down, and not left for right: a small ball beside and above the middle."""
-    view, centre = View((0.0, -1.0, 0.2), (0.0, 0.0, 0.2)), np.array([0.1, 0.05, 0.31])
+    view, centre = Viewpoint((0.0, -1.0, 0.2), (0.0, 0.0, 0.2)), np.array([0.1, 0.05, 0.31])
     ball = capsule(centre, centre, 0.01, (1.0, 0.0, 0.0))
     picture = draw(ball, view, (300, 200), (0.0, 0.0, 0.0), np.array([0.0, -1.0, 1.0])).astype(float)
     rows, columns = np.nonzero(picture[..., 0] > 60.0)

@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from zenoh import ext
 from zenoh.ext import Int64
 
-from crosspih_common.ros2 import Attachment, Endpoint, Entity, RosQos, RosTypes, actions, dds_type, topic_key
+from crosspih_common.ros2 import Entity, GraphEntity, RosQos, RosTypes, SampleAttachment, actions, dds_type, topic_key
 from crosspih_common.ros2.names import graph_expression, resolved, ros_type
 from crosspih_common.ros2.stamps import WallOfCell
 
@@ -35,23 +35,23 @@ INT64 = st.integers(min_value=-(2**63), max_value=2**63 - 1)
 
 @given(INT64, INT64, st.binary(min_size=16, max_size=16))
 def test_an_attachment_is_what_zenohs_own_serialiser_writes(sequence: int, stamp_ns: int, gid: bytes) -> None:
-    ours = Attachment(sequence, stamp_ns, gid)
+    ours = SampleAttachment(sequence, stamp_ns, gid)
     # AttachmentData::serialize_to_zbytes: int64, int64, array of 16 bytes
     assert ours.to_bytes() == ext.z_serialize((Int64(sequence), Int64(stamp_ns), gid)).to_bytes()
-    assert Attachment.of(ours.to_bytes()) == ours
+    assert SampleAttachment.of(ours.to_bytes()) == ours
 
 
 def test_an_attachment_of_an_old_release_is_named() -> None:
     old = ext.z_serialize(("sequence_number", Int64(1), "source_timestamp", Int64(2), "source_gid", GID)).to_bytes()
     with pytest.raises(ValueError, match=r"0\.2\.4 \(jazzy\)"):
-        Attachment.of(old)
+        SampleAttachment.of(old)
     with pytest.raises(ValueError, match="want 33"):
-        Attachment.of(b"")
+        SampleAttachment.of(b"")
 
 
 def test_the_attachment_is_the_sdks_too() -> None:
     sdk = pytest.importorskip("zenoh_ros2_sdk.attachment")
-    assert Attachment(3, 4, GID).to_bytes() == sdk.Attachment(3, 4, GID).to_bytes()
+    assert SampleAttachment(3, 4, GID).to_bytes() == sdk.Attachment(3, 4, GID).to_bytes()
 
 
 def test_the_keys_are_those_of_rmw_zenohs_design() -> None:
@@ -60,13 +60,13 @@ def test_the_keys_are_those_of_rmw_zenohs_design() -> None:
     assert digest == "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
     name = dds_type("std_msgs/msg/String")
     assert topic_key(2, "/robot1/chatter", name, digest) == f"2/robot1/chatter/std_msgs::msg::dds_::String_/{digest}"
-    talker = Endpoint(Entity.PUBLISHER, 2, "aac3178e146ba6f1fc6e6a4085e77f21", 0, 10, "/", "talker", "/robot1/chatter",
-                      name, digest, RosQos(depth=7))  # fmt: skip
+    talker = GraphEntity(Entity.PUBLISHER, 2, "aac3178e146ba6f1fc6e6a4085e77f21", 0, 10, "/", "talker",
+                         "/robot1/chatter", name, digest, RosQos(depth=7))  # fmt: skip
     assert talker.token() == (
         "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/10/MP/%/%/talker/%robot1%chatter/"
         f"std_msgs::msg::dds_::String_/{digest}/::,7:,:,:,,"
     )
-    node = Endpoint(Entity.NODE, 2, "aac3178e146ba6f1fc6e6a4085e77f21", 0, 0, "/", "listener")
+    node = GraphEntity(Entity.NODE, 2, "aac3178e146ba6f1fc6e6a4085e77f21", 0, 0, "/", "listener")
     assert node.token() == "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/listener"
     assert graph_expression(2) == "@ros2_lv/2/**"
 
@@ -83,13 +83,13 @@ def test_tokens_are_the_sdks_and_are_read_back(
     sdk_keys = pytest.importorskip("zenoh_ros2_sdk.keyexpr")
     sdk_qos = pytest.importorskip("zenoh_ros2_sdk.qos")
     name, digest = resolved(topic, f"/{namespace}"), TYPES.hash(kind)
-    ours = Endpoint(entity, domain_id, "ab12", 1, 2, f"/{namespace}", node, name, dds_type(kind), digest, qos)
+    ours = GraphEntity(entity, domain_id, "ab12", 1, 2, f"/{namespace}", node, name, dds_type(kind), digest, qos)
     theirs = sdk_entity.EndpointEntity(
         sdk_entity.NodeEntity(domain_id, "ab12", 1, node, f"/{namespace}"), 2, sdk_entity.EntityKind(entity.value),
         name, dds_type(kind), digest, qos.encode(),
     )  # fmt: skip
     assert ours.token() == sdk_keys.endpoint_liveliness_keyexpr(theirs)
-    assert Endpoint.of(ours.token()) == ours and ros_type(ours.type_name) == kind
+    assert GraphEntity.of(ours.token()) == ours and ros_type(ours.type_name) == kind
     assert topic_key(domain_id, name, dds_type(kind), digest) == sdk_keys.topic_keyexpr(
         domain_id, name, dds_type(kind), digest
     )
@@ -105,7 +105,7 @@ def test_tokens_are_the_sdks_and_are_read_back(
 @pytest.mark.parametrize("token", ["@ros2_lv/0/a/0/0/NN", "@ros2_lv/0/a/0/1/MP/%/%/n/%t", "other/0/a/0/0/NN/%/%/n", ""])
 def test_what_is_no_token_is_refused(token: str) -> None:
     with pytest.raises(ValueError, match=r"token|parts"):
-        Endpoint.of(token)
+        GraphEntity.of(token)
 
 
 def sequence_of(kind: object) -> object:

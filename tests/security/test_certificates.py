@@ -32,7 +32,7 @@ from crosspih_common.security.access import SERVICES, access_control, allowed
 from services.operator.cli.commands import app
 from services.operator.security.issuing import issue_all
 from services.operator.security.looking import look
-from services.router.refusals_log import ACCESS_REFUSED, LINK_REFUSED, RefusalsLog, Refused
+from services.router.refusals_log import ACCESS_REFUSED, LINK_REFUSED, RefusalEvent, RefusalsLog
 
 RUNNER = CliRunner()
 TOLD_TO_ROS2 = ("planning/assemble", "vision/locate")
@@ -214,9 +214,9 @@ def test_the_routers_log_is_read() -> None:
     assert log.read(f"{ACL}ACL (ingress): caching permissions for `{KEY}` ...") is None
     assert log.read(f"{KNOWN}is unauthorized to Put (ingress) on {KEY}") is None  # worked out beforehand
     assert log.read(f"{ACL}Using cached result: d45e is authorized to Put (ingress) on crosspih/c/x") is None
-    said = Refused(ACCESS_REFUSED, f"the certificate of vision may not publish on {KEY}")
+    said = RefusalEvent(ACCESS_REFUSED, f"the certificate of vision may not publish on {KEY}")
     assert log.read(f"{ACL}Using cached result: d45e is unauthorized to Put (ingress) on {KEY}") == said
-    asked = Refused(ACCESS_REFUSED, "the certificate of vision may not ask crosspih/c/arm/stop")
+    asked = RefusalEvent(ACCESS_REFUSED, "the certificate of vision may not ask crosspih/c/arm/stop")
     assert log.read(f"{KNOWN}is unauthorized to Query (ingress) on crosspih/c/arm/stop") == asked
     assert log.read(f"{KNOWN}is unauthorized to Put (egress) on crosspih/c/arm/stop") is None
     # worked out for one session, and then asked for by another on the same thread
@@ -226,10 +226,10 @@ def test_the_routers_log_is_read() -> None:
     assert log.read(f"{KNOWN}is unauthorized to Query (ingress) on crosspih/c/arm/stop") == asked
     warned = "\x1b[33m WARN\x1b[0m acc-0 ThreadId(06) \x1b[2mzenoh_link_tls::unicast\x1b[0m\x1b[2m:\x1b[0m "
     hint = ". Hint: increase the system open file limit."
-    said = Refused(LINK_REFUSED, "a connection was refused: it showed no certificate")
+    said = RefusalEvent(LINK_REFUSED, "a connection was refused: it showed no certificate")
     assert log.read(f"{warned}peer sent no certificates{hint}") == said
     expired = f"{warned}invalid peer certificate: certificate expired: verification time 17 (UNIX){hint}"
-    assert log.read(expired) == Refused(LINK_REFUSED, "a connection was refused: its certificate has expired")
-    assert log.read(f"{warned}something else{hint}") == Refused(
+    assert log.read(expired) == RefusalEvent(LINK_REFUSED, "a connection was refused: its certificate has expired")
+    assert log.read(f"{warned}something else{hint}") == RefusalEvent(
         LINK_REFUSED, "a connection was refused: something else"
     )

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from crosspih_common.bus import Bus, MemoryHub
 from crosspih_common.keys import WALL_CLOCK
 from crosspih_common.messages import AskWallClock, WallClock
-from crosspih_common.service.wall_clock import APART_S, ClockWatch, Difference, Exchange, measured, narrowed
+from crosspih_common.service.wall_clock import APART_S, ClockOffset, ClockWatch, Exchange, measured, narrowed
 
 CELL = "clocks"
 DEADLINE_S = 10.0
@@ -85,7 +85,7 @@ def test_clocks_that_are_apart_are_told_once_and_when_they_are_together_again(
 ) -> None:
     monkeypatch.setattr("crosspih_common.service.wall_clock.FIRST_S", 0.01)
     monkeypatch.setattr("crosspih_common.service.wall_clock.PERIOD_S", 0.01)
-    told: list[tuple[bool, Difference]] = []
+    told: list[tuple[bool, ClockOffset]] = []
     cell.behind_s = 0.4
     watch = ClockWatch(bus, lambda apart, found: told.append((apart, found)))
     try:

@@ -17,7 +17,7 @@ import pytest
 from crosspih_common.messages import AssemblyPhase
 from deploy.launcher import StackRequest, StackState, StateDirectory, is_up, start_stack, stop_stack
 from deploy.launcher.health import Health
-from deploy.launcher.state import ServiceState
+from deploy.launcher.state import ServiceRow
 from services.operator.assembly.session import NEEDED, Session
 from tests.deploy.harness import is_alive
 
@@ -87,7 +87,7 @@ class RunningCell:
         assert state is not None
         return state
 
-    def row(self, service: str) -> ServiceState:
+    def row(self, service: str) -> ServiceRow:
         """One service as the launcher sees it."""
         return next(row for row in self.state().services if row.service == service)
 

@@ -16,7 +16,7 @@ import pytest
 from crosspih_common.bus.codec import label_of, split_label
 from crosspih_common.messages import CameraCalibration, CellClock, Dwell, JointState, MotionOutcome, StereoPair
 from crosspih_common.refusals import REFUSALS
-from services.hardware.drivers.simulated.config import ForceTorqueConfig
+from services.hardware.drivers.simulated.config import SimulatedSensorConfig
 from tests.conftest import ServiceProcess
 
 CLIENT = Path(__file__).with_name("plain_client.py")
@@ -64,7 +64,7 @@ def test_a_plain_client_can_do_what_the_page_says(found: dict[str, Any]) -> None
     outcome = MotionOutcome.model_validate_json(payload)
     assert outcome.duration_s == pytest.approx(0.1)
     # the load on the peg: weight by where the peg points, about the sensor's origin, and bias
-    sensor = ForceTorqueConfig()
+    sensor = SimulatedSensorConfig()
     weight = outcome.pose_base_peg.pose().rotation.T @ np.array([0.0, 0.0, -9.81 * sensor.payload_kg])
     expected = np.concatenate([weight, np.cross(sensor.payload_centroid_m, weight)]) + sensor.bias
     assert np.asarray(outcome.wrench_raw[:3]) == pytest.approx(expected[:3], abs=0.1)

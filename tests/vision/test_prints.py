@@ -13,7 +13,7 @@ from services.vision.fit.quality import Quality
 from services.vision.fit.solve import Doubts
 from services.vision.locate import locate_rim
 from services.vision.refusals import FlatPrint, NotSeenInside, VisionRefusal
-from services.vision.second_look import Look as Light
+from services.vision.second_look import Lighting as Light
 from services.vision.second_look import next_look
 from tests.vision.drawn_pairs import Look, drawn_pair
 from tests.vision.test_doubts import HALF_RANGES, HOLE, NOMINAL, STEREO, TRUTH

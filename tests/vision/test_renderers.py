@@ -13,7 +13,7 @@ from services.hardware.drivers.simulated.scene.camera import SimulatedScene
 from services.hardware.drivers.simulated.scene.numpy_renderer import NumpyRenderer
 from services.hardware.drivers.simulated.scene.renderer import View
 from services.hardware.drivers.simulated.scene.scene_appearance import Faults
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh, box_mesh
 from services.vision.locate import locate_rim
 from services.vision.stereo import StereoModel
 from tests.vision.plain_look import plain_look
@@ -101,7 +101,7 @@ def test_the_nearer_of_two_hides_the_farther_whatever_came_first() -> None:
 def test_what_reaches_behind_the_eye_is_cut_and_what_is_behind_is_not_drawn() -> None:
     """A floor under the eye, from behind it to far ahead: it fills the lower part up to its far edge."""
     corners = np.array([[-50.0, -1.0, 5.0], [50.0, -1.0, 5.0], [50.0, -1.0, -8.0], [-50.0, -1.0, -8.0]])
-    floor = Mesh(corners, np.tile([0.0, 1.0, 0.0], (4, 1)), [0, 1, 2, 0, 2, 3])
+    floor = RenderMesh(corners, np.tile([0.0, 1.0, 0.0], (4, 1)), [0, 1, 2, 0, 2, 3])
     renderer = NumpyRenderer()
     renderer.add(floor)
     renderer.place(renderer.add(box_mesh((1.0, 1.0, 1.0))), Pose.from_translation([0.0, 0.0, 5.0]))

@@ -12,31 +12,31 @@ from crosspih_common.config import load_cell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.keys import LOCATE, RESET
 from crosspih_common.messages import HoleEstimate, LocateHole, ResetCell, SceneFaults
-from crosspih_common.service.lifecycle import Closeable, ServiceContext
+from crosspih_common.service.lifecycle import ServiceContext, ServiceResource
 from services.hardware.config import HardwareConfig
 from services.hardware.hosting import open_cell
 from services.hardware.shells.hardware import HardwareShell
 from services.vision.config import VisionConfig
-from services.vision.second_look import LAMPS, Look, next_look
+from services.vision.second_look import LAMPS, Lighting, next_look
 from services.vision.shell import VisionShell
 from tests.vision.plain_look import PLAIN_CAMERA
 
 
 def test_light_is_changed_towards_what_was_refused() -> None:
-    assert next_look(Look(), "too_dark") == Look(exposure_scale=4.0)
-    brighter = next_look(Look(), "too_bright")
+    assert next_look(Lighting(), "too_dark") == Lighting(exposure_scale=4.0)
+    brighter = next_look(Lighting(), "too_bright")
     assert brighter is not None and 0.0 < brighter.exposure_scale < 1.0
-    assert next_look(Look(2.0), "poor_fit") == Look(2.0, lamp=1)
+    assert next_look(Lighting(2.0), "poor_fit") == Lighting(2.0, lamp=1)
 
 
 @pytest.mark.parametrize("code", ["wrong_image", "cut_off", "two_crosses", "outside_prior"])
 def test_no_light_is_tried_where_light_is_not_what_is_wrong(code: str) -> None:
-    assert next_look(Look(), code) is None
+    assert next_look(Lighting(), code) is None
 
 
 @pytest.mark.parametrize("code", ["too_dark", "too_bright", "no_cross", "not_enough_rim"])
 def test_trying_ends(code: str) -> None:
-    look: Look | None = Look()
+    look: Lighting | None = Lighting()
     for _ in range(4 * LAMPS):
         if look is None:
             return
@@ -55,7 +55,7 @@ class Cell:
 
         plain = HardwareConfig.model_validate({"simulated": {"camera": PLAIN_CAMERA}})
         self.contexts = [context(name) for name in ("hardware", "vision", "operator")]
-        self.shells: list[Closeable] = [
+        self.shells: list[ServiceResource] = [
             HardwareShell(open_cell(cell.workcell, plain, False), self.contexts[0]),
             VisionShell(self.contexts[1], VisionConfig(looks=looks)),
         ]

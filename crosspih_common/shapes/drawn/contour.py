@@ -22,15 +22,15 @@ from crosspih_common.shapes.drawn.curves import FINE_M, DrawingRefused
 from crosspih_common.shapes.outline import ROUND_FROM, ROUND_M
 
 CHORD_SHARE = 0.4  # a side that would be off an arc by less than this share of the tolerance is a chord of a curve
-LEAST_TURN_RAD = np.deg2rad(12.0)
-LEAST_CORNER_M = 2e-5
-LEAST_SIDE_M = 1e-3
+MIN_TURN_RAD = np.deg2rad(12.0)
+MIN_CORNER_M = 2e-5
+MIN_SIDE_M = 1e-3
 ALONE = 4.0
 ROUND_CHORDS = (32, 64)
 SAME_M = 1e-5
 SAMPLES = 360
-MOST_ORDER = 64
-MOST_ANCHORS = 2000
+MAX_ORDER = 64
+MAX_ANCHORS = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,8 @@ class Contour:
         turn, side = np.abs(turns.turn_rad), turns.side_m
         off = np.minimum(side, np.roll(side, 1)) / 2.0 * np.tan(turn / 4.0)
         beside = 3.0 * np.maximum(np.roll(turn, 1), np.roll(turn, -1))
-        sharp = (off > LEAST_CORNER_M) | ((turn > 2.0 * LEAST_TURN_RAD) & (turn > beside))
-        return int(np.count_nonzero(sharp & (turn >= LEAST_TURN_RAD)))
+        sharp = (off > MIN_CORNER_M) | ((turn > 2.0 * MIN_TURN_RAD) & (turn > beside))
+        return int(np.count_nonzero(sharp & (turn >= MIN_TURN_RAD)))
 
     @cached_property
     def round_radius_m(self) -> float | None:
@@ -90,14 +90,14 @@ class Contour:
         """How many turns about its centroid bring it onto itself; 0 for a round."""
         if self.round_radius_m is not None:
             return 0
-        if len(self._anchors(ROUND_M)) > MOST_ANCHORS:
+        if len(self._anchors(ROUND_M)) > MAX_ANCHORS:
             return 1
         ring = LinearRing(self.points_m)
         curved = np.logical_not(self._straight(ROUND_M))
         chords_m = float(np.max(self._turns.sagitta_m[curved], initial=0.0))
         starts = self._at(np.linspace(0.0, self._length_m, SAMPLES, endpoint=False))
         samples = np.vstack([starts, self.points_m[self._anchors(ROUND_M)]])
-        for order in range(MOST_ORDER, 1, -1):
+        for order in range(MAX_ORDER, 1, -1):
             turned = samples @ _turn(2.0 * np.pi / order).T
             if float(np.max(ring.distance(shapely_points(turned)))) <= SAME_M + 2.0 * chords_m:
                 return 0 if order >= ROUND_FROM else order
@@ -109,7 +109,7 @@ class Contour:
         if self.round_radius_m is not None:
             return _round(self.round_radius_m, tolerance_m)
         anchors = self._anchors(tolerance_m)
-        if len(anchors) > MOST_ANCHORS:
+        if len(anchors) > MAX_ANCHORS:
             return np.asarray(self.points_m[anchors])
         places = self._places[anchors] if len(anchors) else self._places[:-1]
         start = float(places[self._farthest(anchors if len(anchors) else np.arange(len(self.points_m)))])
@@ -190,7 +190,7 @@ class Contour:
     def _straight(self, tolerance_m: float) -> NDArray[np.bool_]:
         """(n,) bool: the sides that are drawn as such, not as chords of a curve."""
         length = self._turns.side_m
-        alone = (length > LEAST_SIDE_M) & (length > ALONE * np.maximum(np.roll(length, 1), np.roll(length, -1)))
+        alone = (length > MIN_SIDE_M) & (length > ALONE * np.maximum(np.roll(length, 1), np.roll(length, -1)))
         return np.asarray((self._turns.sagitta_m > CHORD_SHARE * tolerance_m) | alone, dtype=np.bool_)
 
     def _anchors(self, tolerance_m: float) -> NDArray[np.intp]:
@@ -198,7 +198,7 @@ class Contour:
         straight = self._straight(tolerance_m)
         turn = np.abs(self._turns.turn_rad)
         beside = 3.0 * np.maximum(np.roll(turn, 1), np.roll(turn, -1))
-        sharp = (turn > 2.0 * LEAST_TURN_RAD) & (turn > beside)
+        sharp = (turn > 2.0 * MIN_TURN_RAD) & (turn > beside)
         return np.flatnonzero(straight | np.roll(straight, 1) | sharp)
 
 

@@ -11,9 +11,9 @@ from crosspih_common.geometry.pose import Array
 FINE_M = 1e-6
 """How far the points of a curve, joined by chords, may be from the curve as it is read."""
 JOINED_M = 1e-5
-MOST_PARTS = 20_000
-MOST_BYTES = 40_000_000
-MOST_POINTS = 500_000
+MAX_PARTS = 20_000
+MAX_BYTES = 40_000_000
+MAX_POINTS = 500_000
 
 
 class DrawingRefused(ValueError):
@@ -55,16 +55,16 @@ class Sheet:
         if not np.all(np.isfinite(points_m)) or float(np.max(np.abs(points_m))) > 1e3:
             raise DrawingRefused(f"{entity} lies farther than a kilometre off; see its coordinates and the unit")
         self.points += len(points_m)
-        if self.points > MOST_POINTS:
-            raise DrawingRefused(f"more than {MOST_POINTS} points are drawn; simplify the drawing")
+        if self.points > MAX_POINTS:
+            raise DrawingRefused(f"more than {MAX_POINTS} points are drawn; simplify the drawing")
         self.curves.append(Curve(entity, points_m))
 
     def count(self, entity: str) -> None:
         """One part more is looked at; raises DrawingRefused where they become too many."""
         self.parts += 1
-        if self.parts > MOST_PARTS:
+        if self.parts > MAX_PARTS:
             raise DrawingRefused(
-                f"more than {MOST_PARTS} parts are drawn, {entity} among them, with what stands for others (use, "
+                f"more than {MAX_PARTS} parts are drawn, {entity} among them, with what stands for others (use, "
                 f"symbol, INSERT) followed; draw the outline itself, once"
             )
 

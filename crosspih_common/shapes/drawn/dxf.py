@@ -11,7 +11,7 @@ import numpy as np
 from shapely import LinearRing
 
 from crosspih_common.geometry.pose import Array
-from crosspih_common.shapes.drawn.curves import FINE_M, JOINED_M, MOST_BYTES, Curve, DrawingRefused, Sheet
+from crosspih_common.shapes.drawn.curves import FINE_M, JOINED_M, MAX_BYTES, Curve, DrawingRefused, Sheet
 
 _CURVES = frozenset(["LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE"])
 _FILLINGS = frozenset(["HATCH", "MPOLYGON"])
@@ -22,8 +22,8 @@ _NO_OUTLINE = {
     "POINT": "a point", "VIEWPORT": "a viewport", "ACAD_TABLE": "a table",
 }  # fmt: skip
 _DEEPEST = 16
-_MOST_ENTITIES = 10_000
-_MOST_POLES = 5_000
+_MAX_ENTITIES = 10_000
+_MAX_POLES = 5_000
 EXTRA = "install it with `pip install 'crosspih[shapes]'`"
 
 
@@ -74,14 +74,14 @@ def dxf_sheet(path: Path) -> Sheet:
 
 
 def _look_at_size(path: Path) -> None:
-    if path.stat().st_size > MOST_BYTES:
-        raise DrawingRefused(f"has more than {MOST_BYTES // 1_000_000} MB; simplify the drawing")
+    if path.stat().st_size > MAX_BYTES:
+        raise DrawingRefused(f"has more than {MAX_BYTES // 1_000_000} MB; simplify the drawing")
     content = path.read_bytes()
     # a group of code 0 begins each entity, and each vertex of an old polyline
     entities = len(re.findall(rb"\n[ \t]*0\r?\n", content))
-    if entities > _MOST_ENTITIES:
+    if entities > _MAX_ENTITIES:
         raise DrawingRefused(
-            f"holds {entities} entities and vertices, more than {_MOST_ENTITIES}; leave the peg's outline alone, or "
+            f"holds {entities} entities and vertices, more than {_MAX_ENTITIES}; leave the peg's outline alone, or "
             f"make it one LWPOLYLINE"
         )
 
@@ -174,8 +174,8 @@ class _Walk:
         if kind == "POLYLINE" and entity.dxf.get("flags", 0) & 4:
             raise DrawingRefused(f"{name} is a spline fitted to a polyline; make it a SPLINE, or explode it")
         fine = self._fine(block)
-        if kind == "SPLINE" and len(entity.control_points) + len(entity.fit_points) > _MOST_POLES:
-            raise DrawingRefused(f"{name} has more than {_MOST_POLES} points; simplify it")
+        if kind == "SPLINE" and len(entity.control_points) + len(entity.fit_points) > _MAX_POLES:
+            raise DrawingRefused(f"{name} has more than {_MAX_POLES} points; simplify it")
         try:
             if kind == "LWPOLYLINE" and not entity.has_arc:
                 points = _straight(entity)

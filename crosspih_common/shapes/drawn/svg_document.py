@@ -7,12 +7,12 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from crosspih_common.shapes.drawn.curves import MOST_BYTES, DrawingRefused
+from crosspih_common.shapes.drawn.curves import MAX_BYTES, DrawingRefused
 from crosspih_common.shapes.drawn.svg_styles import Rule, rules_of
 
 SVG = "http://www.w3.org/2000/svg"
 _DEEPEST = 200
-_MOST_ELEMENTS = 300_000
+_MAX_ELEMENTS = 300_000
 _LONGEST_ENTITY = 200
 
 
@@ -33,8 +33,8 @@ def local_name(element: Element) -> str | None:
 
 def read_document(path: Path) -> Document:
     """The file's elements. DrawingRefused where it is no SVG, too large, or grows as it is read."""
-    if path.stat().st_size > MOST_BYTES:
-        raise DrawingRefused(f"has more than {MOST_BYTES // 1_000_000} MB; simplify the drawing")
+    if path.stat().st_size > MAX_BYTES:
+        raise DrawingRefused(f"has more than {MAX_BYTES // 1_000_000} MB; simplify the drawing")
     try:
         root = _parsed(path.read_bytes())
     except (expat.ExpatError, OSError, UnicodeError, ValueError) as error:
@@ -71,8 +71,8 @@ def _parsed(content: bytes) -> Element:
         depth, count = depth + 1, count + 1
         if depth > _DEEPEST:
             raise DrawingRefused(f"its elements lie more than {_DEEPEST} deep; draw the outline without so many groups")
-        if count > _MOST_ELEMENTS:
-            raise DrawingRefused(f"holds more than {_MOST_ELEMENTS} elements; leave the peg's outline alone")
+        if count > _MAX_ELEMENTS:
+            raise DrawingRefused(f"holds more than {_MAX_ELEMENTS} elements; leave the peg's outline alone")
         builder.start(fixed(name), {fixed(key): value for key, value in attributes.items()})
 
     def end(name: str) -> None:

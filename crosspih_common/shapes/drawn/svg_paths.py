@@ -18,7 +18,7 @@ _ARC = re.compile(
     + r"\s*,?\s*".join([r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"] * 2)
 )
 _COUNT = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
-_MOST_CHORDS = 4096
+_MAX_CHORDS = 4096
 
 
 def numbers(text: str) -> list[float] | None:
@@ -151,4 +151,4 @@ def _arc(
 
 
 def _chords(wanted: float) -> int:
-    return int(min(max(np.ceil(wanted), 1.0), _MOST_CHORDS))
+    return int(min(max(np.ceil(wanted), 1.0), _MAX_CHORDS))

@@ -18,8 +18,8 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.rows import matrix_of, rows_of, turned
 from crosspih_common.messages import AdmittanceMove, StopReason
 from services.hardware.control.admittance_law import AdmittanceLaw
-from services.hardware.control.cycle import Reading, Reference
-from services.hardware.control.motions import Ending, Steps, cycles
+from services.hardware.control.cycle import CycleReading, Reference
+from services.hardware.control.motions import MotionEnding, Steps, cycles
 from services.hardware.control.runner import Runner
 from services.hardware.control.search_path import SearchPath
 
@@ -68,7 +68,7 @@ class Admittance:
             axial_m_s, (vx, vy, vz), (wx, wy, wz) = law.yielding(wrench, rotation)
             if search.steps:
                 if index >= search.steps:
-                    return Ending(StopReason.COMPLETED, "the search path is at its end")
+                    return MotionEnding(StopReason.COMPLETED, "the search path is at its end")
                 (along_x, along_y, along_z), (turn_x, turn_y, turn_z) = path_m_s[index], path_rad_s[index]
                 vx, vy, vz = vx + along_x, vy + along_y, vz + along_z
                 wx, wy, wz = wx + turn_x, wy + turn_y, wz + turn_z
@@ -90,7 +90,7 @@ class Admittance:
                 try:
                     following = solve.follow(Pose(matrix_of(rotation), np.array((x, y, z))) @ peg_to_flange, joints)
                 except InverseError as error:
-                    return Ending(StopReason.STALLED, f"yielding led out of reach: {error}")
+                    return MotionEnding(StopReason.STALLED, f"yielding led out of reach: {error}")
                 step = following - joints
             else:
                 step = to_joints @ np.array(
@@ -98,21 +98,21 @@ class Admittance:
                 )
                 following = joints + step
             tip_m_s = abs(speed) + sqrt(vx * vx + vy * vy + vz * vz)
-            reading: Reading = yield Reference(following, step / period_s, rotation, tip_speed_m_s=tip_m_s)
+            reading: CycleReading = yield Reference(following, step / period_s, rotation, tip_speed_m_s=tip_m_s)
             joints = following
             wrench = [was + smoothing * (felt - was) for was, felt in zip(wrench, reading.contact, strict=True)]
             self.travel_m = (cx - bx) * dx + (cy - by) * dy + (cz - bz) * dz
             if self.travel_m >= command.travel_m:
-                return Ending(StopReason.SEATED)
+                return MotionEnding(StopReason.SEATED)
             if (
                 not search.steps
                 and len(progress) == window
                 and (self.travel_m - progress[0] < STALL_SHARE * command.speed_m_s * command.stall_s)
             ):
-                return Ending(
+                return MotionEnding(
                     StopReason.STALLED,
                     f"advanced {(self.travel_m - progress[0]) * 1e3:.2f} mm in the last {command.stall_s:g} s, "
                     f"{self.travel_m * 1e3:.2f} of {command.travel_m * 1e3:.2f} mm in all",
                 )
             progress.append(self.travel_m)
-        return Ending(StopReason.TIMED_OUT, f"{self.travel_m * 1e3:.2f} mm in {command.timeout_s:g} s")
+        return MotionEnding(StopReason.TIMED_OUT, f"{self.travel_m * 1e3:.2f} mm in {command.timeout_s:g} s")

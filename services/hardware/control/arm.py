@@ -30,14 +30,14 @@ from crosspih_common.messages.base import PoseData, floats
 from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_payload, mean_and_sd
 from services.hardware.control.admittance import Admittance
 from services.hardware.control.config import LimitsConfig
-from services.hardware.control.effort import Effort
+from services.hardware.control.effort import EffortMeter
 from services.hardware.control.execution import Execution
 from services.hardware.control.guarded import OVERSHOOT_M, Guarded
 from services.hardware.control.holder import Holder
 from services.hardware.control.limits import TouchingLimits, judged_admittance, judged_guarded, path_stretch
-from services.hardware.control.motions import Along, Ending, Hold, Motion
+from services.hardware.control.motions import Along, Hold, Motion, MotionEnding
 from services.hardware.control.paths import (
-    JointTrajectory,
+    JointPath,
     LineInTime,
     between,
     line,
@@ -47,7 +47,7 @@ from services.hardware.control.paths import (
 )
 from services.hardware.control.runner import LAST_S, Runner
 from services.hardware.control.search_path import SearchPath
-from services.hardware.control.turn import Turn
+from services.hardware.control.step_lock import StepLock
 from services.hardware.control.zone import ContactZone, tip_pose
 from services.hardware.protocols import JointDevice, Landing, WrenchDevice
 
@@ -73,10 +73,10 @@ class ArmController:
         self._mounting, self._payload_limits = workcell.sensor_mounting(), workcell.payload_limits()
         self._zone = ContactZone(workcell, self._arm)
         self._collisions = CollisionModel(workcell)
-        self._turn = Turn()  # whoever steps the cell has it
+        self._turn = StepLock()  # whoever steps the cell has it
         self._commanded = threading.Lock()
         self.holder = Holder(config.holder_timeout_s, realtime)
-        self._effort = Effort(self._arm, self._pose_flange_tip.translation_m, joints.period_s)
+        self._effort = EffortMeter(self._arm, self._pose_flange_tip.translation_m, joints.period_s)
         self._execution = Execution(self._runner, config, self.holder, self._effort)
         self._closing = threading.Event()
         self._idler: threading.Thread | None = None
@@ -118,7 +118,7 @@ class ArmController:
         """Raises CommandRefused: wrong_start, joint_limit, speed_limit, acceleration_limit, knots, not_finite, size."""
         with self._command():
             refuse_longer("knots", command.knots[-1].time_s - command.knots[0].time_s, self._config.motion_s)
-            trajectory = JointTrajectory(self._arm, command.knots, self._runner.joints_rad)
+            trajectory = JointPath(self._arm, command.knots, self._runner.joints_rad)
             return self._along(trajectory)
 
     def move_linear(self, command: MoveLinear) -> MotionOutcome:
@@ -140,7 +140,7 @@ class ArmController:
             path = between(self._arm, self._pose_flange_peg, start, goal, self._runner.joints_rad)
             return self._along(LineInTime(path, path.shortest_s(duration_s)))
 
-    def _along(self, path: JointTrajectory | LineInTime) -> MotionOutcome:
+    def _along(self, path: JointPath | LineInTime) -> MotionOutcome:
         self._refuse_collision(path.positions(np.linspace(0.0, path.duration_s, PATH_KNOTS)))
         limits = self._limits()
         pace, note = self._zone.pace(
@@ -372,7 +372,7 @@ class ArmController:
                 "the payload first: `crosspih calibrate ft`, then arm/set_payload",
             )
 
-    def _done(self, ending: Ending, travel_m: float | None, notes: list[str]) -> MotionOutcome:
+    def _done(self, ending: MotionEnding, travel_m: float | None, notes: list[str]) -> MotionOutcome:
         runner, execution = self._runner, self._execution
         pose = runner.forward(runner.measured_rad)
         runner.face(pose.rotation)

@@ -9,7 +9,7 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.rows import rows_of
-from services.hardware.control.cycle import Reading, Reference, finite_difference_speed
+from services.hardware.control.cycle import CycleReading, Reference, finite_difference_speed
 from services.hardware.control.runner import Runner
 
 BACK_OFF_RAD_S = 0.04  # of the joint that turns most: some 20 mm/s at the peg
@@ -19,7 +19,7 @@ SLOW_FILTER_S = 0.0095
 Load = tuple[float, float]  # N, Nm
 
 
-def back_off(runner: Runner, small: Load, worse: Load) -> Generator[Reference, Reading, None]:
+def back_off(runner: Runner, small: Load, worse: Load) -> Generator[Reference, CycleReading, None]:
     """Back along the way it came, at up to 20 mm/s, until little is felt or the way is at its end.
 
     A wedged peg may be held on its way back too: where the load grows by `worse` above the least that was felt, the arm

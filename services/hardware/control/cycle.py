@@ -27,7 +27,7 @@ class Reference:
 
 
 @dataclass(slots=True, eq=False)
-class Reading:
+class CycleReading:
     """What is known after a cycle: the samples (m, 6) that came in it, their mean (6,) and what of it is contact, six
     plain floats."""
 

@@ -34,7 +34,7 @@ class EffortFigures:
     over_20_n_s: float
 
 
-class Effort:
+class EffortMeter:
     """Collects a motion step by step; `figures` works it out at the end."""
 
     def __init__(self, arm: ArmModel, tip_flange_m: Array, step_s: float) -> None:

@@ -13,11 +13,11 @@ import numpy as np
 from crosspih_common.messages import StopReason
 from services.hardware.control.backing_off import LOOK_S, back_off
 from services.hardware.control.config import LimitsConfig
-from services.hardware.control.cycle import Reading, Reference
-from services.hardware.control.effort import Effort
+from services.hardware.control.cycle import CycleReading, Reference
+from services.hardware.control.effort import EffortMeter
 from services.hardware.control.holder import Holder
 from services.hardware.control.limits import TouchingLimits
-from services.hardware.control.motions import Ending, Motion, Steps, brake
+from services.hardware.control.motions import Motion, MotionEnding, Steps, brake
 from services.hardware.control.runner import Runner
 
 SMALL_LOAD = (5.0, 0.5)  # N, Nm
@@ -27,7 +27,7 @@ WORSE_SHARE = 0.25  # of the caps
 class Execution:
     """One motion at a time."""
 
-    def __init__(self, runner: Runner, config: LimitsConfig, holder: Holder, effort: Effort) -> None:
+    def __init__(self, runner: Runner, config: LimitsConfig, holder: Holder, effort: EffortMeter) -> None:
         self._runner, self._config, self._holder, self._effort = runner, config, holder, effort
         self._lock = threading.Lock()
         self._accepted = 0
@@ -63,24 +63,26 @@ class Execution:
         self._missed_before = self._runner.missed_cycles
         self._effort.restart()
 
-    def _felt(self, reading: Reading) -> None:
+    def _felt(self, reading: CycleReading) -> None:
         if reading.force_n > self.peak_force_n:
             self.peak_force_n = reading.force_n
         if reading.moment_nm > self.peak_moment_nm:
             self.peak_moment_nm = reading.moment_nm
 
-    def over_caps(self, reading: Reading, adds_n: float = 0.0) -> Ending | None:
+    def over_caps(self, reading: CycleReading, adds_n: float = 0.0) -> MotionEnding | None:
         """What ends a motion that feels this, and whose speed will still add a force."""
         self._felt(reading)
         cap_n, cap_nm = self._config.force_cap_n, self._config.moment_cap_nm
         # written so that a force that is not a number trips it too
         if not reading.force_n <= cap_n - min(adds_n, 0.5 * cap_n):
             ahead = f", {adds_n:.1f} N more to come before it stands," if adds_n >= 0.5 else ""
-            return Ending(
+            return MotionEnding(
                 StopReason.FORCE_CAP, f"|F| {reading.force_n:.1f} N{ahead} passed the cap of {cap_n:g} N: backed off"
             )
         if not reading.moment_nm <= cap_nm:
-            return Ending(StopReason.MOMENT_CAP, f"|M| {reading.moment_nm:.2f} Nm passed {cap_nm:g} Nm: backed off")
+            return MotionEnding(
+                StopReason.MOMENT_CAP, f"|M| {reading.moment_nm:.2f} Nm passed {cap_nm:g} Nm: backed off"
+            )
         return None
 
     def hold_still(self, duration_s: float) -> None:
@@ -100,7 +102,7 @@ class Execution:
         if not self._go(back_off(self._runner, SMALL_LOAD, worse), heed_stop=True):
             self.brake()
 
-    def _go(self, steps: Generator[Reference, Reading, None], heed_stop: bool) -> bool:
+    def _go(self, steps: Generator[Reference, CycleReading, None], heed_stop: bool) -> bool:
         """Whether it came to its end."""
         try:
             reference = next(steps)
@@ -121,7 +123,7 @@ class Execution:
         steps = motion.steps(self._runner)
         return steps, next(steps)
 
-    def run(self, steps: Steps, reference: Reference, limits: TouchingLimits) -> Ending:
+    def run(self, steps: Steps, reference: Reference, limits: TouchingLimits) -> MotionEnding:
         """What has begun, until it or something else ends it; the arm then stands."""
         runner = self._runner
         runner.tare()
@@ -129,7 +131,7 @@ class Execution:
         while True:
             if self._stop_wanted:
                 self.brake()
-                return Ending(StopReason.STOPPED, "stopped by command")
+                return MotionEnding(StopReason.STOPPED, "stopped by command")
             if self._holder.lost(runner.now_ns):
                 return self._without_holder()
             reading = runner.advance(reference)
@@ -147,10 +149,10 @@ class Execution:
                 reference = steps.send(reading)
             except StopIteration as end:
                 ending = end.value
-                assert isinstance(ending, Ending)
+                assert isinstance(ending, MotionEnding)
                 return ending
 
-    def _without_holder(self) -> Ending:
+    def _without_holder(self) -> MotionEnding:
         runner = self._runner
         said = f"no beat of its holder for {self._holder.timeout_s:g} s: stopped"
         self.brake()
@@ -159,7 +161,7 @@ class Execution:
             said += f", and went back the way it came, out of {force_n:.1f} N"
             self.back_off()
         self._holder.drop(runner.now_ns)
-        return Ending(StopReason.HOLDER_LOST, said)
+        return MotionEnding(StopReason.HOLDER_LOST, said)
 
     def _felt_at_rest(self) -> tuple[float, float]:
         """|F|, N, and |M|, Nm: what is felt right after braking is inertia, not contact."""
@@ -172,16 +174,16 @@ class Execution:
         mean = np.mean(felt[-max(1, count // 3) :], axis=0)
         return float(np.linalg.norm(mean[:3])), float(np.linalg.norm(mean[3:]))
 
-    def _cannot_go_on(self) -> Ending | None:
+    def _cannot_go_on(self) -> MotionEnding | None:
         runner, config = self._runner, self._config
         if runner.sensor_silent_s > config.sensor_timeout_s:
-            return Ending(
+            return MotionEnding(
                 StopReason.SENSOR_LOST,
                 f"no sample of the force/torque sensor for {runner.sensor_silent_s:.3f} s: stopped",
             )
         missed = runner.missed_cycles - self._missed_before
         if missed > config.missed_cycles:
-            return Ending(
+            return MotionEnding(
                 StopReason.LATE_CYCLES,
                 f"the loop missed {missed} cycles of {runner.period_s * 1e3:g} ms, {config.missed_cycles} are allowed: "
                 "stopped; give it a core of its own, or a longer period",

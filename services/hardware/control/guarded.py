@@ -15,8 +15,8 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.rows import Rows, rows_of
 from crosspih_common.messages import GuardedMove, StopReason
-from services.hardware.control.cycle import Reading, Reference
-from services.hardware.control.motions import Ending, Steps, cycles
+from services.hardware.control.cycle import CycleReading, Reference
+from services.hardware.control.motions import MotionEnding, Steps, cycles
 from services.hardware.control.paths import StraightPath
 from services.hardware.control.runner import Runner
 
@@ -67,10 +67,12 @@ class Guarded:
             offset = [0.0] * 6
         touched = yield from self._approach(runner, offset)
         if not touched:
-            return Ending(StopReason.TRAVEL_LIMIT, f"nothing felt within {self._command.travel_limit_m * 1e3:.1f} mm")
+            return MotionEnding(
+                StopReason.TRAVEL_LIMIT, f"nothing felt within {self._command.travel_limit_m * 1e3:.1f} mm"
+            )
         yield from self._creep(runner)
         yield from self._retreat(runner)
-        return Ending(StopReason.CONTACT)
+        return MotionEnding(StopReason.CONTACT)
 
     def _over(self, contact: Sequence[float]) -> bool:
         fx, fy, fz, mx, my, mz = contact
@@ -86,7 +88,7 @@ class Guarded:
         orientation, self._orientation = self._orientation, None
         return Reference(joints, slope * speed, orientation, tip_speed_m_s=speed)
 
-    def _approach(self, runner: Runner, offset: list[float]) -> Generator[Reference, Reading, bool]:
+    def _approach(self, runner: Runner, offset: list[float]) -> Generator[Reference, CycleReading, bool]:
         command = self._command
         ramp = ramp_m_s2(command.speed_m_s)
         travels, contacts = [], []
@@ -95,7 +97,7 @@ class Guarded:
             if left < 1e-6:
                 return False
             speed = min(command.speed_m_s, self._speed + ramp * self._period_s, max(2e-4, sqrt(2.0 * ramp * left)))
-            reading: Reading = yield self._go(min(speed, left / self._period_s))
+            reading: CycleReading = yield self._go(min(speed, left / self._period_s))
             contact = [felt - free for felt, free in zip(reading.contact, offset, strict=True)]
             travels.append(self.travel_m)
             contacts.append(contact)
@@ -103,7 +105,7 @@ class Guarded:
                 self.onset_m = onset(np.array(travels), np.array(contacts), self._period_s)
                 return True
 
-    def _creep(self, runner: Runner) -> Generator[Reference, Reading, None]:
+    def _creep(self, runner: Runner) -> Generator[Reference, CycleReading, None]:
         command = self._command
         observed = cycles(command.average_s, self._period_s)
         count = max(observed, cycles(command.observe_s, self._period_s))
@@ -120,7 +122,7 @@ class Guarded:
         self.observed_joints_rad = np.mean(joints[last], axis=0)
         self.observed_travel_m = float(np.mean(travels[last]))
 
-    def _retreat(self, runner: Runner) -> Generator[Reference, Reading, None]:
+    def _retreat(self, runner: Runner) -> Generator[Reference, CycleReading, None]:
         there = self.travel_m
         left = min(self._command.retreat_m, there)
         speed = 0.0

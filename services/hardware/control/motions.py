@@ -14,7 +14,7 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.rows import rows_of
 from crosspih_common.messages import StopReason
-from services.hardware.control.cycle import Reading, Reference
+from services.hardware.control.cycle import CycleReading, Reference
 from services.hardware.control.pace import Pace
 from services.hardware.control.paths import TimedPath
 from services.hardware.control.runner import Runner
@@ -24,14 +24,14 @@ POSE_S = 0.005  # gravity on the sensor turns slowly enough to look at the orien
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class MotionEnding:
     """Why a motion ended."""
 
     reason: StopReason
     detail: str = ""
 
 
-Steps = Generator[Reference, Reading, Ending]
+Steps = Generator[Reference, CycleReading, MotionEnding]
 
 
 class Motion(Protocol):
@@ -65,7 +65,7 @@ class Along:
             )
         for _ in range(cycles(SETTLE_S, period_s)):
             yield runner.still()
-        return Ending(StopReason.COMPLETED)
+        return MotionEnding(StopReason.COMPLETED)
 
 
 class Hold:
@@ -83,7 +83,7 @@ class Hold:
             reading = yield runner.still()
             if index >= skip:
                 self.samples.extend(reading.samples)
-        return Ending(StopReason.COMPLETED)
+        return MotionEnding(StopReason.COMPLETED)
 
 
 def cycles(duration_s: float, period_s: float) -> int:
@@ -91,7 +91,7 @@ def cycles(duration_s: float, period_s: float) -> int:
     return max(1, round(duration_s / period_s))
 
 
-def brake(runner: Runner, limits_rad_s2: Array) -> Generator[Reference, Reading, None]:
+def brake(runner: Runner, limits_rad_s2: Array) -> Generator[Reference, CycleReading, None]:
     """To rest as fast as the joints' limits allow, all joints together, from whatever the last cycle's speed was."""
     speeds, period_s = runner.speeds_rad_s, runner.period_s
     count = int(np.ceil(float(np.max(np.abs(speeds) / limits_rad_s2)) / period_s - 1e-9))

@@ -59,7 +59,7 @@ class TimedPath(Protocol):
         """Joints (n,) and their speeds (n,) at each of some times (k,), s."""
 
 
-class JointTrajectory:
+class JointPath:
     """Quintic segments through knots (the paper's Eqs. 10 and 11, as Bernstein polynomials)."""
 
     def __init__(self, arm: ArmModel, knots: Sequence[JointKnot], joints_now_rad: Array) -> None:

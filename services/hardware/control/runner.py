@@ -18,7 +18,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.rows import matrix_of, rows_of
 from crosspih_common.messages import JointState, RawWrenchBatch
 from crosspih_common.wrench import Payload, SensorMounting
-from services.hardware.control.cycle import Reading, Reference, Wrench6
+from services.hardware.control.cycle import CycleReading, Reference, Wrench6
 from services.hardware.control.trail import Trail
 from services.hardware.protocols import JointDevice, WrenchDevice
 
@@ -166,7 +166,7 @@ class Runner:
 
     # ------------------------------------------------------------------------------------------------------- cycle
 
-    def advance(self, reference: Reference) -> Reading:
+    def advance(self, reference: Reference) -> CycleReading:
         """One cycle. Raises DeviceLost; `recover` before the next one."""
         try:
             self._joints.write(reference.joints_rad, reference.speeds_rad_s)
@@ -202,7 +202,7 @@ class Runner:
         self._publish(before_ns, samples.stamps_ns.tolist(), rows)
         fx, fy, fz, mx, my, mz = contact
         force_n, moment_nm = sqrt(fx * fx + fy * fy + fz * fz), sqrt(mx * mx + my * my + mz * mz)
-        return Reading(samples.wrenches, self._raw, contact, force_n, moment_nm, state.positions_rad)
+        return CycleReading(samples.wrenches, self._raw, contact, force_n, moment_nm, state.positions_rad)
 
     def _publish(self, before_ns: int, stamps_ns: list[int], samples: list[list[float]]) -> None:
         now = self.now_ns

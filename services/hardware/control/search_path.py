@@ -11,7 +11,7 @@ from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import PathKnot
 
-LEAST_STEP_S = 0.001
+MIN_STEP_S = 0.001
 LEVER_M = 0.03  # from the centre to a corner of the tip: how a turn moves what may touch
 
 
@@ -28,7 +28,7 @@ class SearchPath:
         stretch: float = 1.0,
     ) -> None:  # fmt: skip
         times = np.array([0.0, *(knot.time_s for knot in knots)])
-        if np.any(np.diff(times) < LEAST_STEP_S - 1e-9):
+        if np.any(np.diff(times) < MIN_STEP_S - 1e-9):
             raise CommandRefused("path", "path: the knots' time_s must rise by at least 1 ms from knot to knot")
         times = times * stretch
         self.steps = round(float(times[-1]) / period_s)

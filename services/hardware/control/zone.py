@@ -12,11 +12,11 @@ from crosspih_common.collision import Fixture
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from services.hardware.control.pace import Pace, slowed
-from services.hardware.control.paths import JointTrajectory, LineInTime
+from services.hardware.control.paths import JointPath, LineInTime
 
 _NODE_M = 1e-3
 _NODE_S = 0.005
-_MOST_NODES = 300
+_MAX_NODES = 300
 _OUTWARD = -0.9  # cosine against the peg's axis: straight back
 
 
@@ -32,13 +32,13 @@ class ContactZone:
         )
 
     def pace(
-        self, path: JointTrajectory | LineInTime, contact_m_s: float, braking_m_s2: float, clear_out_m_s: float
+        self, path: JointPath | LineInTime, contact_m_s: float, braking_m_s2: float, clear_out_m_s: float
     ) -> tuple[Pace, str]:
         """The pace at which a path keeps the contact speed in the zone and can slow down to it before; and a note.
 
         Straight back along its own axis the peg may go at `clear_out_m_s`.
         """
-        count = int(np.clip(np.ceil(path.duration_s / _NODE_S), 8, _MOST_NODES))
+        count = int(np.clip(np.ceil(path.duration_s / _NODE_S), 8, _MAX_NODES))
         times = np.linspace(0.0, path.duration_s, count + 1)
         poses = [self._arm.pose_base_flange(joints) @ self._pose_flange_peg for joints in path.positions(times)]
         points = np.array([pose.apply(self._points_peg_m) for pose in poses])

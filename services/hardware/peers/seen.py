@@ -11,7 +11,7 @@ from crosspih_common.geometry.pose import Array
 EVERY = 10  # cycles from one telling to the next
 
 
-class Seen:
+class JointsTeller:
     """Tells such cameras where the joints stand; nobody need listen."""
 
     def __init__(self, address: str) -> None:

@@ -33,7 +33,7 @@ class NothingToRefine(CrosspihError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class SeenHole:
     """The hole as vision saw it: in the left camera's frame, with its covariance (6, 6) (hole frame), and where the
     calibration says that the camera is."""
 
@@ -54,7 +54,7 @@ class AssemblyData:
     pose_base_hole: Pose
     touches: tuple[TouchObservation, ...]
     presses: tuple[TouchObservation, ...]
-    seen: Seen | None
+    seen: SeenHole | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +68,7 @@ class Weighing:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Past:
+class RecordedAssemblies:
     """All that the recordings hold, and what was left out and why."""
 
     assemblies: tuple[AssemblyData, ...]
@@ -91,7 +91,7 @@ def _pose(section: dict[str, Any] | None) -> Pose:
     return Pose.from_rotvec(section.get("turn_rad", (0.0,) * 3), section.get("shift_m", (0.0,) * 3))
 
 
-def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, int], None]) -> Past:
+def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, int], None]) -> RecordedAssemblies:
     """Read recordings of this cell. Raises RecordingError for a file that is none, NothingToRefine when one is another
     cell's or when there is no assembly in any."""
     assemblies: list[AssemblyData] = []
@@ -116,7 +116,7 @@ def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, i
             + ("; ".join(left_out) or "calibrations of the sensor alone do not do")
             + "; record some with `crosspih bench assembly --record`"
         )
-    return Past(tuple(assemblies), tuple(weighings), tuple(left_out))
+    return RecordedAssemblies(tuple(assemblies), tuple(weighings), tuple(left_out))
 
 
 def _content(recording: Recording) -> dict[str, Any]:
@@ -199,12 +199,12 @@ def _unused(recording: Recording) -> set[int]:
     return {index for index, used in verdicts.items() if not used}
 
 
-def _seen(recording: Recording, correction: Pose) -> Seen | None:
+def _seen(recording: Recording, correction: Pose) -> SeenHole | None:
     located, pair = recording.last(LOCATE.reply_echo), recording.last(CAPTURE.reply_echo)
     if located is None or pair is None or located.method is not LocateMethod.RIM:
         return None
     camera = pair.calibration.pose_base_camera.pose()
-    return Seen(
+    return SeenHole(
         (camera @ correction).inverse() @ located.pose_base_hole.pose(),
         np.asarray(located.covariance).reshape(6, 6),
         camera,

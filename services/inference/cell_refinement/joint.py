@@ -20,7 +20,7 @@ from crosspih_common.geometry.wrench import adjoint_wrench
 from services.inference.cell_refinement.assemblies import AssemblyData
 from services.inference.cell_refinement.parameters import (
     CLEARANCE,
-    LEAST_CLEARANCE_M,
+    MIN_CLEARANCE_M,
     NAMES,
     PRIOR_SD,
     TURN,
@@ -266,7 +266,7 @@ def _rms(residuals: Array) -> float:
 def _fitted(problem: _Problem, x: Array, stages: Sequence[float], told: Callable[[], None], held: int) -> _Ended:
     """All stages from a start; the first `held` unknowns stay."""
     lower = np.full(len(x), -np.inf)
-    lower[CLEARANCE] = (LEAST_CLEARANCE_M - problem.workcell.hole.clearance_m) / PRIOR_SD[CLEARANCE]
+    lower[CLEARANCE] = (MIN_CLEARANCE_M - problem.workcell.hole.clearance_m) / PRIOR_SD[CLEARANCE]
     jacobian = np.zeros((0, 0))
     stage = _Stage.of(problem, x, stages[0])
     for softness in stages:

@@ -22,7 +22,7 @@ CAMERA_SD = np.array([*(3e-3,) * 3, *(np.deg2rad(1.0),) * 3])
 NAMES = GEOMETRY + CAMERA
 PRIOR_SD = np.concatenate([GEOMETRY_SD, CAMERA_SD])
 CAMERA_SHIFT, CAMERA_TURN = slice(8, 11), slice(11, 14)
-LEAST_CLEARANCE_M = 5e-6
+MIN_CLEARANCE_M = 5e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def shapes(workcell: Workcell, taper: float, clearance_m: float) -> tuple[Peg, H
     if taper != 0.0:
         drawing = drawing.model_copy(update=refined_peg(drawing, taper))
     hole = workcell.hole.model_copy(
-        update={"clearance_m": max(workcell.hole.clearance_m + clearance_m, LEAST_CLEARANCE_M)}
+        update={"clearance_m": max(workcell.hole.clearance_m + clearance_m, MIN_CLEARANCE_M)}
     )
     # the hole is around the body, which the taper leaves as it is
     return drawing.shape(), hole.shape(workcell.peg.shape())

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from crosspih_common.config import CellFile
-from services.inference.cell_refinement.assemblies import Past, camera_correction
+from services.inference.cell_refinement.assemblies import RecordedAssemblies, camera_correction
 from services.inference.cell_refinement.joint import JointFit, joint_fit
 from services.inference.cell_refinement.parameters import (
     CAMERA,
@@ -85,7 +85,7 @@ class Refinement:
         return dict(settings)
 
 
-def refine(cell: CellFile, past: Past, tell: Teller = lambda doing, done, total: None) -> Refinement:
+def refine(cell: CellFile, past: RecordedAssemblies, tell: Teller = lambda doing, done, total: None) -> Refinement:
     """Fit all that the past tells of the cell."""
     sensor = cell.workcell.force_torque.correction.pose()
     camera = camera_correction(cell.sections)

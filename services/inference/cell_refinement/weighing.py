@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.geometry.pose import Array
 from services.inference.cell_refinement.assemblies import Weighing
 
-LEAST_SD_N = 0.003
-LEAST_POSES = 5
+MIN_SD_N = 0.003
+MIN_POSES = 5
 
 
 def sensor_turn(weighings: Sequence[Weighing], prior_sd_rad: Array) -> tuple[Array, Array] | None:
@@ -21,7 +21,7 @@ def sensor_turn(weighings: Sequence[Weighing], prior_sd_rad: Array) -> tuple[Arr
     f = b + R_s^T R^T w for dwells with known R: the turn R_s, a weight w in the base and a bias b a calibration are
     fitted. The base may be tilted, so w is free. None without a calibration of at least 5 poses.
     """
-    used = [one for one in weighings if len(one.force_n) >= LEAST_POSES]
+    used = [one for one in weighings if len(one.force_n) >= MIN_POSES]
     if not used:
         return None
 
@@ -31,7 +31,7 @@ def sensor_turn(weighings: Sequence[Weighing], prior_sd_rad: Array) -> tuple[Arr
         for index, one in enumerate(used):
             weight, bias = x[3 + 6 * index : 6 + 6 * index], x[6 + 6 * index : 9 + 6 * index]
             expected = np.einsum("nji,j->ni", one.rotation_base_peg, weight) @ turned + bias
-            parts.append(((one.force_n - expected) / np.hypot(one.sd_n, LEAST_SD_N)).ravel())
+            parts.append(((one.force_n - expected) / np.hypot(one.sd_n, MIN_SD_N)).ravel())
         return np.concatenate(parts)
 
     start = np.zeros(3 + 6 * len(used))

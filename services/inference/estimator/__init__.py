@@ -2,12 +2,12 @@
 
 from services.inference.estimator.bore import BoreWalls
 from services.inference.estimator.estimate import estimate_pose
-from services.inference.estimator.insertion import InsertionAdvice, InsertionSettings, advise_insertion
+from services.inference.estimator.insertion import InsertionJudgement, InsertionSettings, advise_insertion
 from services.inference.estimator.observation import (
     ContactHypothesis,
     EstimatorSettings,
-    PoseErrorEstimate,
-    PosePrior,
+    HolePosePrior,
+    HolePosterior,
     TouchObservation,
     TouchVerdict,
 )
@@ -18,11 +18,11 @@ __all__ = [
     "BoreWalls",
     "ContactHypothesis",
     "EstimatorSettings",
-    "InsertionAdvice",
+    "HolePosePrior",
+    "HolePosterior",
+    "InsertionJudgement",
     "InsertionSettings",
     "NotSeated",
-    "PoseErrorEstimate",
-    "PosePrior",
     "PressSettings",
     "PressedEstimate",
     "TouchObservation",

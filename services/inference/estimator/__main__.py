@@ -21,7 +21,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.provenance import ResultStore, code_version, result_key, with_file_contents
-from services.inference.estimator.coverage import BLOCKS, Row, TouchRecord, TrialSettings, run_trial, summary
+from services.inference.estimator.coverage import BLOCKS, CoverageRow, TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.observation import EstimatorSettings
 from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
@@ -36,7 +36,7 @@ PRIORS = {
 }
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: list[CoverageRow]) -> str:
     """The rows as Markdown."""
     lines = [
         "| touches | trials | " + " | ".join(f"{name}: held % (95 % int.)" for name in BLOCKS) + " | NEES p50/p95 "

@@ -11,7 +11,7 @@ from scipy.stats import beta, chi2
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.inference.estimator.estimate import estimate_pose
-from services.inference.estimator.observation import EstimatorSettings, PosePrior, TouchObservation
+from services.inference.estimator.observation import EstimatorSettings, HolePosePrior, TouchObservation
 from services.inference.estimator.synthetic import GuardedPush, TouchNoise, touch
 from services.inference.mechanics import PairTables
 
@@ -67,7 +67,7 @@ def run_trial(
     error = rng.normal(size=6) * sd
     truth = nominal @ Pose.from_rotvec(error[3:], error[:3]).inverse()
     friction = float(rng.uniform(*settings.friction))
-    prior = PosePrior(nominal, np.diag(sd**2))
+    prior = HolePosePrior(nominal, np.diag(sd**2))
     belief, covariance, used = prior.pose_base_hole, prior.covariance, True
     made: list[TouchObservation] = []
     missed = 0
@@ -100,7 +100,7 @@ def run_trial(
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class CoverageRow:
     """After k touches: trials, share of truths within the 95 % region with its 95 % interval (Clopper-Pearson) and
     the quantiles of the squared error over covariance, block by block; and the errors' p50 and p95."""
 
@@ -114,7 +114,7 @@ class Row:
     used: float
 
 
-def summary(records: Sequence[TouchRecord]) -> list[Row]:
+def summary(records: Sequence[TouchRecord]) -> list[CoverageRow]:
     """One row a number of touches."""
     rows = []
     for count in sorted({record.touches for record in records}):
@@ -130,7 +130,7 @@ def summary(records: Sequence[TouchRecord]) -> list[Row]:
         lateral = np.percentile([record.lateral_m for record in these], [50, 95]) * 1e3
         rotation = np.degrees(np.percentile([record.rotation_rad for record in these], [50, 95]))
         rows.append(
-            Row(
+            CoverageRow(
                 count,
                 len(these),
                 covered,

@@ -21,8 +21,8 @@ from services.inference.estimator.hypotheses import (
 from services.inference.estimator.observation import (
     ContactHypothesis,
     EstimatorSettings,
-    PoseErrorEstimate,
-    PosePrior,
+    HolePosePrior,
+    HolePosterior,
     TouchObservation,
     TouchVerdict,
 )
@@ -40,12 +40,12 @@ WIDE_SOFTNESS = 4.0
 
 def estimate_pose(
     tables: PairTables,
-    prior: PosePrior,
+    prior: HolePosePrior,
     touches: Sequence[TouchObservation],
     rng: np.random.Generator,
     settings: EstimatorSettings | None = None,
-    previous: PoseErrorEstimate | None = None,
-) -> PoseErrorEstimate:
+    previous: HolePosterior | None = None,
+) -> HolePosterior:
     """The hole's pose (MAP) from all touches of one assembly. Starts: prior samples, the prior's mean, `previous`.
 
     Every touch gets a verdict, in order. Without an informative touch the prior comes back.
@@ -54,7 +54,7 @@ def estimate_pose(
     informative = [touch for touch in touches if touch.informative]
     if not informative:
         verdicts = tuple(TouchVerdict(False, np.inf, (), "not informative") for _ in touches)
-        return PoseErrorEstimate(
+        return HolePosterior(
             prior.pose_base_hole, prior.covariance, 0, 0.0, settings.friction_mean, settings.friction_sd, verdicts
         )
     batch = TouchBatch.of(informative, settings)
@@ -75,7 +75,7 @@ def estimate_pose(
     return _conclude(state, tables, batch, prior, touches, rng, settings)
 
 
-def _known(previous: PoseErrorEstimate | None) -> TrialPoses | None:
+def _known(previous: HolePosterior | None) -> TrialPoses | None:
     """The poses of an earlier estimate as starts."""
     if previous is None:
         return None
@@ -89,7 +89,7 @@ def _known(previous: PoseErrorEstimate | None) -> TrialPoses | None:
 
 def _without(
     tables: PairTables,
-    prior: PosePrior,
+    prior: HolePosePrior,
     batch: TouchBatch,
     rng: np.random.Generator,
     settings: EstimatorSettings,
@@ -110,7 +110,7 @@ def _without(
 
 def _search(
     tables: PairTables,
-    prior: PosePrior,
+    prior: HolePosePrior,
     batch: TouchBatch,
     rng: np.random.Generator,
     settings: EstimatorSettings,
@@ -129,14 +129,14 @@ def _search(
     return descend(tables, _distinct(state, settings.finalists), batch, prior, settings, 0.0, FINAL_STEPS // 2)
 
 
-def _first_softness(prior: PosePrior) -> float:
+def _first_softness(prior: HolePosePrior) -> float:
     """Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer."""
     return float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
 
 
 def _starts(
     tables: PairTables,
-    prior: PosePrior,
+    prior: HolePosePrior,
     batch: TouchBatch,
     rng: np.random.Generator,
     settings: EstimatorSettings,
@@ -193,11 +193,11 @@ def _conclude(
     state: FitState,
     tables: PairTables,
     batch: TouchBatch,
-    prior: PosePrior,
+    prior: HolePosePrior,
     touches: Sequence[TouchObservation],
     rng: np.random.Generator,
     settings: EstimatorSettings,
-) -> PoseErrorEstimate:
+) -> HolePosterior:
     """The posterior about the best trial, and how it takes each touch."""
     found = posterior(tables, state, batch, prior, settings, rng)
     order = np.argsort(state.cost, kind="stable")
@@ -221,7 +221,7 @@ def _conclude(
         verdicts.append(TouchVerdict(used, cost, contacts, "" if used else "no contact hypothesis explains it"))
         row += 1
     used_costs = [verdict.cost for verdict in verdicts if verdict.used]
-    return PoseErrorEstimate(
+    return HolePosterior(
         found.pose_base_hole,
         found.covariance[:6, :6],
         rank,

@@ -23,7 +23,7 @@ from services.inference.estimator.hypotheses import (
     choose_contacts,
     contact_basis,
 )
-from services.inference.estimator.observation import EstimatorSettings, PosePrior
+from services.inference.estimator.observation import EstimatorSettings, HolePosePrior
 from services.inference.mechanics import ContactFeatures, PairTables
 
 # Extra sd while annealing: gap, force, moment at softness 1.
@@ -95,7 +95,7 @@ def robust_cost(cost: Array, gate: float) -> Array:
     return np.asarray(cost * gate / (cost + gate))
 
 
-def prior_terms(trials: TrialPoses, prior: PosePrior, settings: EstimatorSettings) -> tuple[Array, Array, Array]:
+def prior_terms(trials: TrialPoses, prior: HolePosePrior, settings: EstimatorSettings) -> tuple[Array, Array, Array]:
     """Cost (K,), gradient (K, 7) and information (K, 7, 7) of the prior with its Student-t tails."""
     relative = prior.pose_base_hole.rotation.T @ trials.rotation
     error = np.concatenate(
@@ -178,7 +178,7 @@ def evaluate(
     tables: PairTables,
     trials: TrialPoses,
     touches: TouchBatch,
-    prior: PosePrior,
+    prior: HolePosePrior,
     settings: EstimatorSettings,
     softness: float,
 ) -> FitState:
@@ -195,7 +195,7 @@ def judge(
     tables: PairTables,
     trials: TrialPoses,
     touches: TouchBatch,
-    prior: PosePrior,
+    prior: HolePosePrior,
     settings: EstimatorSettings,
     softness: float,
 ) -> tuple[FitState, Array]:
@@ -216,7 +216,7 @@ def descend(
     tables: PairTables,
     trials: TrialPoses,
     touches: TouchBatch,
-    prior: PosePrior,
+    prior: HolePosePrior,
     settings: EstimatorSettings,
     softness: float,
     iterations: int,

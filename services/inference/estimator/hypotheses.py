@@ -27,7 +27,7 @@ from services.inference.mechanics import (
 )
 
 NO_CONTACT_COST = 1e6
-MOST_CLAMPING = 3.0  # times the force of the touch: what one contact of several may press
+MAX_CLAMPING = 3.0  # times the force of the touch: what one contact of several may press
 SLIP_LEVER_M = 0.02  # over which an error of position shows as one of rotation
 
 
@@ -200,7 +200,7 @@ def choose_contacts(
         basis / wrench_sd[None, :, None],
         own,
         np.log(gap_sd_m / _normal_compliance(geometry, touches)),
-        MOST_CLAMPING * np.linalg.norm(touches.wrench[:, :3], axis=1) + 1.0,
+        MAX_CLAMPING * np.linalg.norm(touches.wrench[:, :3], axis=1) + 1.0,
         min(settings.contacts, shape[2]),
     )
     overlapping = (depth < 0.0) & (geometry.gap_m < 0.0) & meets

@@ -41,7 +41,7 @@ class InsertionSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class InsertionAdvice:
+class InsertionJudgement:
     """As the message of that name: forces N, lengths m, poses in the base frame, covariance (6, 6)."""
 
     contact: BoreContact
@@ -119,7 +119,7 @@ def advise_insertion(
     push_force_n: float,
     force_limit_n: float = 20.0,
     settings: InsertionSettings | None = None,
-) -> InsertionAdvice:
+) -> InsertionJudgement:
     """How a stalled peg stands in its bore, and what to do.
 
     pose_base_hole, covariance (6, 6): the belief. pose_base_peg: motor-side pose of the peg; wrench_peg (6,) on the
@@ -140,7 +140,7 @@ def advise_insertion(
 
     def advice(
         contact: BoreContact, action: InsertionAction, reason: str, push_n: float, load: BoreLoad, back_off_m: float
-    ) -> InsertionAdvice:
+    ) -> InsertionJudgement:
         if entered > 0.0:
             hole_pose, spread = final_estimate(peg, hole, pose_base_hole, covariance, pose_base_peg, wrench, compliance)
         else:
@@ -148,7 +148,7 @@ def advise_insertion(
         depth = float((hole_pose.inverse() @ pose_base_peg).apply([0.0, 0.0, peg.tip_m])[2])
         aim = hole_pose @ Pose.from_translation([0.0, 0.0, depth - back_off_m - peg.tip_m])
         rim_n, leading_n = load.forces_n.sum(axis=1)
-        return InsertionAdvice(
+        return InsertionJudgement(
             contact, action, reason, entered, push_n, load.needed_force_n, float(rim_n), float(leading_n), back_off_m,
             aim, hole_pose, spread,
         )  # fmt: skip

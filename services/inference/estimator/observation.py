@@ -49,7 +49,7 @@ class TouchObservation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PosePrior:
+class HolePosePrior:
     """What is known of the hole before touching: mean and covariance (6, 6), right perturbation, m and rad.
 
     tail_degrees: degrees of freedom of its Student-t tails; the smaller, the easier touches overrule it.
@@ -62,7 +62,7 @@ class PosePrior:
     @classmethod
     def from_sd(
         cls, pose_base_hole: Pose, sd: tuple[float, float, float, float, float, float], tail_degrees: float = 5.0
-    ) -> PosePrior:
+    ) -> HolePosePrior:
         """From standard deviations along and about the hole's axes (x, y, z in m, rx, ry, rz in rad)."""
         return cls(pose_base_hole, np.diag(np.square(sd)), tail_degrees)
 
@@ -133,7 +133,7 @@ class TouchVerdict:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseErrorEstimate:
+class HolePosterior:
     """The hole's pose after some touches.
 
     covariance (6, 6): right perturbation of pose_base_hole. rank: directions in which the touches at least halved the

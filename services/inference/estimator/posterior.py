@@ -17,7 +17,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.inference.estimator.fit import FitState, evaluate
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses
-from services.inference.estimator.observation import EstimatorSettings, PosePrior
+from services.inference.estimator.observation import EstimatorSettings, HolePosePrior
 from services.inference.mechanics import PairTables
 
 DEGREES = 5.0
@@ -46,7 +46,7 @@ def posterior(
     tables: PairTables,
     state: FitState,
     touches: TouchBatch,
-    prior: PosePrior,
+    prior: HolePosePrior,
     settings: EstimatorSettings,
     rng: np.random.Generator,
 ) -> Posterior:
@@ -93,7 +93,7 @@ def posterior(
     )
 
 
-def _prior_component(prior: PosePrior, settings: EstimatorSettings) -> tuple[TrialPoses, Array]:
+def _prior_component(prior: HolePosePrior, settings: EstimatorSettings) -> tuple[TrialPoses, Array]:
     """The prior of pose and friction as a component to draw from: centre and root (1, 7, 7)."""
     root = np.zeros((1, 7, 7))
     root[0, :6, :6] = np.linalg.cholesky(np.asarray(prior.covariance, float))

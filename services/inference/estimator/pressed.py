@@ -22,7 +22,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import transform_wrench
 from crosspih_common.shapes import Hole, Peg
 from services.inference.estimator.bore import PLANE, BoreWalls
-from services.inference.estimator.observation import PosePrior, TouchObservation
+from services.inference.estimator.observation import HolePosePrior, TouchObservation
 
 ORDER = np.array([0, 1, 3, 4, 5, 2])  # of the unknowns: the depth last, for only the rim's place along the peg has it
 
@@ -70,7 +70,7 @@ class PressedEstimate:
 def pressed_estimate(
     peg: Peg,
     hole: Hole,
-    prior: PosePrior,
+    prior: HolePosePrior,
     presses: Sequence[TouchObservation],
     settings: PressSettings | None = None,
 ) -> PressedEstimate:
@@ -125,7 +125,7 @@ class _Bore:
 
     @classmethod
     def of(
-        cls, peg: Peg, hole: Hole, prior: PosePrior, presses: Sequence[TouchObservation],
+        cls, peg: Peg, hole: Hole, prior: HolePosePrior, presses: Sequence[TouchObservation],
         settings: PressSettings,
     ) -> _Bore:  # fmt: skip
         into_hole = prior.pose_base_hole.inverse()
@@ -159,7 +159,7 @@ class _Bore:
             settings,
         )
 
-    def fitted(self, prior: PosePrior) -> tuple[Pose, Array, Array]:
+    def fitted(self, prior: HolePosePrior) -> tuple[Pose, Array, Array]:
         """The hole's pose, its covariance (6, 6), and the cost of each press (T,)."""
         to_middle = np.eye(6)
         to_middle[0, 4], to_middle[1, 3] = self.middle_m, -self.middle_m

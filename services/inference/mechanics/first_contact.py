@@ -23,7 +23,7 @@ from services.inference.mechanics.pairs import CONES_RAD, PairTables
 
 # Numbers of a table that stay in the second-level cache, and the least and the most poses a portion.
 PORTION = 100_000
-FEWEST, MOST = 8, 512
+FEWEST, MAX_ = 8, 512
 # Travels and separations count up to this; it makes them positive, at a cost of 2^-50 m.
 FAR_M = 4.0
 PARALLEL = 1e-9
@@ -118,7 +118,7 @@ def _portions(
     for which in np.unique(level):
         faces = tables.faces_within(CONES_RAD[which])
         rows = np.flatnonzero(level == which)
-        portion = int(np.clip(PORTION // faces.edges.peg_line.size, FEWEST, MOST))
+        portion = int(np.clip(PORTION // faces.edges.peg_line.size, FEWEST, MAX_))
         for start in range(0, len(rows), portion):
             # A slice where all poses are alike spares copies.
             part: NDArray[np.intp] | slice = rows[start : start + portion]

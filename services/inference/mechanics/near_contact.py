@@ -24,7 +24,7 @@ from services.inference.mechanics.polyhedron import arc_arc_angle
 from services.inference.mechanics.surface import Surface
 
 PORTION = 100_000
-FEWEST, MOST = 8, 512
+FEWEST, MAX_ = 8, 512
 # Corners are held against faces, and edges against edges, up to this much beyond what could touch first: of a face
 # that comes to rest flat, the other end is then there before it touches.
 MARGIN_RAD = 0.05
@@ -135,7 +135,7 @@ class SurfacePair:
                 f"a peg is turned by {turned.max():.3f} rad; the tables hold to {self.cone_rad:.3f}: "
                 f"make them with a larger cone_rad"
             )
-        portion = int(np.clip(PORTION // max(len(self.peg_edge), 1), FEWEST, MOST))
+        portion = int(np.clip(PORTION // max(len(self.peg_edge), 1), FEWEST, MAX_))
         present = np.zeros((n, most), dtype=bool)
         gap, sign = np.full((n, most), np.inf), np.ones((n, most))
         row = np.zeros((n, most), dtype=np.intp)

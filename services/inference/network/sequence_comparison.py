@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.inference.estimator import EstimatorSettings, PosePrior, TouchObservation, estimate_pose
+from services.inference.estimator import EstimatorSettings, HolePosePrior, TouchObservation, estimate_pose
 from services.inference.mechanics import PairTables
 from services.inference.network.sequence_data import SequenceDataset, TouchWorld, touch_sequences
 from services.inference.network.sequence_model import SequenceNetwork
@@ -77,7 +77,7 @@ def compare(
         fitted, fitted_covariance = np.empty_like(learned), np.empty_like(learned_covariance)
         for row in range(trials):
             felt = observations(dataset, row, world)
-            prior = PosePrior(Pose.identity(), np.diag(dataset.history.prior_sd[row] ** 2))
+            prior = HolePosePrior(Pose.identity(), np.diag(dataset.history.prior_sd[row] ** 2))
             for count in range(1, touches + 1):
                 found = estimate_pose(tables, prior, felt[:count], np.random.default_rng(0), settings)
                 pose = found.pose_base_hole

@@ -15,7 +15,7 @@ from services.operator.assembly.as_bench import watch_command
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
-from services.operator.cli.failure import Failed, Failure
+from services.operator.cli.failure import CommandFailure, Failed
 from services.operator.cli.failure import told as failures_told
 from services.operator.cli.options import AsJson as AsJson
 from services.operator.scoring.score import TrialFigures
@@ -39,7 +39,7 @@ def told(console: Console) -> Iterator[None]:
         except TrialsStopped as stopped:
             said = f"{stopped}; the same command goes on from there"
             console.print(said, highlight=False)
-            raise Failed(Failure("stopped", said), 130) from None
+            raise Failed(CommandFailure("stopped", said), 130) from None
 
 
 def trials_of(

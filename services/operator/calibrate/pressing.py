@@ -18,9 +18,9 @@ from crosspih_common.arm.inverse import InverseError, nearest
 from crosspih_common.calibration.fitting import CalibrationRefused
 from crosspih_common.calibration.presses import (
     APART_M,
-    Level,
     Press,
     Pressed,
+    RestLevel,
     held,
     jacobian_at,
     touching_corner,
@@ -43,16 +43,16 @@ TILTS_RAD = (0.2, 0.42)
 BESIDE_M = 0.014  # from the rim of the hole to the corner that touches
 AWAY_M, BEFORE_M, DEEP_M = 0.022, 0.003, 0.008
 TOUCH_N, TOUCH_M_S, CREEP_M_S, PROBE_M_S = 2.0, 0.004, 0.0003, 0.01
-LANDED_MOST, LANDED, SLOWEST_M_S = 0.5, 0.2, 3e-4  # of the force, when the touch has come to rest
+MAX_LANDED, LANDED, SLOWEST_M_S = 0.5, 0.2, 3e-4  # of the force, when the touch has come to rest
 SHARES = (0.35, 0.68, 1.0)  # of the force, at the depths of a push
 FREE_S, HELD_S, SETTLE_S = 0.5, 0.5, 0.15
 WEIGHINGS, WRIST_RAD, WEIGHING_TRIES = 10, 1.3, 400
 SPIN_RAD = 1.6
-ORIENTATIONS, ROUND, LEAST_AREA_M2 = 4, (0, 4, 8, 2, 6, 10, 1, 5, 9, 3, 7, 11), 4e-4
+ORIENTATIONS, ROUND, MIN_AREA_M2 = 4, (0, 4, 8, 2, 6, 10, 1, 5, 9, 3, 7, 11), 4e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class PressingManner:
     """How many pushes, how hard at the most, and which draw of postures."""
 
     presses: int = 16
@@ -93,7 +93,7 @@ def _area(*poses: Pose) -> float:
 class Presser:
     """Pushes, with an arm that is held and knows its payload."""
 
-    def __init__(self, arm: HeldArm, console: Console, manner: Manner) -> None:
+    def __init__(self, arm: HeldArm, console: Console, manner: PressingManner) -> None:
         self._arm, self._console, self._manner = arm, console, manner
         self._workcell = workcell = arm.workcell
         self._collisions = CollisionModel(workcell)
@@ -104,10 +104,10 @@ class Presser:
         self._offset: float | None = None  # of the plate along the normal, once it is known
         self._touch_m_s = TOUCH_M_S
 
-    def _level(self, duration_s: float) -> tuple[Level, MotionOutcome]:
+    def _level(self, duration_s: float) -> tuple[RestLevel, MotionOutcome]:
         self._arm.dwell(SETTLE_S)
         outcome = self._arm.dwell(duration_s)
-        level = Level(joints_rad=outcome.joints_rad, raw=outcome.wrench_raw, raw_sd=outcome.wrench_sd)
+        level = RestLevel(joints_rad=outcome.joints_rad, raw=outcome.wrench_raw, raw_sd=outcome.wrench_sd)
         return level, outcome
 
     def _before(self, rotation: Array, place: Array, away_m: float) -> Pose:
@@ -152,7 +152,7 @@ class Presser:
                 except CommandRefused as refusal:
                     why = str(refusal)
                     continue
-                if len(touched) < 2 or _area(touched[0], touched[1], pose) > LEAST_AREA_M2:
+                if len(touched) < 2 or _area(touched[0], touched[1], pose) > MIN_AREA_M2:
                     touched.append(pose)
                 if len(touched) == 3:
                     self._plane_of(touched)
@@ -200,14 +200,14 @@ class Presser:
                 travel_limit_m=BEFORE_M + DEEP_M,
             )
         )  # fmt: skip
-        levels: list[Level] = []
+        levels: list[RestLevel] = []
         if outcome.stop_reason is StopReason.CONTACT:
             levels = self._deeper(free)
         back = self._arm.dwell(0.05).pose_base_peg.pose()
         self._arm.slide(Pose(back.rotation, back.translation_m - self.normal * AWAY_M))
         return Press(free=free, levels=tuple(levels)) if len(levels) > 1 else None
 
-    def _deeper(self, free: Level) -> list[Level]:
+    def _deeper(self, free: RestLevel) -> list[RestLevel]:
         level, outcome = self._level(HELD_S)
         levels = [level]
         joints, start = np.asarray(outcome.joints_rad), outcome.pose_base_peg.pose()
@@ -218,7 +218,7 @@ class Presser:
             gives += 1.0 / self._workcell.contact_stiffness_n_m
         felt, gone = self._felt(free, level), 0.0
         first = felt
-        if felt > LANDED_MOST * self._manner.force_n and self._touch_m_s > SLOWEST_M_S:
+        if felt > MAX_LANDED * self._manner.force_n and self._touch_m_s > SLOWEST_M_S:
             # an arm that is told late lands hard, and little is left to push
             self._touch_m_s = max(SLOWEST_M_S, self._touch_m_s * LANDED * self._manner.force_n / felt)
             self._console.print(
@@ -237,15 +237,15 @@ class Presser:
             gives = gone / max(felt - first, 0.5)  # as it was felt
         return levels
 
-    def _felt(self, free: Level, level: Level) -> float:
+    def _felt(self, free: RestLevel, level: RestLevel) -> float:
         pressed = held(Press(free=free, levels=(level,)), self._workcell)[0]
         return -float(wrench_base(pressed, self._workcell)[:3] @ self.normal)
 
-    def weigh(self, home: Array) -> list[Level]:
+    def weigh(self, home: Array) -> list[RestLevel]:
         """Dwells with the wrist turned about, clear of everything, each from home and back."""
         rng, arm = np.random.default_rng(self._manner.seed), self._workcell.arm()
         wide = self._collisions.margin_m + 0.005
-        found: list[Level] = []
+        found: list[RestLevel] = []
         down = np.asarray(self._workcell.gravity_base_m_s2, float)
         down /= np.linalg.norm(down)
         directions: list[Array] = []
@@ -283,7 +283,7 @@ def tell_payload(session: Session, console: Console) -> SetPayload:
 
 
 def take_presses(
-    session: Session, console: Console, manner: Manner, speed_share: float, what: str, weighed: bool,
+    session: Session, console: Console, manner: PressingManner, speed_share: float, what: str, weighed: bool,
     on_push: Callable[[Pressed], None] = lambda pressed: None,
 ) -> Pressed:  # fmt: skip
     """Push, and weigh where that is wanted; the arm ends where it began. `on_push` is told all so far after each.
@@ -293,7 +293,7 @@ def take_presses(
     workcell = session.cell.workcell
     payload = tell_payload(session, console)
     presses: list[Press] = []
-    weighings: list[Level] = []
+    weighings: list[RestLevel] = []
     with hold_arm(session.bus, f"calibrate {what}") as lease:
         arm = HeldArm(session.bus, lease, workcell, speed_share)
         arm.dwell(SETTLE_S)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from crosspih_common.calibration.presses import Level, Press, Pressed
+from crosspih_common.calibration.presses import Press, Pressed, RestLevel
 from crosspih_common.config import Workcell
 from crosspih_common.errors import ConfigError
 from crosspih_common.keys import (
@@ -46,7 +46,7 @@ from crosspih_common.recording import Recording, read_recording
 
 MOTIONS: tuple[Command[Any, Any], ...] = (FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADMITTANCE_MOVE, DWELL)
 SUFFIX, PURPOSE = ".mcap", "calibrate "
-LEAST_HELD_S = 0.25
+MIN_HELD_S = 0.25
 SAME_WAY = 1e-6
 
 
@@ -135,7 +135,7 @@ def holdings(recording: Recording) -> list[Holding]:
 def _longest(dwells: list[MotionOutcome]) -> MotionOutcome | None:
     """The last of the longest, where it is long enough to count."""
     longest = max(reversed(dwells), key=lambda dwell: dwell.duration_s, default=None)
-    return longest if longest is not None and longest.duration_s >= LEAST_HELD_S - 1e-6 else None
+    return longest if longest is not None and longest.duration_s >= MIN_HELD_S - 1e-6 else None
 
 
 def pushed(moved: Iterable[Moved]) -> Pushed:
@@ -190,8 +190,8 @@ def of_calibration(recording: Recording) -> Pushed:
     return pushed(every)
 
 
-def _level(outcome: MotionOutcome) -> Level:
-    return Level(joints_rad=outcome.joints_rad, raw=outcome.wrench_raw, raw_sd=outcome.wrench_sd)
+def _level(outcome: MotionOutcome) -> RestLevel:
+    return RestLevel(joints_rad=outcome.joints_rad, raw=outcome.wrench_raw, raw_sd=outcome.wrench_sd)
 
 
 def pressed_of(path: Path, workcell: Workcell) -> tuple[Pressed, list[str]]:
@@ -233,7 +233,7 @@ def _lacking(recording: Recording, found: Pushed) -> str:
             "push is held after it touched"
         )
     return (
-        f"{found.touched} times the peg touched and stayed, and none was held for {LEAST_HELD_S:g} s or longer in free "
+        f"{found.touched} times the peg touched and stayed, and none was held for {MIN_HELD_S:g} s or longer in free "
         "air just before it and then at two depths (arm/dwell, arm/move_linear)"
     )
 
@@ -250,7 +250,7 @@ def readings_of(path: Path, workcell: Workcell) -> tuple[IdentifyPayload, list[s
     if not free:
         raise ConfigError(
             f"{path}: holds neither a calibration of the sensor (force_torque/identify) nor dwells of "
-            f"{LEAST_HELD_S:g} s in free air (arm/dwell)"
+            f"{MIN_HELD_S:g} s in free air (arm/dwell)"
         )
     readings = [
         RawReading(pose_base_peg=one.pose_base_peg, wrench_raw=one.wrench_raw, wrench_sd=one.wrench_sd) for one in free

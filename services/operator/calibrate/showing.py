@@ -30,7 +30,7 @@ WEIGHTS = np.array([2.0, 2.0, 1.5, 1.6, 1.6, 0.5])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shown:
+class ShownPosture:
     """A posture (n,), rad, and how the board is then seen: place in the picture, distance, tilts and spin, (6,)."""
 
     joints_rad: Array
@@ -91,11 +91,11 @@ def drawn_before(
 def candidates(
     workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose,
     collisions: CollisionModel, rng: np.random.Generator,
-) -> list[Shown]:  # fmt: skip
+) -> list[ShownPosture]:  # fmt: skip
     """Postures clear of everything, drawn over the picture, distances, tilts and spins."""
     arm, home = workcell.arm(), np.asarray(workcell.home_joints_rad, float)
     to_flange, pose_base_camera = pose_flange_board.inverse(), cameras.pose_base_camera.pose()
-    found: list[Shown] = []
+    found: list[ShownPosture] = []
     for _ in range(TRIES):
         if len(found) >= WANTED:
             break
@@ -109,12 +109,12 @@ def candidates(
             continue
         if collisions.clearance(joints).distance_m < collisions.margin_m + SPARE_M:
             continue
-        found.append(Shown(joints, drawn[1]))
+        found.append(ShownPosture(joints, drawn[1]))
     return found
 
 
 def reached(
-    home: Array, shown: list[Shown], vias: list[Array], collisions: CollisionModel
+    home: Array, shown: list[ShownPosture], vias: list[Array], collisions: CollisionModel
 ) -> tuple[list[Array], list[int], list[int]]:
     """Nodes that can be driven to from home, the parent of each (-1: home itself), and which `shown` each is (-1: a
     node on the way)."""
@@ -138,7 +138,7 @@ def reached(
     return nodes, parents, which
 
 
-def spread_out(shown: list[Shown], count: int) -> list[int]:
+def spread_out(shown: list[ShownPosture], count: int) -> list[int]:
     """The most different ones, farthest point first."""
     seen = np.array([one.seen for one in shown]) * WEIGHTS / np.array([1.0, 1.0, 0.5, TILT_RAD, TILT_RAD, SPIN_RAD])
     chosen = [int(np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1)))]

@@ -21,7 +21,7 @@ from services.operator.calibrate.tables import say_missing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class CalibrationResult:
     """A calibration that came to its end: `result` for JSON, with `settings` for the cell's file where it has some;
     `folder` is its own. `cameras` is where the camera message goes, and the message."""
 

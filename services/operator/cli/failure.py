@@ -24,7 +24,7 @@ DEFECT = "defect"
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class CommandFailure:
     """What `--json` prints of an error: `code` for programs, `text` for people; what it is about and what would mend
     it, empty where nobody said."""
 
@@ -41,25 +41,25 @@ class Failure:
 class Failed(typer.Exit):
     """Ends a command whose error was told in words already."""
 
-    def __init__(self, failure: Failure, status: int = 1) -> None:
+    def __init__(self, failure: CommandFailure, status: int = 1) -> None:
         super().__init__(status)
         self.failure = failure
 
 
-def failure_of(error: Exception) -> Failure:
+def failure_of(error: Exception) -> CommandFailure:
     """What there is to say of an error, foreseen or not."""
     if isinstance(error, CrosspihError):
-        return Failure(_code_of(error), str(error), error.field, error.mend)
+        return CommandFailure(_code_of(error), str(error), error.field, error.mend)
     if isinstance(error, OSError):
         about = str(error.filename or "")
-        return Failure("file", f"{about + ': ' if about else ''}{error.strerror or error}", about)
+        return CommandFailure("file", f"{about + ': ' if about else ''}{error.strerror or error}", about)
     if isinstance(error, ModuleNotFoundError):
         from crosspih_common.modules import not_installed
 
-        return Failure("not_installed", f"crosspih: {not_installed(error)}", error.name or "")
+        return CommandFailure("not_installed", f"crosspih: {not_installed(error)}", error.name or "")
     said = " ".join(str(error).split()) or "no words"
     mend = f"this is a defect of crosspih; {TRACEBACK}=1 before the command shows where"
-    return Failure(DEFECT, f"{type(error).__name__}: {said}; {mend}", mend=mend)
+    return CommandFailure(DEFECT, f"{type(error).__name__}: {said}; {mend}", mend=mend)
 
 
 def _code_of(error: CrosspihError) -> str:
@@ -75,7 +75,7 @@ def is_shown_whole(error: Exception) -> bool:
     return bool(os.environ.get(TRACEBACK)) and not foreseen
 
 
-def say(failure: Failure) -> None:
+def say(failure: CommandFailure) -> None:
     """In red on standard error."""
     from rich.console import Console
 
@@ -94,14 +94,14 @@ def told(console: Console) -> Iterator[None]:
         raise typer.Exit(130) from None
 
 
-def usage_failure(error: typer.BadParameter) -> Failure:
+def usage_failure(error: typer.BadParameter) -> CommandFailure:
     """Of a command line that cannot be."""
     hint, parameter = getattr(error, "param_hint", None), getattr(error, "param", None)
     names = getattr(parameter, "opts", None) or [getattr(error, "option_name", "")]
     about = hint if isinstance(hint, str) else max(names, key=len)
     shown = getattr(error, "ctx", None)
     mend = f"{shown.command_path} --help" if shown is not None else ""
-    return Failure(USAGE, error.format_message(), about.strip("'"), mend)
+    return CommandFailure(USAGE, error.format_message(), about.strip("'"), mend)
 
 
 def with_nearest(message: str) -> str:
@@ -116,7 +116,7 @@ def with_nearest(message: str) -> str:
     return f"{message.rstrip('.')}; {meant}" if meant else message
 
 
-def print_json(failure: Failure) -> None:
+def print_json(failure: CommandFailure) -> None:
     """The object on standard output, where a program looks for it."""
     sys.stdout.write(failure.as_json())
     sys.stdout.flush()

@@ -27,7 +27,7 @@ standard error and ends with status 1, with 2 where it cannot be asked so; with 
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedCommand:
     """A command of the table, how it is called, and the heading that it stands under."""
 
     path: tuple[str, ...]
@@ -36,21 +36,21 @@ class Listed:
     panel: str
 
 
-def every_command() -> Iterator[Listed]:
+def every_command() -> Iterator[ListedCommand]:
     """All commands that do something, in the table's order; groups are gone through."""
     root = get_command(app)
     assert isinstance(root, TyperGroup)
     yield from _below(root, (PROGRAM,), "")
 
 
-def _below(group: Any, path: tuple[str, ...], panel: str) -> Iterator[Listed]:
+def _below(group: Any, path: tuple[str, ...], panel: str) -> Iterator[ListedCommand]:
     for name, entry in group.table.items():
         command = entry.load(name, " ".join((*path, name)))
         under = panel or entry.panel
         if isinstance(command, TyperGroup):
             yield from _below(command, (*path, name), under)
         else:
-            yield Listed((*path, name), entry, command, under)
+            yield ListedCommand((*path, name), entry, command, under)
 
 
 def _option_rows(command: TyperCommand) -> Iterator[str]:

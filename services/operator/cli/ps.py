@@ -7,7 +7,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from crosspih_common.errors import CrosspihError
-from deploy.launcher.conditions import Phase
+from deploy.launcher.conditions import ServicePhase
 from deploy.launcher.health import Health
 from deploy.launcher.looking import Project, RunDir, show_stack
 from deploy.launcher.state import DEFAULT_PROJECT, StackState
@@ -33,7 +33,7 @@ def noted(state: StackState, alive: set[str]) -> StackState:
         return state
     rows = [
         row.model_copy(update={"note": "; ".join(filter(None, (row.note, SILENT)))})
-        if row.service not in alive | {ROUTER} and row.phase is Phase.RUNNING and row.health is Health.HEALTHY
+        if row.service not in alive | {ROUTER} and row.phase is ServicePhase.RUNNING and row.health is Health.HEALTHY
         else row
         for row in state.services
     ]
@@ -60,7 +60,7 @@ def _with_signs_of_life(state: StackState) -> StackState:
     from crosspih_common.bus import Bus, open_zenoh  # the messages: not for a stack that is down
     from crosspih_common.config import cell_name
 
-    wanted = {row.service for row in state.services if row.phase is Phase.RUNNING} - {ROUTER}
+    wanted = {row.service for row in state.services if row.phase is ServicePhase.RUNNING} - {ROUTER}
     alive: set[str] = set()
     changed = threading.Condition()
 

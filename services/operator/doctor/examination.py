@@ -16,7 +16,7 @@ from deploy.launcher.state import default_run_root
 from services.operator.assembly.session import NEEDED
 from services.operator.cli.rows import Row, looked, ok, wrong
 from services.operator.doctor import addresses, calibrations, clocks, devices, drawing, machine, network, software
-from services.operator.doctor.sections import Sections, read_sections
+from services.operator.doctor.sections import ReadSections, read_sections
 from services.operator.doctor.weights import weight_rows
 
 HOLDER_TIMEOUT_S = 0.1  # as services/hardware/control/config.py has it, where the file cannot be read
@@ -40,7 +40,7 @@ def examine(wish: Wish, say: Callable[[str], None] = lambda text: None) -> list[
     say("Python and packages")
     rows = [software.python_row(), *looked("packages", software.package_rows), *looked("wheels", software.wheel_rows)]
     cell: CellFile | None = None
-    read = Sections()
+    read = ReadSections()
     try:
         cell = load_cell(wish.cell)
         rows.append(ok("cell file", f"{wish.cell}: cell {cell.workcell.name}"))
@@ -67,7 +67,9 @@ def examine(wish: Wish, say: Callable[[str], None] = lambda text: None) -> list[
     return rows
 
 
-def _of_the_cell(wish: Wish, file: CellFile, read: Sections, bus: Bus | None, say: Callable[[str], None]) -> list[Row]:
+def _of_the_cell(
+    wish: Wish, file: CellFile, read: ReadSections, bus: Bus | None, say: Callable[[str], None]
+) -> list[Row]:
     rows: list[Row] = []
     alive: set[str] = set()
     cell, readable = read.filled(file), read.settings

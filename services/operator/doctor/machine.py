@@ -12,14 +12,14 @@ from pathlib import Path
 from crosspih_common.modules import RUN_DIR_VARIABLE
 from services.operator.cli.rows import Row, ok, warning, wrong
 
-LEAST_BYTES, FEW_BYTES = 200_000_000, 2_000_000_000  # an assembly's recording and page take some 5 MB
+MIN_BYTES, FEW_BYTES = 200_000_000, 2_000_000_000  # an assembly's recording and page take some 5 MB
 RECEIVE_BUFFER = Path("/proc/sys/net/core/rmem_max")
 # UDP datagrams that may wait: pictures by GigE Vision, and wrenches at 7 kHz
 BUFFER_BYTES = {"genicam": 8_000_000, "ati": 200_000}
 GROUPS = {"tty": "dialout", "video": "video"}
 
 
-def disk_rows(folder: Path, least: int = LEAST_BYTES, few: int = FEW_BYTES) -> Iterator[Row]:
+def disk_rows(folder: Path, least: int = MIN_BYTES, few: int = FEW_BYTES) -> Iterator[Row]:
     """The folder of recordings: can it be made and written, and is there room?"""
     name, setting = "disk", "recorder.directory in the cell's file"
     try:

@@ -20,7 +20,7 @@ MEND = "mend what it names, or leave it out for its default"
 
 
 @dataclass(frozen=True)
-class Sections:
+class ReadSections:
     """What the services read: `settings` of those that could, defaults filled in; the others are not there."""
 
     rows: tuple[Row, ...] = ()
@@ -31,7 +31,7 @@ class Sections:
         return replace(cell, sections={**cell.sections, **self.settings})
 
 
-def read_sections(path: Path, cell: CellFile) -> Sections:
+def read_sections(path: Path, cell: CellFile) -> ReadSections:
     """Every section of the file at `path`, in processes beside, as many at once as there are cores."""
     names = (*NEEDED, BRIDGE) if cell.sections[BRIDGE] else NEEDED
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -54,7 +54,7 @@ def read_sections(path: Path, cell: CellFile) -> Sections:
         rows.append(warning("section router", found, "remove the section; its address is CROSSPIH_ENDPOINT"))
     if settings:
         rows.insert(0, ok("sections", f"{', '.join(settings)}: each service reads its own"))
-    return Sections(tuple(rows), settings)
+    return ReadSections(tuple(rows), settings)
 
 
 def _refused(name: str, answer: Said) -> Row:

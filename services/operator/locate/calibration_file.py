@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration, Gamma, PoseData
 from services.operator.locate import camera_info, opencv_file
-from services.operator.locate.reading import CalibrationFileError, documents
+from services.operator.locate.reading import CameraFileError, documents
 
 KINDS = (
     "the camera message (left, right, pose_left_right), ROS camera_info of both cameras, or OpenCV's stereo "
@@ -26,7 +26,7 @@ KINDS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class FileReading:
     """How a file is understood where it does not say itself.
 
     `pose_base_camera`: where the left camera stands. `gamma`: goes before what the file says. `unit_m`: the length that
@@ -41,7 +41,7 @@ class Reading:
     sizes: Callable[[], tuple[tuple[int, int], tuple[int, int]]] | None = None
 
 
-def read_calibration(paths: list[Path], reading: Reading) -> CameraCalibration:
+def read_calibration(paths: list[Path], reading: FileReading) -> CameraCalibration:
     """The message of one file, or of two that belong together. Raises CalibrationFileError naming field and mend."""
     found = [document for path in paths for document in documents(path)]
     where = " and ".join(str(path) for path in paths)
@@ -57,19 +57,19 @@ def read_calibration(paths: list[Path], reading: Reading) -> CameraCalibration:
     except ValidationError as error:
         problem = error.errors()[0]
         field = ".".join(str(part) for part in problem["loc"]) or where
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: {field} of {where}: {problem['msg'].removeprefix('Value error, ')}"
         ) from None
     return calibration
 
 
-def _message(found: list[dict[str, Any]], reading: Reading, where: str) -> dict[str, Any]:
+def _message(found: list[dict[str, Any]], reading: FileReading, where: str) -> dict[str, Any]:
     if len(found) == 1 and ("pose_left_right" in found[0] or "baseline_m" in found[0]):
         return dict(found[0])
     infos = [info for document in found for info in camera_info.infos_of(document)]
     if infos:
         if len(infos) != 2:
-            raise CalibrationFileError(
+            raise CameraFileError(
                 f"calibration: {where} holds camera_info of {len(infos)} camera{'s' * (len(infos) > 1)}; give that of "
                 "both, left first: --calibration left.yaml --calibration right.yaml"
             )
@@ -78,8 +78,8 @@ def _message(found: list[dict[str, Any]], reading: Reading, where: str) -> dict[
     if opencv_file.is_one(merged):
         return opencv_file.message_of(merged, reading.unit_m, reading.rectified, reading.sizes)
     if "left" in merged and "right" in merged:
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: pose_left_right is missing in {where}; say where the right camera stands in the left one's "
             "frame, position_m and quaternion_xyzw"
         )
-    raise CalibrationFileError(f"calibration: {where} is none of {KINDS}")
+    raise CameraFileError(f"calibration: {where} is none of {KINDS}")

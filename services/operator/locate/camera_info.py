@@ -12,7 +12,7 @@ import numpy as np
 
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import PoseData
-from services.operator.locate.reading import CalibrationFileError, numbers, whole
+from services.operator.locate.reading import CameraFileError, numbers, whole
 
 NAMES = {
     "K": ("camera_matrix", "K", "k"),
@@ -41,7 +41,7 @@ def message_of(left: dict[str, Any], right: dict[str, Any], unit_m: float, recti
     offsets = [float(p[0, 3] / p[0, 0]) if p[0, 0] else np.nan for p in projections]
     baseline_m = (offsets[0] - offsets[1]) * unit_m
     if not baseline_m > 0.0:
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: projection_matrix says that the right camera stands {baseline_m:g} m to the right of the "
             "left one; give the left camera's camera_info first, and that of a stereo calibration"
         )
@@ -67,7 +67,7 @@ def _of(info: dict[str, Any], what: str) -> Any:
 def _numbers(info: dict[str, Any], what: str, side: str, *shapes: tuple[int, ...]) -> Any:
     value = _of(info, what)
     if value is None:
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: {NAMES[what][0]} ({what}) of the {side} camera is missing; give the camera_info of a stereo "
             "calibration"
         )
@@ -79,7 +79,7 @@ def _turn(info: dict[str, Any], side: str) -> Any:
         numbers(_of(info, "R"), f"rectification_matrix of the {side} camera", (3, 3)) if _of(info, "R") else np.eye(3)
     )
     if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-3:
-        raise CalibrationFileError(f"calibration: rectification_matrix of the {side} camera is no rotation")
+        raise CameraFileError(f"calibration: rectification_matrix of the {side} camera is no rotation")
     return turn
 
 
@@ -103,7 +103,7 @@ def _raw(info: dict[str, Any], side: str) -> dict[str, Any]:
     bend = np.zeros(0) if given is None else numbers(given, f"distortion_coefficients of the {side} camera")
     name = str(info.get("distortion_model") or ("plumb_bob" if bend.any() else "none"))
     if bend.any() and name not in MODELS:
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: distortion_model of the {side} camera is {name!r}; want one of {', '.join(MODELS)}"
         )
     model = MODELS.get(name, "none")

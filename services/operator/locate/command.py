@@ -17,8 +17,8 @@ from services.operator.cell.which_cell import cell_path, using_cell
 from services.operator.cli.failure import Failed, failure_of
 from services.operator.cli.for_cell import CELL_HELP
 from services.operator.cli.options import AsJson
-from services.operator.locate.calibration_file import Reading, read_calibration
-from services.operator.locate.reading import CalibrationFileError
+from services.operator.locate.calibration_file import FileReading, read_calibration
+from services.operator.locate.reading import CameraFileError
 from services.operator.locate.showing import show
 from services.operator.locate.worker import BadInput, OfflineVision, VisionLost
 
@@ -104,7 +104,7 @@ def locate(
     try:
         with using_cell(cell):
             answer, place = _asked(console, left, right, calibration, annotated, gamma, method, rectified, unit)
-    except (BadInput, CalibrationFileError, ConfigError) as error:
+    except (BadInput, CameraFileError, ConfigError) as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise Failed(failure_of(error), BAD_INPUT) from None
     except VisionLost as error:
@@ -128,7 +128,7 @@ def _asked(
     files = [Path(name) for given in calibration for name in ([given] if Path(given).exists() else given.split(","))]
     camera = read_calibration(
         files,
-        Reading(
+        FileReading(
             pose_base_camera=workcell.camera.pose_base_camera(), gamma=gamma, unit_m=unit.metres, rectified=rectified,
             sizes=lambda: (size_px(lefts[0], "left"), size_px(rights[0], "right")),
         ),

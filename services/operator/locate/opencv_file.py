@@ -12,7 +12,7 @@ import numpy as np
 
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import PoseData
-from services.operator.locate.reading import CalibrationFileError, numbers, whole
+from services.operator.locate.reading import CameraFileError, numbers, whole
 
 NAMES = {
     "M1": ("M1", "cameraMatrix1", "K1", "camera_matrix_1", "CM1", "camera_matrix_left", "cameraMatrixL"),
@@ -50,7 +50,7 @@ def message_of(
         baseline = float((projections[0][0, 3] - projections[1][0, 3]) / projections[1][0, 0])
         pose = Pose.from_translation([baseline * unit_m, 0.0, 0.0])
         if not baseline > 0.0:
-            raise CalibrationFileError(
+            raise CameraFileError(
                 f"calibration: P2 says that the right camera stands {baseline * unit_m:g} m to the right; want above "
                 "0, the cameras beside each other"
             )
@@ -62,7 +62,7 @@ def message_of(
         shift = _numbers(found, "T", (3,)) * unit_m
         rotation = Pose.from_rotvec(given, [0.0, 0.0, 0.0]).rotation if given.shape == (3,) else given
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
-            raise CalibrationFileError("calibration: R is no rotation; give that of cv2.stereoCalibrate")
+            raise CameraFileError("calibration: R is no rotation; give that of cv2.stereoCalibrate")
         pose = Pose(rotation, shift).inverse()
         fisheye = _fisheye(found)
         cameras = [
@@ -71,7 +71,7 @@ def message_of(
         ]
     apart = float(np.linalg.norm(pose.translation_m))
     if apart > FAR_M:
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: T puts the cameras {apart:g} m apart; is the file in millimetres? then give --unit mm"
         )
     return {"left": cameras[0], "right": cameras[1], "pose_left_right": PoseData.of(pose)}
@@ -84,7 +84,7 @@ def _of(found: dict[str, Any], what: str) -> Any:
 def _numbers(found: dict[str, Any], what: str, *shapes: tuple[int, ...]) -> Any:
     value = _of(found, what)
     if value is None:
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: {what} is missing; give what cv2.stereoCalibrate found (M1, D1, M2, D2, R, T), or both "
             "files: --calibration intrinsics.yml --calibration extrinsics.yml"
             if what in ("M1", "M2", "R", "T")
@@ -103,7 +103,7 @@ def _bend(found: dict[str, Any], what: str, fisheye: bool) -> Any:
     value = _of(found, what)
     bend = np.zeros(0) if value is None else numbers(value, what)
     if not fisheye and bend[TAKEN:].any():
-        raise CalibrationFileError(
+        raise CameraFileError(
             f"calibration: {what} has {bend.size} numbers; calibrate with at most {TAKEN} (no thin prism, no "
             "tilted sensor)"
         )
@@ -119,13 +119,13 @@ def _sizes(found: dict[str, Any], sizes: Callable[[], Sizes] | None) -> Sizes:
     elif sizes is not None:
         return sizes()
     else:
-        raise CalibrationFileError("calibration: image_width and image_height are missing; give the pictures' size, px")
+        raise CameraFileError("calibration: image_width and image_height are missing; give the pictures' size, px")
     return size, size
 
 
 def _camera(matrix: Any, bend: Any, size: tuple[int, int], fisheye: bool, side: str) -> dict[str, Any]:
     if fisheye and bend.size != 4:
-        raise CalibrationFileError(f"calibration: D{side} has {bend.size} numbers; a fisheye has 4")
+        raise CameraFileError(f"calibration: D{side} has {bend.size} numbers; a fisheye has 4")
     bent = bool(bend.any()) or fisheye
     return {
         "width_px": size[0], "height_px": size[1],

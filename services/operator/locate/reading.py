@@ -13,7 +13,7 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry.pose import Array
 
 
-class CalibrationFileError(CrosspihError):
+class CameraFileError(CrosspihError):
     """A calibration file that cannot be used; the text names file, field and mend."""
 
 
@@ -33,19 +33,19 @@ def documents(path: Path) -> list[dict[str, Any]]:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise CalibrationFileError(f"calibration: {path} cannot be read ({error.strerror}); give a file") from None
+        raise CameraFileError(f"calibration: {path} cannot be read ({error.strerror}); give a file") from None
     except UnicodeDecodeError:
-        raise CalibrationFileError(f"calibration: {path} is no text; give YAML or JSON") from None
+        raise CameraFileError(f"calibration: {path} is no text; give YAML or JSON") from None
     if text.startswith("%YAML:1.0"):  # as OpenCV writes it, which is not as YAML has it
         text = text.split("\n", 1)[1] if "\n" in text else ""
     try:
         found = [json.loads(text)] if text.lstrip().startswith("{") else list(yaml.load_all(text, _Loader))
     except (yaml.YAMLError, ValueError) as error:
         told = " ".join(str(error).split())
-        raise CalibrationFileError(f"calibration: {path} is neither YAML nor JSON: {told[:200]}") from None
+        raise CameraFileError(f"calibration: {path} is neither YAML nor JSON: {told[:200]}") from None
     found = [document for document in found if document is not None]
     if not found or not all(isinstance(document, dict) for document in found):
-        raise CalibrationFileError(f"calibration: {path} holds no fields; see docs/locate.md for what it may be")
+        raise CameraFileError(f"calibration: {path} holds no fields; see docs/locate.md for what it may be")
     return found
 
 
@@ -56,15 +56,15 @@ def numbers(value: Any, field: str, *shapes: tuple[int, ...]) -> Array:
     try:
         flat = np.array(given, dtype=float).ravel()
     except (TypeError, ValueError):
-        raise CalibrationFileError(f"calibration: {field} is not a list of numbers") from None
+        raise CameraFileError(f"calibration: {field} is not a list of numbers") from None
     if not np.isfinite(flat).all():
-        raise CalibrationFileError(f"calibration: {field} holds a number that is none: {flat.tolist()}")
+        raise CameraFileError(f"calibration: {field} holds a number that is none: {flat.tolist()}")
     for shape in shapes:
         if int(np.prod(shape)) == flat.size:
             return flat.reshape(shape)
     if shapes:
         wanted = " or ".join(str(int(np.prod(shape))) for shape in shapes)
-        raise CalibrationFileError(f"calibration: {field} has {flat.size} numbers; give {wanted}")
+        raise CameraFileError(f"calibration: {field} has {flat.size} numbers; give {wanted}")
     return flat
 
 
@@ -75,5 +75,5 @@ def whole(value: Any, field: str) -> int:
     except (TypeError, ValueError):
         number = 0
     if number <= 0:
-        raise CalibrationFileError(f"calibration: {field} is {value!r}; give a whole number above 0, px")
+        raise CameraFileError(f"calibration: {field} is {value!r}; give a whole number above 0, px")
     return number

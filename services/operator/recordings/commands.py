@@ -15,7 +15,7 @@ from rich.table import Table
 from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
 from services.operator.recordings import looking, making
-from services.operator.recordings.making import Made
+from services.operator.recordings.making import MadeRecording
 
 FILE_HELP = "A recording (.mcap); its further parts are found beside it."
 File = Annotated[Path, typer.Argument(help=FILE_HELP)]
@@ -119,7 +119,7 @@ def merge(
         _told(console, as_json, made, out)
 
 
-def _told(console: Console, as_json: bool, made: Made, out: Path) -> None:
+def _told(console: Console, as_json: bool, made: MadeRecording, out: Path) -> None:
     damage = [(part.path.name, str(damage)) for part in made.parts for damage in part.damage]
     nameless = sum(part.nameless for part in made.parts)
     if as_json:

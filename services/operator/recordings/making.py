@@ -12,12 +12,12 @@ from crosspih_common.keys import ASSEMBLE, Kind
 from crosspih_common.recording import RecordingError, parts_of, read_recording
 from crosspih_common.recording.rerun import begun_ns
 from crosspih_common.recording.viewers import URDF
-from crosspih_common.recording.walking import ReadPart, Repeats, Said, walk
+from crosspih_common.recording.walking import ReadPart, Repeats, WalkedMessage, walk
 from services.operator.recordings.writing import ITS_OWN, NewRecording
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class MadeRecording:
     """What was written, and of what; `repeated` messages were there more than once."""
 
     messages: int
@@ -25,7 +25,7 @@ class Made:
     repeated: int = 0
 
 
-def said_in(path: Path, parts: list[ReadPart]) -> Iterator[Said]:
+def said_in(path: Path, parts: list[ReadPart]) -> Iterator[WalkedMessage]:
     """The messages of all parts of a recording, without those that a new part repeats; `parts` are added to.
 
     Raises RecordingError.
@@ -43,7 +43,7 @@ def said_in(path: Path, parts: list[ReadPart]) -> Iterator[Said]:
             raise RecordingError(f"{file}: cannot be read ({error.strerror})") from None
 
 
-def recover(path: Path, out: Path) -> Made:
+def recover(path: Path, out: Path) -> MadeRecording:
     """Write every message that is whole, each exactly as it was, into a file that is whole.
 
     Raises RecordingError where it is no MCAP file and nothing whole is in it, ConfigError for `out`.
@@ -59,7 +59,7 @@ def recover(path: Path, out: Path) -> Made:
                 new.attach(attachment)
         _words(new, parts, ())
         new.words("recovered", {"of": path.name, "parts": str(len(parts)), "messages": str(new.messages)})
-        return Made(new.messages, parts)
+        return MadeRecording(new.messages, parts)
 
 
 def _words(new: NewRecording, parts: Sequence[ReadPart], leave_out: tuple[str, ...]) -> None:
@@ -80,7 +80,7 @@ def _words(new: NewRecording, parts: Sequence[ReadPart], leave_out: tuple[str, .
 
 
 @dataclass(frozen=True, slots=True)
-class Assembly:
+class RecordedAssembly:
     """One assembly in a recording, cell time; `end_ns` is None where its answer is not in it."""
 
     number: int
@@ -89,11 +89,11 @@ class Assembly:
     end_ns: int | None
 
 
-def assemblies_in(path: Path) -> tuple[int, int, list[Assembly]]:
+def assemblies_in(path: Path) -> tuple[int, int, list[RecordedAssembly]]:
     """(when the recording began, its last stamp, its assemblies in order), cell time. Raises RecordingError."""
     recording = read_recording(path)
     found = [
-        Assembly(
+        RecordedAssembly(
             number,
             request.value.assembly_id,
             request.value.stamp_ns,
@@ -122,12 +122,12 @@ def window(path: Path, from_s: float | None, to_s: float | None, assembly: str |
     raise ConfigError(f"--assembly {assembly}: {path} has {names or 'none'}")
 
 
-def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> Made:
+def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> MadeRecording:
     """Write what lies between two stamps, after the states that were known at the first of them.
 
     Raises RecordingError, ConfigError.
     """
-    known: dict[str, Said] = {}
+    known: dict[str, WalkedMessage] = {}
     for said in said_in(path, []):
         if said.channel.metadata.get("kind") == Kind.STATE.value and said.entry.log_time < first_ns:
             known[said.channel.topic] = said
@@ -144,10 +144,10 @@ def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> Made:
                     new.attach(attachment)
         _words(new, parts, ITS_OWN)
         new.words("cut", {"of": path.name, "first_ns": str(first_ns), "last_ns": str(last_ns)})
-        return Made(new.messages, parts)
+        return MadeRecording(new.messages, parts)
 
 
-def merge(paths: Sequence[Path], out: Path) -> Made:
+def merge(paths: Sequence[Path], out: Path) -> MadeRecording:
     """Write several recordings, each with its parts, as one by log time; what is in more than one is written once.
 
     Raises RecordingError, ConfigError.
@@ -168,4 +168,4 @@ def merge(paths: Sequence[Path], out: Path) -> Made:
                 new.attach(attachment)
         _words(new, parts, ("end",))
         new.words("merged", {str(number): str(part.path.name) for number, part in enumerate(parts, start=1)})
-        return Made(new.messages, parts, len(every) - new.messages)
+        return MadeRecording(new.messages, parts, len(every) - new.messages)

@@ -14,7 +14,7 @@ from mcap.writer import Writer
 from crosspih_common.errors import ConfigError
 from crosspih_common.recording.records import Attachment, Channel, Schema, sealed
 from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
-from crosspih_common.recording.walking import Said
+from crosspih_common.recording.walking import WalkedMessage
 
 CHUNK_BYTES = 1 << 16
 ITS_OWN = ("drops", "end")  # metadata that speak of the file in which they are
@@ -72,7 +72,7 @@ class NewRecording:
                 attachment.create_time, attachment.log_time, attachment.name, attachment.media_type, attachment.data
             )
 
-    def add(self, said: Said) -> None:
+    def add(self, said: WalkedMessage) -> None:
         """Add a message."""
         entry = said.entry
         channel = self._known.get((id(said.channel), id(said.schema)))

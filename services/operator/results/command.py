@@ -31,8 +31,8 @@ from services.operator.bench.cells.own_cell import free_port
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.options import Cells, RayAddress, Where
 from services.operator.cli.time_left import in_words
-from services.operator.results.page import Sections, make_page, when
-from services.operator.results.plan import PLAN, Entry, arguments, load_plan
+from services.operator.results.page import SectionCounts, make_page, when
+from services.operator.results.plan import PLAN, PlannedSection, arguments, load_plan
 from services.operator.results.printed import Printed, PrintedFolder
 
 WIDTH = 118
@@ -58,7 +58,7 @@ def _run(command: str, environment: dict[str, str]) -> tuple[int, str]:
         return process.wait(), text
 
 
-def _make(entry: Entry, command: str, where: tuple[str, ...], json_path: Path, cell: str) -> Printed:
+def _make(entry: PlannedSection, command: str, where: tuple[str, ...], json_path: Path, cell: str) -> Printed:
     with tempfile.TemporaryDirectory(prefix="crosspih-results-") as folder:
         told = Path(folder) / "measured"
         started = time.monotonic()
@@ -84,10 +84,10 @@ def _default_cell() -> str:
     return result_key(cell_identity(cell_content(text, Condition())))
 
 
-def entries_named(entries: list[Entry], names: list[str]) -> list[Entry]:
+def entries_named(entries: list[PlannedSection], names: list[str]) -> list[PlannedSection]:
     """Those named, by their own name or by what it begins with: peg, or peg-star, for all of them."""
 
-    def means(name: str, entry: Entry) -> bool:
+    def means(name: str, entry: PlannedSection) -> bool:
         return entry.name == name or entry.name.startswith(f"{name}-")
 
     for name in names:
@@ -146,7 +146,7 @@ def results(
         if ray_address is not None:
             where += ("--ray-address", ray_address)
 
-        def write() -> Sections:
+        def write() -> SectionCounts:
             printed = {entry.name: found for entry in entries if (found := shelf.get(entry.name)) is not None}
             before = page.read_text(encoding="utf-8") if page.is_file() else ""
             text, counts = make_page(entries, printed, folder.as_posix(), code, before, quick)

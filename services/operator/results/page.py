@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from services.operator.results.plan import Entry
+from services.operator.results.plan import PlannedSection
 from services.operator.results.printed import Printed
 
 _PICTURE = re.compile(r"\S+\.(?:png|svg)")
@@ -17,7 +17,7 @@ _CHANGED, _OTHER_COMMAND = "; the code has changed since", "; the command is ano
 
 
 @dataclass(frozen=True)
-class Sections:
+class SectionCounts:
     """How many sections of a page are by the code that runs, by other code, and not there at all."""
 
     this: int
@@ -58,7 +58,7 @@ def when(printed: Printed) -> str:
     return f"Printed from the store in {duration(printed.elapsed_s)}; its {before}"
 
 
-def _section(entry: Entry, printed: Printed, planned: str, code: str) -> list[str]:
+def _section(entry: PlannedSection, printed: Printed, planned: str, code: str) -> list[str]:
     lines = [f"## {entry.title}", ""]
     if entry.says:
         lines += [entry.says, ""]
@@ -96,7 +96,7 @@ def sections_of(page: str) -> dict[str, list[str]]:
     return found
 
 
-def _kept(entry: Entry, lines: list[str] | None, folder: str, code: str) -> list[str] | None:
+def _kept(entry: PlannedSection, lines: list[str] | None, folder: str, code: str) -> list[str] | None:
     """A section of the page as it was; None where there was none, or where nothing was run for it."""
     if lines is None or not any(_LAST.match(line) for line in lines):
         return None
@@ -105,13 +105,13 @@ def _kept(entry: Entry, lines: list[str] | None, folder: str, code: str) -> list
 
 
 def make_page(
-    entries: Sequence[Entry],
+    entries: Sequence[PlannedSection],
     printed: Mapping[str, Printed],
     folder: str,
     code: str,
     before: str = "",
     quick: bool = False,
-) -> tuple[str, Sections]:
+) -> tuple[str, SectionCounts]:
     """The whole page, and how much of it is by which code.
 
     folder: of the pictures, as it stands in the commands. code: the version that runs now. before: the page as it is;
@@ -133,11 +133,11 @@ def make_page(
             missing += 1
         this += any((last := _LAST.match(line)) is not None and last["code"] == code for line in lines)
         body += [*lines, ""] if lines[-1] else lines
-    counts = Sections(this, len(entries) - this - missing, missing)
+    counts = SectionCounts(this, len(entries) - this - missing, missing)
     return "\n".join([*_head(counts, code), *body]).rstrip() + "\n", counts
 
 
-def _head(counts: Sections, code: str) -> list[str]:
+def _head(counts: SectionCounts, code: str) -> list[str]:
     return [
         "# Results",
         "",

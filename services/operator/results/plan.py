@@ -25,7 +25,7 @@ def _filled(text: str, values: Mapping[str, str]) -> str:
     return text
 
 
-class Entry(BaseModel):
+class PlannedSection(BaseModel):
     """One section of the page."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -43,7 +43,7 @@ class Entry(BaseModel):
         description="one section for each value, put in for {its name} in title, command and quick",
     )
 
-    def expanded(self) -> list[Entry]:
+    def expanded(self) -> list[PlannedSection]:
         """The entries that it stands for: one for each combination of the values in `each`."""
         if not self.each:
             return [self]
@@ -70,7 +70,7 @@ def arguments(command: str) -> list[str]:
     raise ConfigError(f"command {command!r}: want it to begin with crosspih or python -m")
 
 
-def load_plan(path: Path = PLAN) -> list[Entry]:
+def load_plan(path: Path = PLAN) -> list[PlannedSection]:
     """Read the list. Raises ConfigError naming the entry and the field."""
     try:
         content = yaml_of(text_of_file(path))
@@ -78,10 +78,10 @@ def load_plan(path: Path = PLAN) -> list[Entry]:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
     if not isinstance(content, list):
         raise ConfigError(f"{path}: wants a list of entries")
-    entries: list[Entry] = []
+    entries: list[PlannedSection] = []
     for number, item in enumerate(content):
         try:
-            entry = Entry.model_validate(item)
+            entry = PlannedSection.model_validate(item)
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])

@@ -5,6 +5,6 @@ Needs OpenCV 5 (`triangleRasterize`); whoever can do without the pictures asks `
 
 from __future__ import annotations
 
-from services.operator.scene3d.rasterising import View, can_draw, draw
+from services.operator.scene3d.rasterising import Viewpoint, can_draw, draw
 
-__all__ = ["View", "can_draw", "draw"]
+__all__ = ["Viewpoint", "can_draw", "draw"]

@@ -9,7 +9,7 @@ import numpy as np
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.scene3d.meshes import Colour, Mesh, capsule, convex, cylinder, joined
+from services.operator.scene3d.meshes import Colour, DrawnMesh, capsule, convex, cylinder, joined
 
 LINK: Colour = (0.86, 0.87, 0.89)
 JOINT: Colour = (0.30, 0.34, 0.40)
@@ -29,9 +29,9 @@ class Bodies:
     """Meshes that do not change, each in its own frame: the peg in the peg frame, the plate in the hole frame."""
 
     workcell: Workcell
-    peg: Mesh
-    plate: Mesh
-    plate_cut: Mesh
+    peg: DrawnMesh
+    plate: DrawnMesh
+    plate_cut: DrawnMesh
 
     @classmethod
     def of(cls, workcell: Workcell) -> Bodies:
@@ -43,7 +43,7 @@ class Bodies:
         cut = [convex(corners, PLATE, (cut_normal(workcell), 0.0, CUT)) for corners in blocks]
         return cls(workcell, *(joined([mesh for mesh in each if mesh is not None]) for each in (solid, plate, cut)))
 
-    def arm(self, joints_rad: Array | tuple[float, ...]) -> Mesh:
+    def arm(self, joints_rad: Array | tuple[float, ...]) -> DrawnMesh:
         """The arm and its tool at joint angles (n,), base frame; without the peg."""
         arm = self.workcell.arm()
         poses = arm.link_poses(joints_rad)
@@ -62,13 +62,13 @@ class Bodies:
             parts.append(cylinder(flange.translation_m, end, 0.8 * tool_m, TOOL))
         return joined(parts)
 
-    def post(self, hole: Pose) -> Mesh:
+    def post(self, hole: Pose) -> DrawnMesh:
         """What the plate stands on."""
         depth_m = self.workcell.hole.shape(self.workcell.peg.shape()).depth_m
         top = hole.apply([0.0, 0.0, depth_m / 2.0])
         return cylinder(top * np.array([1.0, 1.0, 0.0]), top, POST_M, TOOL)
 
-    def floor(self, half_m: float = 1.4, pieces: int = 20) -> Mesh:
+    def floor(self, half_m: float = 1.4, pieces: int = 20) -> DrawnMesh:
         """The ground at the height of the base, in small pieces: one that reaches behind the eye is not drawn."""
         edges = np.linspace(-half_m, half_m, pieces + 1)
         x, y = (each.ravel() for each in np.meshgrid(edges[:-1], edges[:-1]))
@@ -80,9 +80,9 @@ class Bodies:
         return _matt(np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]), FLOOR)
 
 
-def _matt(triangles_m: Array, colour: Colour) -> Mesh:
+def _matt(triangles_m: Array, colour: Colour) -> DrawnMesh:
     """Triangles that are as bright from everywhere."""
-    return Mesh(triangles_m, np.zeros_like(triangles_m), np.tile(colour, (len(triangles_m), 1)))
+    return DrawnMesh(triangles_m, np.zeros_like(triangles_m), np.tile(colour, (len(triangles_m), 1)))
 
 
 def cut_normal(workcell: Workcell) -> Array:
@@ -94,7 +94,7 @@ def cut_normal(workcell: Workcell) -> Array:
     return np.asarray(ways[int(np.argmax(ways @ rotation.T @ towards))])
 
 
-def shadow(mesh: Mesh, light: Array) -> Mesh:
+def shadow(mesh: DrawnMesh, light: Array) -> DrawnMesh:
     """What a mesh darkens on the ground, a little above it, under light from `light` (3,)."""
     light = np.asarray(light, float)
     points = mesh.corners_m - mesh.corners_m[..., 2:] / light[2] * light

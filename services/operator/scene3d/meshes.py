@@ -15,40 +15,42 @@ SIDES, RINGS = 20, 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class DrawnMesh:
     """Triangles: `corners_m` (n, 3, 3) and the outward unit `normals` there (n, 3, 3); `colours` (n, 3), 0 to 1."""
 
     corners_m: Array
     normals: Array
     colours: Array
 
-    def at(self, pose: Pose) -> Mesh:
+    def at(self, pose: Pose) -> DrawnMesh:
         """The same body, its frame put at a pose."""
-        return Mesh(self.corners_m @ pose.rotation.T + pose.translation_m, self.normals @ pose.rotation.T, self.colours)
+        return DrawnMesh(
+            self.corners_m @ pose.rotation.T + pose.translation_m, self.normals @ pose.rotation.T, self.colours
+        )
 
-    def painted(self, colour: Colour) -> Mesh:
+    def painted(self, colour: Colour) -> DrawnMesh:
         """The same body in one colour."""
-        return Mesh(self.corners_m, self.normals, np.tile(colour, (len(self.corners_m), 1)))
+        return DrawnMesh(self.corners_m, self.normals, np.tile(colour, (len(self.corners_m), 1)))
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def joined(meshes: Sequence[DrawnMesh]) -> DrawnMesh:
     """Several bodies as one; none of them may be missing."""
-    return Mesh(
+    return DrawnMesh(
         np.concatenate([mesh.corners_m for mesh in meshes]),
         np.concatenate([mesh.normals for mesh in meshes]),
         np.concatenate([mesh.colours for mesh in meshes]),
     )
 
 
-def flat(triangles_m: Array, colour: Colour) -> Mesh:
+def flat(triangles_m: Array, colour: Colour) -> DrawnMesh:
     """Triangles (n, 3, 3), counter-clockwise seen from outside, each with its own normal."""
     normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(lengths > 0.0, lengths, 1.0)
-    return Mesh(triangles_m, np.repeat(normals[:, None, :], 3, axis=1), np.tile(colour, (len(triangles_m), 1)))
+    return DrawnMesh(triangles_m, np.repeat(normals[:, None, :], 3, axis=1), np.tile(colour, (len(triangles_m), 1)))
 
 
-def convex(corners_m: Array, colour: Colour, cut: tuple[Array, float, Colour] | None = None) -> Mesh | None:
+def convex(corners_m: Array, colour: Colour, cut: tuple[Array, float, Colour] | None = None) -> DrawnMesh | None:
     """The convex hull of corners (n, 3); with `cut` (normal (3,), offset in m, colour) what is left of it where
     normal . p <= offset, the cut face in its own colour. None where nothing is left."""
     from scipy.spatial import ConvexHull, QhullError
@@ -67,13 +69,13 @@ def convex(corners_m: Array, colour: Colour, cut: tuple[Array, float, Colour] | 
         return None  # nothing, or thinner than can be seen
     triangles = corners_m[hull.simplices]
     normals = hull.equations[:, :3]
-    mesh = Mesh(triangles, np.repeat(normals[:, None, :], 3, axis=1), np.tile(colour, (len(triangles), 1)))
+    mesh = DrawnMesh(triangles, np.repeat(normals[:, None, :], 3, axis=1), np.tile(colour, (len(triangles), 1)))
     if cut is not None:
         mesh.colours[normals @ cut[0] > 1.0 - 1e-6] = cut[2]
     return mesh
 
 
-def capsule(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> Mesh:
+def capsule(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> DrawnMesh:
     """A capsule about the line between two points (3,), m."""
     way = np.asarray(end_m, float) - start_m
     length = float(np.linalg.norm(way))
@@ -83,7 +85,7 @@ def capsule(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> Me
     return _turned(start_m, axis, along, radius_m * np.cos(latitudes), np.sin(latitudes), colour)
 
 
-def cylinder(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> Mesh:
+def cylinder(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> DrawnMesh:
     """A cylinder about the line between two points (3,), m, with flat ends."""
     way = np.asarray(end_m, float) - start_m
     length = float(np.linalg.norm(way))
@@ -94,7 +96,7 @@ def cylinder(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> M
     return _turned(start_m, axis, along, across, slopes, colour)
 
 
-def _turned(start_m: Array, axis: Array, along_m: Array, across_m: Array, slopes: Array, colour: Colour) -> Mesh:
+def _turned(start_m: Array, axis: Array, along_m: Array, across_m: Array, slopes: Array, colour: Colour) -> DrawnMesh:
     """A body turned about an axis (3,): rings at `along_m`, as wide as `across_m`, normals rising by `slopes`."""
     aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     aside /= np.linalg.norm(aside)
@@ -110,4 +112,4 @@ def _turned(start_m: Array, axis: Array, along_m: Array, across_m: Array, slopes
         return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
 
     corners = faces(points)
-    return Mesh(corners, faces(normals), np.tile(colour, (len(corners), 1)))
+    return DrawnMesh(corners, faces(normals), np.tile(colour, (len(corners), 1)))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
-from services.operator.scene3d.meshes import Colour, Mesh
+from services.operator.scene3d.meshes import Colour, DrawnMesh
 
 FINER = 2  # pixels drawn for one shown, each way
 NEAR_M, FAR_M = 0.05, 5.0
@@ -18,7 +18,7 @@ Picture = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class Viewpoint:
     """From where, to where and how: `eye_m` and `target_m` (3,) in the base frame, `up` (3,), the vertical angle."""
 
     eye_m: tuple[float, float, float]
@@ -52,7 +52,7 @@ def can_draw() -> bool:
     return hasattr(cv2, "triangleRasterize")
 
 
-def draw(mesh: Mesh, view: View, size: tuple[int, int], background: Colour, light: Array) -> Picture:
+def draw(mesh: DrawnMesh, view: Viewpoint, size: tuple[int, int], background: Colour, light: Array) -> Picture:
     """The picture (height, width, 3), uint8 RGB, of a mesh under light from the direction `light` (3,)."""
     width, height = size[0] * FINER, size[1] * FINER
     colours = np.full((height, width, 3), background, dtype=np.float32)
@@ -70,7 +70,7 @@ def draw(mesh: Mesh, view: View, size: tuple[int, int], background: Colour, ligh
     return np.ascontiguousarray(np.clip(shown * 255.0, 0.0, 255.0).astype(np.uint8))
 
 
-def _lit(mesh: Mesh, view: View, light: Array) -> NDArray[np.float32]:
+def _lit(mesh: DrawnMesh, view: Viewpoint, light: Array) -> NDArray[np.float32]:
     """A colour (3 n, 3) for each corner: Lambert's law, some light from everywhere, and a little gloss."""
     light = np.asarray(light, float) / np.linalg.norm(light)
     normals = mesh.normals.reshape(-1, 3)

@@ -11,14 +11,14 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.operator.scene3d.bodies import Bodies, cut_normal, shadow, where_peg_is
 from services.operator.scene3d.meshes import Colour, joined
-from services.operator.scene3d.rasterising import Picture, View, draw
+from services.operator.scene3d.rasterising import Picture, Viewpoint, draw
 
 LIGHT = np.array([-0.15, -0.55, 0.85])
 BACKGROUND: Colour = (0.90, 0.92, 0.945)
 FORCE = (200, 22, 40)
 ARROW_M_N = 0.0025  # an arrow's length for each newton
 SHORTEST_ARROW_M, LONGEST_ARROW_M = 0.012, 0.06
-LEAST_ARROW_N = 0.8
+MIN_ARROW_N = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,14 +37,14 @@ def overview(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) 
     return draw(joined([bodies.floor(), shadow(solid, LIGHT), solid]), whole_view(hole), size, BACKGROUND, LIGHT)
 
 
-def whole_view(hole: Pose) -> View:
+def whole_view(hole: Pose) -> Viewpoint:
     """From the side of the hole, so that arm and plate are both in the picture."""
     target = 0.5 * hole.translation_m + np.array([0.02, 0.0, 0.13])
     along = hole.translation_m * np.array([1.0, 1.0, 0.0])
     along = along / np.linalg.norm(along)
     aside = np.array([along[1], -along[0], 0.0])
     eye = target + 1.25 * (0.93 * aside - 0.06 * along) + np.array([0.0, 0.0, 0.34])
-    return View(tuple(eye), tuple(target), angle_deg=36.0)
+    return Viewpoint(tuple(eye), tuple(target), angle_deg=36.0)
 
 
 def closeup(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -> Picture:
@@ -55,7 +55,7 @@ def closeup(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -
     if moment.wrench is not None:
         force = np.asarray(moment.wrench[:3])
         felt_n = float(np.linalg.norm(force))
-        if felt_n > LEAST_ARROW_N:
+        if felt_n > MIN_ARROW_N:
             way = pose.rotate(force) / felt_n * min(LONGEST_ARROW_M, SHORTEST_ARROW_M + felt_n * ARROW_M_N)
             tip = pose.apply([0.0, 0.0, workcell.peg.shape().tip_m])
             _arrow(picture, *view.pixels(np.stack([tip - way, tip]), size))
@@ -72,7 +72,7 @@ def _arrow(picture: Picture, start: Array, end: Array) -> None:
         )
 
 
-def near_view(bodies: Bodies, hole: Pose) -> View:
+def near_view(bodies: Bodies, hole: Pose) -> Viewpoint:
     """On the open side of the plate, the peg coming from one side of the picture."""
     normal = cut_normal(bodies.workcell)
     axis = np.array([0.0, 0.0, 1.0])
@@ -81,4 +81,4 @@ def near_view(bodies: Bodies, hole: Pose) -> View:
     if far[1] > hole.translation_m[1]:
         far = hole.apply(0.29 * (0.72 * normal - 0.62 * side - 0.30 * axis))
     target = hole.apply([0.0, 0.0, -0.006])
-    return View(tuple(far), tuple(target), angle_deg=27.0)
+    return Viewpoint(tuple(far), tuple(target), angle_deg=27.0)

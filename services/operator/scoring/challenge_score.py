@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 from crosspih_common.messages import Failure
 
-MOST = 100.0
+MAX_SCORE = 100.0
 INVALID = (Failure.SERVICE_LOST.value, Failure.REFUSED.value, Failure.NOT_CALIBRATED.value)
 INSERTION, DURATION, SMOOTHNESS, PATH, FORCE, VALIDITY = 75.0, 12.0, 6.0, 6.0, -12.0, 1.0
 FAST_S, SLOW_S = 5.0, 60.0

@@ -14,7 +14,7 @@ from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth
 from services.operator.scoring.challenge_score import challenge_score
 
 # a peg in its bore is off by its clearance; one that is off by more than this is deep, but not in the hole
-BESIDE_LEAST_M = 0.002
+MIN_BESIDE_M = 0.002
 SWITCHED_OFF = "switched_off"  # how vision refuses in a cell whose file has it disabled: nobody looked
 
 
@@ -130,7 +130,7 @@ def score(
         if result.inserted and result.pose_base_hole is not None:
             final = pose_error(result.pose_base_hole.pose(), true_hole, order)
         depth_m = insertion_depth_m(workcell, truth.pose_base_peg.pose(), true_hole)
-        if inserted and beside_m(workcell, truth.pose_base_peg.pose(), true_hole) > BESIDE_LEAST_M:
+        if inserted and beside_m(workcell, truth.pose_base_peg.pose(), true_hole) > MIN_BESIDE_M:
             inserted, failure = False, "beside_the_hole"
         elif inserted and depth_m < workcell.insertion_depth_m:
             inserted, failure = False, "not_deep_enough"

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from crosspih_common.errors import CommandTimeout
 from services.operator.cli.failure import told
-from services.operator.topic.listening import Stream, each_heard, listening_bus
+from services.operator.topic.listening import TopicStream, each_heard, listening_bus
 from services.operator.topic.names import TopicName
 from services.operator.topic.naming import chosen_topic
 from services.operator.topic.values import as_json_line, as_yaml, field_of, plain_values, shortened
@@ -43,7 +43,7 @@ def echo(
             told_by.print(text, style="yellow", highlight=False, soft_wrap=True)
 
         with listening_bus() as bus:
-            stream = Stream(bus, chosen)
+            stream = TopicStream(bus, chosen)
             for heard in each_heard(stream, enough, seconds, say):
                 payload = stream.decoded(heard)
                 if isinstance(payload, str):

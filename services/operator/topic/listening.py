@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.bus.codec import decode, label_of
-from crosspih_common.bus.traffic import Counts
+from crosspih_common.bus.traffic import KeyCounters
 from crosspih_common.bus.transport import Tap
 from crosspih_common.config import cell_name
 from crosspih_common.errors import ContractError
@@ -26,7 +26,7 @@ KEPT = 20_000  # samples that wait to be shown; what comes beyond is lost here, 
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class HeardSample:
     """One sample as it came: whole key, payload, the publisher's number (-1: none), and when, s on a clock here."""
 
     key: str
@@ -59,36 +59,36 @@ def alive_services(bus: Bus, wanted: frozenset[str], wait_s: float = HEAR_S) -> 
         return set(alive)
 
 
-class Stream:
+class TopicStream:
     """The samples of a topic from now on; of a state the last one too."""
 
     def __init__(self, bus: Bus, chosen: ChosenTopic) -> None:
         self._bus, self._chosen = bus, chosen
         self._label = label_of(chosen.topic.type)
-        self._queue: queue.Queue[Heard] = queue.Queue(KEPT)
+        self._queue: queue.Queue[HeardSample] = queue.Queue(KEPT)
         self.overflowed = 0
         bus.tap(chosen.topic, self._taker)
 
-    def _taker(self, key: str, counts: Counts) -> Tap:
+    def _taker(self, key: str, counts: KeyCounters) -> Tap:
         if not self._chosen.is_of(key, self._bus.cell):
             return lambda payload, number: None
 
         def take(payload: bytes, number: int) -> None:
             try:
-                self._queue.put_nowait(Heard(key, payload, number, time.monotonic()))
+                self._queue.put_nowait(HeardSample(key, payload, number, time.monotonic()))
             except queue.Full:
                 self.overflowed += 1
 
         return take
 
-    def next(self, wait_s: float) -> Heard | None:
+    def next(self, wait_s: float) -> HeardSample | None:
         """The next sample; None when none comes meanwhile."""
         try:
             return self._queue.get(timeout=max(wait_s, 0.0))
         except queue.Empty:
             return None
 
-    def decoded(self, heard: Heard) -> Payload | str:
+    def decoded(self, heard: HeardSample) -> Payload | str:
         """The message of a sample, or in words why it is none."""
         try:
             payload: Payload = decode(self._chosen.topic.type, heard.payload, self._label, heard.key)
@@ -109,9 +109,9 @@ class Stream:
 
 
 def each_heard(
-    stream: Stream, until: Callable[[], bool], seconds: float | None, say: Callable[[str], object],
+    stream: TopicStream, until: Callable[[], bool], seconds: float | None, say: Callable[[str], object],
     every_s: float | None = None, on_pause: Callable[[], object] = lambda: None,
-) -> Iterator[Heard]:  # fmt: skip
+) -> Iterator[HeardSample]:  # fmt: skip
     """Samples until `until`, or for `seconds`. Says once why there is silence; calls `on_pause` each `every_s`."""
     began_s = last_pause_s = time.monotonic()
     silent, heard_any = False, False

@@ -17,10 +17,10 @@ from crosspih_common.errors import CommandTimeout, ConfigError
 from crosspih_common.keys import CLOCK
 from crosspih_common.messages import CellClock
 from services.operator.cli.failure import told
-from services.operator.topic.listening import Heard, Stream, each_heard, listening_bus
+from services.operator.topic.listening import HeardSample, TopicStream, each_heard, listening_bus
 from services.operator.topic.names import TopicName
 from services.operator.topic.naming import ChosenTopic, chosen_topic
-from services.operator.topic.running import Arrivals, CellTime, Newest, Spread
+from services.operator.topic.running import Arrivals, CellTimeOffset, Newest, Spread
 from services.operator.topic.values import as_json_line
 
 EVERY_S = 1.0
@@ -51,7 +51,7 @@ class _Measured:
     def __init__(self, window: int) -> None:
         self.arrivals = Arrivals(window)
 
-    def add(self, stream: Stream, heard: Heard) -> None:
+    def add(self, stream: TopicStream, heard: HeardSample) -> None:
         self.arrivals.add(heard.at_s, len(heard.payload), heard.number)
 
 
@@ -60,7 +60,7 @@ class _Delayed(_Measured):
         super().__init__(window)
         self._behind, self.cell_time = (
             Newest(window),
-            CellTime(),
+            CellTimeOffset(),
         )  # here minus stamp, s: two clocks of unlike beginnings
         self.refused = ""
         bus.hear(CLOCK, self._tick)
@@ -70,7 +70,7 @@ class _Delayed(_Measured):
             self.refused = "the cell runs at speed max: its clock does not run with ours; start it with realtime"
         self.cell_time.tick(tick.stamp_ns * 1e-9, time.monotonic(), tick.boot_id)
 
-    def add(self, stream: Stream, heard: Heard) -> None:
+    def add(self, stream: TopicStream, heard: HeardSample) -> None:
         super().add(stream, heard)
         if self.refused:
             raise ConfigError(f"delay: {self.refused}")
@@ -138,15 +138,15 @@ def delay_line(measured: _Delayed) -> str:
 
 
 @contextmanager
-def _stream(name: str) -> Iterator[tuple[Bus, ChosenTopic, Stream]]:
+def _stream(name: str) -> Iterator[tuple[Bus, ChosenTopic, TopicStream]]:
     chosen = chosen_topic(name)
     with listening_bus() as bus:
-        yield bus, chosen, Stream(bus, chosen)
+        yield bus, chosen, TopicStream(bus, chosen)
 
 
 def _measure(
-    chosen: ChosenTopic, stream: Stream, measured: _Measured, seconds: float | None, count: int | None, as_json: bool,
-    line: Callable[[], str], values: Callable[[], Values],
+    chosen: ChosenTopic, stream: TopicStream, measured: _Measured, seconds: float | None, count: int | None,
+    as_json: bool, line: Callable[[], str], values: Callable[[], Values],
 ) -> None:  # fmt: skip
     told_by = Console(stderr=True)
 

@@ -86,7 +86,7 @@ class Arrivals:
         return None if spent_s <= 0.0 else self._sizes.total() / spent_s
 
 
-class CellTime:
+class CellTimeOffset:
     """How far the cell's time is ahead of a clock here, told from the ticks of the cell's clock that came.
 
     A tick that travelled long came late: what the fastest one says counts, so a delay told by it is beyond what that

@@ -12,7 +12,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.keys import Payload
 from crosspih_common.messages import Image
 
-MOST_IN_A_ROW = 24  # of a list of numbers; --full prints them all
+MAX_IN_A_ROW = 24  # of a list of numbers; --full prints them all
 
 
 def plain_values(payload: Payload) -> dict[str, Any]:
@@ -58,9 +58,9 @@ def shortened(values: Any) -> Any:
     if isinstance(values, dict):
         return {name: shortened(value) for name, value in values.items()}
     if isinstance(values, list):
-        if len(values) > MOST_IN_A_ROW:
-            more = len(values) - MOST_IN_A_ROW
-            return [*(shortened(value) for value in values[:MOST_IN_A_ROW]), f"and {more} more: --full shows them"]
+        if len(values) > MAX_IN_A_ROW:
+            more = len(values) - MAX_IN_A_ROW
+            return [*(shortened(value) for value in values[:MAX_IN_A_ROW]), f"and {more} more: --full shows them"]
         return [shortened(value) for value in values]
     return values
 

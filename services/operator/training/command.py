@@ -16,7 +16,7 @@ from services.operator.other_services.inference_process import run_tool
 ANGLES = ("alpha", "beta", "gamma")
 
 
-class Optimiser(str, Enum):
+class OptimiserChoice(str, Enum):
     """How the weights are found."""
 
     TRAINGDX = "traingdx"
@@ -36,8 +36,8 @@ def train(
         Path, typer.Option(help="Where the weights go; the cell's file names them as inference.weights.")
     ] = Path("run/network.safetensors"),
     report: Annotated[Path, typer.Option(help="The page about it.")] = Path("run/training.html"),
-    optimiser: Annotated[Optimiser, typer.Option(help="traingdx is the paper's; lm is best on small nets.")] = (
-        Optimiser.TRAINGDX
+    optimiser: Annotated[OptimiserChoice, typer.Option(help="traingdx is the paper's; lm is best on small nets.")] = (
+        OptimiserChoice.TRAINGDX
     ),
     hidden: Annotated[int, typer.Option(min=1, max=4000, help="Hidden neurons.")] = 150,
     epochs: Annotated[int, typer.Option(min=1, help="At most.")] = 1000,

@@ -19,7 +19,7 @@ from services.planning.touching import push
 SPEED_M_S = 0.008
 SETTLE_S = 0.5  # to come back into contact before the path begins
 STEP_RAD = 0.25
-LEAST_STEP_S = 0.001  # of the arm
+MIN_STEP_S = 0.001  # of the arm
 PUSHES = 5  # with a spiral between each two
 SDS = 3.0  # of the belief's lateral spread
 
@@ -68,7 +68,7 @@ def archimedean(radius_m: float, pitch_m: float, speed_m_s: float, clockwise: bo
     knots = [PathKnot(time_s=SETTLE_S)]
     for angle, time_s in zip(angles.tolist(), times.tolist(), strict=True):
         # of a fine spiral's innermost turns a chord is enough
-        if time_s - knots[-1].time_s >= LEAST_STEP_S:
+        if time_s - knots[-1].time_s >= MIN_STEP_S:
             offset = (a * angle * np.cos(angle), sense * a * angle * np.sin(angle), 0.0)
             knots.append(PathKnot(time_s=time_s, offset_m=offset))
     return tuple(knots)

@@ -14,11 +14,11 @@ from crosspih_common.geometry.pose import Array
 from services.vision.calibration.registration import register_corners
 
 FINE_SIDE_PX = 1200  # a picture with a shorter side is looked at larger for its markers
-LEAST_CORNERS = 6
-REFINE_SHARE, LEAST_WINDOW_PX, MOST_WINDOW_PX = 0.9, 2, 8
+MIN_CORNERS = 6
+REFINE_SHARE, MIN_WINDOW_PX, MAX_WINDOW_PX = 0.9, 2, 8
 REFINE_STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
-LEAST_REGISTERED_SHARE = 0.5  # of the corners; where fewer are, all are refined by their gradients
-MOST_MOVED_SHARE = 0.25  # of a square: a corner that was refined farther is another one
+MIN_REGISTERED_SHARE = 0.5  # of the corners; where fewer are, all are refined by their gradients
+MAX_MOVED_SHARE = 0.25  # of a square: a corner that was refined farther is another one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class Board:
             larger = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
             looked_at = np.asarray(larger, dtype=np.uint8)
         found, ids, _, _ = self._detector.detectBoard(looked_at)
-        if ids is None or len(ids) < LEAST_CORNERS:
+        if ids is None or len(ids) < MIN_CORNERS:
             return NONE
         pixels = np.asarray(found, dtype=float).reshape(-1, 2)
         pixels = (pixels + 0.5) / times - 0.5
@@ -82,7 +82,7 @@ class Board:
         """By the drawing laid over the picture; None where the squares are too small in it for that."""
         where = self.pattern.corners_m()[corners.ids][:, :2]
         found = register_corners(picture, corners.pixels, where / self.pattern.square_m, self.pattern)
-        if int(found.sound.sum()) < max(LEAST_CORNERS, LEAST_REGISTERED_SHARE * len(corners)):
+        if int(found.sound.sum()) < max(MIN_CORNERS, MIN_REGISTERED_SHARE * len(corners)):
             return None
         return Corners(corners.ids[found.sound], found.pixels[found.sound])
 
@@ -95,17 +95,17 @@ class Board:
             return NONE
         side_px = _side_px(to_pixels, where, self.pattern.square_m)
         free = REFINE_SHARE * 0.5 * (1.0 - self.pattern.marker_m / self.pattern.square_m) * side_px
-        windows = np.clip(np.floor(free), LEAST_WINDOW_PX, MOST_WINDOW_PX).astype(int)
+        windows = np.clip(np.floor(free), MIN_WINDOW_PX, MAX_WINDOW_PX).astype(int)
         refined = corners.pixels.copy()
         for window in np.unique(windows):
             here = np.flatnonzero(windows == window)
             start = corners.pixels[here].astype(np.float32).reshape(-1, 1, 2).copy()
             moved = cv2.cornerSubPix(picture, start, (int(window), int(window)), (-1, -1), REFINE_STEPS)
             refined[here] = np.asarray(moved, dtype=float).reshape(-1, 2)
-        sound = np.linalg.norm(refined - corners.pixels, axis=1) < MOST_MOVED_SHARE * side_px
+        sound = np.linalg.norm(refined - corners.pixels, axis=1) < MAX_MOVED_SHARE * side_px
         height, width = picture.shape
         sound &= np.all((refined > windows[:, None]) & (refined < np.array([width, height]) - 1 - windows[:, None]), 1)
-        if int(sound.sum()) < LEAST_CORNERS:
+        if int(sound.sum()) < MIN_CORNERS:
             return NONE
         return Corners(corners.ids[sound], refined[sound])
 

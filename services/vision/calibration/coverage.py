@@ -10,9 +10,9 @@ from crosspih_common.geometry.pose import Array
 from services.vision.calibration.pairs import Pair
 
 ROWS, COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
-LEAST_IN_PART, LEAST_PAIRS = 4, 8
+MIN_IN_PART, MIN_PAIRS = 4, 8
 TILT_RAD = np.deg2rad(15.0)
-LEAST_DISTANCES = 1.3
+MIN_DISTANCES = 1.3
 SIDES = ("left", "right")
 
 
@@ -35,7 +35,7 @@ def missing_parts(counts: list[list[list[int]]]) -> list[str]:
             "middle" if row == column == 1 else f"{ROWS[row]} {COLUMNS[column]}".replace("middle ", "")
             for row in range(3)
             for column in range(3)
-            if counts[side][row][column] < LEAST_IN_PART
+            if counts[side][row][column] < MIN_IN_PART
         ]
         if empty:
             said.append(f"the {name} camera saw next to nothing in the part: {', '.join(empty)}; show the board there")
@@ -45,8 +45,8 @@ def missing_parts(counts: list[list[list[int]]]) -> list[str]:
 def missing_poses(poses_camera_board: list[Pose], pattern: BoardPattern) -> list[str]:
     """What to show next, by tilts and distances of the board before the left camera."""
     said = []
-    if len(poses_camera_board) < LEAST_PAIRS:
-        said.append(f"{len(poses_camera_board)} pairs show the board; take {LEAST_PAIRS} or more")
+    if len(poses_camera_board) < MIN_PAIRS:
+        said.append(f"{len(poses_camera_board)} pairs show the board; take {MIN_PAIRS} or more")
     if not poses_camera_board:
         return said
     tilts = np.array([tilt(pose) for pose in poses_camera_board])
@@ -61,10 +61,10 @@ def missing_poses(poses_camera_board: list[Pose], pattern: BoardPattern) -> list
     ]
     middle = np.append(pattern.size_m / 2.0, 0.0)
     away = np.array([np.linalg.norm(pose.apply(middle)) for pose in poses_camera_board])
-    if float(away.max() / away.min()) < LEAST_DISTANCES:
+    if float(away.max() / away.min()) < MIN_DISTANCES:
         said.append(
             f"all pictures are from {away.min() * 1e3:.0f} to {away.max() * 1e3:.0f} mm; show the board nearer or "
-            f"farther as well, {LEAST_DISTANCES:g} times"
+            f"farther as well, {MIN_DISTANCES:g} times"
         )
     return said
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry.pose import Array
 from services.vision.calibration.boards import Corners
-from services.vision.calibration.coverage import LEAST_IN_PART
+from services.vision.calibration.coverage import MIN_IN_PART
 
 WIDE_PX = 900  # larger pictures are drawn smaller
 # blue, green, red
@@ -41,7 +41,7 @@ def drawn(
         for column in range(3):
             (left, _), (right, _) = edges[column], edges[column + 1]
             (_, top), (_, bottom) = edges[row], edges[row + 1]
-            if counts[row][column] < LEAST_IN_PART:
+            if counts[row][column] < MIN_IN_PART:
                 part = shown[top:bottom, left:right]
                 part[:] = np.rint(part * (1.0 - OPEN_SHARE) + np.array(OPEN) * OPEN_SHARE).astype(np.uint8)
             cv2.rectangle(shown, (left, top), (right - 1, bottom - 1), SEEN, 1)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds, moved_by
+from crosspih_common.calibration.fitting import CalibrationRefused, GroupedFit, fit_groups, held_out_folds, moved_by
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -20,7 +20,7 @@ from services.vision.calibration.pairs import Pair, Rows, pose_of, starts, vecto
 from services.vision.calibration.stereo import STEP_M, STEP_RAD, Rig, not_wild, posed
 from services.vision.stereo import Camera
 
-LEAST_POSES, LEAST_TURN_RAD, GOOD_TURN_RAD = 5, np.deg2rad(5.0), np.deg2rad(12.0)
+MIN_POSES, MIN_TURN_RAD, GOOD_TURN_RAD = 5, np.deg2rad(5.0), np.deg2rad(12.0)
 STEPS = np.array([STEP_RAD] * 3 + [STEP_M] * 3)
 
 
@@ -32,7 +32,7 @@ class HandEyeFit:
 
     pose_base_camera: Pose
     pose_flange_board: Pose
-    fit: Fit
+    fit: GroupedFit
     residual_mm: Array
     residual_deg: Array
     held_out_mm: float
@@ -66,12 +66,12 @@ def missing_turns(poses_base_flange: list[Pose]) -> list[str]:
 
 
 def _refuse_degenerate(poses_base_flange: list[Pose]) -> None:
-    if len(poses_base_flange) < LEAST_POSES:
+    if len(poses_base_flange) < MIN_POSES:
         raise CalibrationRefused(
-            f"{len(poses_base_flange)} poses show the board, want {LEAST_POSES} or more (12 are good)"
+            f"{len(poses_base_flange)} poses show the board, want {MIN_POSES} or more (12 are good)"
         )
     sizes, axes = turning(poses_base_flange)
-    if sizes[1] < LEAST_TURN_RAD:
+    if sizes[1] < MIN_TURN_RAD:
         only = ", ".join(f"{value:+.2f}" for value in axes[2])
         other = ", ".join(f"{value:+.2f}" for value in axes[1])
         raise CalibrationRefused(
@@ -105,7 +105,7 @@ def park_martin(flanges: list[Pose], boards: list[Pose]) -> tuple[Pose, Pose]:
 
 def _fitted(
     rows: Rows, flanges: list[Pose], cameras: tuple[Camera, Camera], pose_left_right: Pose, first: tuple[Pose, Pose]
-) -> tuple[Pose, Pose, Fit]:
+) -> tuple[Pose, Pose, GroupedFit]:
     camera, board = first
 
     def both(shared: Array) -> tuple[Pose, Pose]:
@@ -158,7 +158,7 @@ def _by_cameras(rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, doub
 
 def _by_board(
     rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, cameras: tuple[Camera, Camera], pose_left_right: Pose,
-    fit: Fit,
+    fit: GroupedFit,
 ) -> Array:  # fmt: skip
     """(12, 12): what a board adds that is not quite as its pattern says."""
 

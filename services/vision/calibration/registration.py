@@ -20,14 +20,14 @@ from scipy.optimize import minimize_scalar
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry.pose import Array
 
-HALF, MOST_HALF_PX = 0.5, 20.0  # of a square: how far the window reaches along the sides, and at most
+HALF, MAX_HALF_PX = 0.5, 20.0  # of a square: how far the window reaches along the sides, and at most
 SUBPIXELS = 3  # each way
-LEAST_BLUR_PX, MOST_BLUR_PX, BLUR_FOUND_PX = 0.35, 3.0, 0.03
+MIN_BLUR_PX, MAX_BLUR_PX, BLUR_FOUND_PX = 0.35, 3.0, 0.03
 BLUR_CORNERS = 8  # by so many the blur is measured
 # pixels nearer to a marker than so many of the blur are left out; while the blur is not known, as if it were this
 GUARD_BLURS, USUAL_BLUR_PX = 1.5, 0.8
-STEPS, DONE_PX, STUCK_PX, MOST_STEP_PX = 5, 5e-3, 0.03, 1.5
-LEAST_PIXELS, LEAST_CONTRAST, MOST_SD_PX = 16, 4.0, 0.15
+STEPS, DONE_PX, STUCK_PX, MAX_STEP_PX = 5, 5e-3, 0.03, 1.5
+MIN_PIXELS, MIN_CONTRAST, MAX_SD_PX = 16, 4.0, 0.15
 WILD_SD, WILD_PX = 4.0, 0.1
 TERMS, BENT_FROM = (10, 6), (20, 12)  # to the third or second order; corners that are needed for each
 
@@ -87,7 +87,7 @@ class _Window:
         self._start = board.px(corner)
         per_square = board.per_square(corner)
         self._per_pixel = np.linalg.inv(per_square)
-        self._half = np.minimum(HALF, MOST_HALF_PX / np.linalg.norm(per_square, axis=0))
+        self._half = np.minimum(HALF, MAX_HALF_PX / np.linalg.norm(per_square, axis=0))
         reach = np.ceil(np.abs(per_square) @ self._half).astype(int) + 3
         middle, size = np.rint(self._start).astype(int), np.array(picture.shape[::-1])
         low, high = np.maximum(middle - reach, 0), np.minimum(middle + reach + 1, size)
@@ -126,7 +126,7 @@ class _Window:
         (m, 4); None where too little is seen."""
         blurred = cv2.GaussianBlur(drawn, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE)
         kept = self.looked_at(shift, guard_px)
-        if int(kept.sum()) < LEAST_PIXELS:
+        if int(kept.sum()) < MIN_PIXELS:
             return None
         down, across = np.gradient(blurred)
         design = np.stack([np.ones(int(kept.sum())), blurred[kept], -across[kept], -down[kept]], axis=1)
@@ -142,11 +142,11 @@ class _Window:
         shift = np.zeros(2)
         for number in range(STEPS):
             laid = self.laid_over(drawn if number == 0 else self.drawn(shift), shift, blur_px, GUARD_BLURS * blur_px)
-            if laid is None or laid[0][1] < LEAST_CONTRAST:
+            if laid is None or laid[0][1] < MIN_CONTRAST:
                 return None
             found, left, design = laid
             step = found[2:] / found[1]
-            shift = shift + np.clip(step, -MOST_STEP_PX, MOST_STEP_PX)
+            shift = shift + np.clip(step, -MAX_STEP_PX, MAX_STEP_PX)
             if float(np.linalg.norm(step)) < DONE_PX:
                 break
         if float(np.linalg.norm(step)) > STUCK_PX:
@@ -172,7 +172,7 @@ def register_corners(picture: NDArray[np.uint8], pixels: Array, squares: Array, 
         windows = [_Window(grey, corner, board, marker) for corner in squares]
         drawn = [np.zeros((0, 0)) if window.empty else window.drawn(np.zeros(2)) for window in windows]
         blur_px = blur_px or _blur_px(windows, drawn)
-        if blur_px < LEAST_BLUR_PX + BLUR_FOUND_PX:
+        if blur_px < MIN_BLUR_PX + BLUR_FOUND_PX:
             return lost  # drawn, not taken by a camera: without blur an edge between pixels has no place of its own
         now = _all(windows, drawn, blur_px, pixels)
         if number == 0 and not _bend(board, squares, now):
@@ -186,7 +186,7 @@ def _all(windows: list[_Window], drawn: list[Array], blur_px: float, pixels: Arr
         found = None if window.empty else window.registered(one, blur_px)
         if found is not None:
             where[index], sd_px[index] = found
-    return Registered(where, sd_px < MOST_SD_PX, sd_px)
+    return Registered(where, sd_px < MAX_SD_PX, sd_px)
 
 
 def _blur_px(windows: list[_Window], drawn: list[Array]) -> float:
@@ -202,7 +202,7 @@ def _blur_px(windows: list[_Window], drawn: list[Array]) -> float:
                 total, count = total + float(laid[1] @ laid[1]), count + len(laid[1])
         return total / count if count else 0.0
 
-    bounds = (LEAST_BLUR_PX, MOST_BLUR_PX)
+    bounds = (MIN_BLUR_PX, MAX_BLUR_PX)
     return float(minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": BLUR_FOUND_PX}).x)
 
 

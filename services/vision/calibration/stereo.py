@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from crosspih_common.calibration.fitting import CalibrationRefused, Fit, fit_groups, held_out_folds, moved_by
+from crosspih_common.calibration.fitting import CalibrationRefused, GroupedFit, fit_groups, held_out_folds, moved_by
 from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
@@ -28,7 +28,7 @@ MODELS: dict[str, tuple[int, ...]] = {
 NUMBERS = 8
 GIVEN_UP = 2  # models in a row that are no better: larger ones are not tried
 BETTER = 0.03  # a larger model must beat a smaller one by this share of its held-out error
-LEAST_PAIRS, LEAST_TILT_RAD = 5, np.deg2rad(10.0)
+MIN_PAIRS, MIN_TILT_RAD = 5, np.deg2rad(10.0)
 WILD_SD, WILD_PX = 5.0, 0.5
 MEDIAN_OF_TWO = 1.1774  # sd, of the length of a vector of two normal numbers
 STEP_PX, STEP_BEND, STEP_RAD, STEP_M = 1e-3, 1e-6, 1e-6, 1e-7
@@ -98,7 +98,7 @@ class StereoFit:
     (px), the rows that were used and those that were thrown out as wild."""
 
     rig: Rig
-    fit: Fit
+    fit: GroupedFit
     rows: Rows
     model: str
     held_out_px: dict[str, float]
@@ -117,9 +117,9 @@ def _start(pairs: list[Pair], pattern: BoardPattern, sizes: Sizes) -> tuple[Rig,
     fixed = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     for side in (0, 1):
         seen = [(index, pair[side]) for index, pair in enumerate(pairs) if len(pair[side])]
-        if len(seen) < LEAST_PAIRS:
+        if len(seen) < MIN_PAIRS:
             raise CalibrationRefused(
-                f"the {('left', 'right')[side]} camera saw the board in {len(seen)} pictures, want {LEAST_PAIRS} or "
+                f"the {('left', 'right')[side]} camera saw the board in {len(seen)} pictures, want {MIN_PAIRS} or "
                 "more: show the whole board, sharp and lit, and check --board against the print"
             )
         _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
@@ -134,9 +134,9 @@ def _start(pairs: list[Pair], pattern: BoardPattern, sizes: Sizes) -> tuple[Rig,
             for (index, _), turn, shift in zip(seen, turns, shifts, strict=True)
         })  # fmt: skip
     both = sorted(set(poses[0]) & set(poses[1]))
-    if len(both) < LEAST_PAIRS:
+    if len(both) < MIN_PAIRS:
         raise CalibrationRefused(
-            f"both cameras saw the board in {len(both)} pairs only, want {LEAST_PAIRS} or more: show it where their "
+            f"both cameras saw the board in {len(both)} pairs only, want {MIN_PAIRS} or more: show it where their "
             "pictures overlap"
         )
     beside = np.array([vector_of(poses[0][index] @ poses[1][index].inverse()) for index in both])
@@ -144,7 +144,7 @@ def _start(pairs: list[Pair], pattern: BoardPattern, sizes: Sizes) -> tuple[Rig,
     return rig, shared, starts(pairs, pattern, rig.cameras(shared), rig.right(shared))
 
 
-def _fitted(rig: Rig, rows: Rows, shared: Array, own: Array) -> Fit:
+def _fitted(rig: Rig, rows: Rows, shared: Array, own: Array) -> GroupedFit:
     def residual(unknowns: Array, poses: Array) -> Array:
         return rows.off_px(rows.in_left_m(poses), rig.cameras(unknowns), rig.right(unknowns))
 
@@ -152,7 +152,7 @@ def _fitted(rig: Rig, rows: Rows, shared: Array, own: Array) -> Fit:
     return fit_groups(residual, shared, own, rows.groups, rig.steps(), own_steps)
 
 
-def _by_board(rig: Rig, rows: Rows, fit: Fit) -> Array:
+def _by_board(rig: Rig, rows: Rows, fit: GroupedFit) -> Array:
     """(p, p): what a board adds that is not quite as its pattern says. It is the same board in all pictures."""
     cameras, right = rig.cameras(fit.shared), rig.right(fit.shared)
     changes = [
@@ -179,7 +179,7 @@ def _left_out_px(rig: Rig, rows: Rows, shared: Array, own: Array, folds: int) ->
     return float(np.sqrt(squares / count))
 
 
-def posed(rows: Rows, cameras: tuple[Camera, Camera], pose_left_right: Pose, own: Array) -> Fit:
+def posed(rows: Rows, cameras: tuple[Camera, Camera], pose_left_right: Pose, own: Array) -> GroupedFit:
     """The board's pose in each pair, by cameras that are known."""
 
     def residual(_: Array, poses: Array) -> Array:
@@ -189,7 +189,7 @@ def posed(rows: Rows, cameras: tuple[Camera, Camera], pose_left_right: Pose, own
     return fit_groups(residual, np.zeros(0), own, rows.groups, np.zeros(0), own_steps)
 
 
-def not_wild(fit: Fit) -> NDArray[np.bool_]:
+def not_wild(fit: GroupedFit) -> NDArray[np.bool_]:
     """(m,): the corners of a fit that are no farther off than chance lets them be, against the typical one."""
     off = np.linalg.norm(fit.residual.reshape(-1, 2), axis=1)
     return np.asarray(off < max(WILD_SD * float(np.median(off)) / MEDIAN_OF_TWO, WILD_PX))
@@ -204,14 +204,14 @@ def calibrate_stereo(
     missing: too few, or all square to the cameras, which cannot tell a focal length from a distance.
     """
     pairs = [pair for pair in pairs if len(pair[0]) or len(pair[1])]
-    if len(pairs) < LEAST_PAIRS:
+    if len(pairs) < MIN_PAIRS:
         raise CalibrationRefused(
-            f"{len(pairs)} pairs show the board, want {LEAST_PAIRS} or more (12 are good): show the whole board, sharp "
+            f"{len(pairs)} pairs show the board, want {MIN_PAIRS} or more (12 are good): show the whole board, sharp "
             "and lit, and check --board against the print"
         )
     rig, shared, own = _start(pairs, pattern, sizes)
     tilts = np.array([tilt(pose_of(vector)) for vector in own])
-    if float(np.max(np.ptp(tilts, axis=0))) < 2.0 * LEAST_TILT_RAD:
+    if float(np.max(np.ptp(tilts, axis=0))) < 2.0 * MIN_TILT_RAD:
         raise CalibrationRefused(
             "in all pictures the board is tilted nearly the same: a focal length cannot be told from a distance; tilt "
             "it by 20 to 40 degrees, to the left, right, up and down"

@@ -19,12 +19,12 @@ from services.vision.stereo import StereoModel
 SEARCH_SAMPLES, SAMPLES = 64, 96
 SKIP_CORNER_PX = 1.5
 PRIOR_SLACK = 1.3
-STARTS, KEPT, MOST = 8, 4, 5
+STARTS, KEPT, MAX_ = 8, 4, 5
 # reach along the rim's normals, px of the level, one iteration each: by edges, then by the two steps of a chamfer
 FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
 # how far two rims are apart at least, px, to be worth refining both, and to be two answers
 WORTH_PX, SAME_PX = 1.5, 0.7
-UNEXPLAINED_LEAST = 0.001
+MIN_UNEXPLAINED = 0.001
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ def candidates(
         first = False
     seen = np.asarray(likeness(levels, samples, stereo, poses), dtype=float)
     score = seen.mean(axis=(0, 2))
-    chosen = _apart(samples, stereo, poses, _rank(seen), SAME_PX)[:MOST]
+    chosen = _apart(samples, stereo, poses, _rank(seen), SAME_PX)[:MAX_]
     return [Candidate(poses[index], float(score[index])) for index in chosen]
 
 
@@ -96,7 +96,7 @@ def _with_slips(poses: Poses, samples: RimSamples) -> Poses:
 
 def _rank(seen: Array) -> Array:
     """(K,): what is left unexplained of each profile, (2, K, M), by its logarithm, as a likelihood counts it."""
-    return np.asarray(-np.log(1.0 + UNEXPLAINED_LEAST - seen).mean(axis=(0, 2)))
+    return np.asarray(-np.log(1.0 + MIN_UNEXPLAINED - seen).mean(axis=(0, 2)))
 
 
 def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array, least_px: float) -> list[int]:

@@ -21,7 +21,7 @@ from services.vision.stereo import StereoModel
 BINS = 8
 EXTENT_PX = 38.0  # of the rim in the coarse picture
 STEP_PX = 1.5  # by which the rim's farthest point moves from one turn, or one depth, to the next
-STEPS_MOST = 15
+MAX_STEPS = 15
 MARGIN_PX = 3
 # an edge counts fully when it stands out from the noise, and from edges as steep all around it: texture
 NOISE_SHARE = 2.0
@@ -154,7 +154,7 @@ def _on_axes(half_ranges: Array) -> Array:
 
 
 def _steps(travel_px: float) -> int:
-    return int(np.clip(np.ceil(travel_px / STEP_PX), 1, STEPS_MOST))
+    return int(np.clip(np.ceil(travel_px / STEP_PX), 1, MAX_STEPS))
 
 
 def _grid(half: float, count: int) -> Array:

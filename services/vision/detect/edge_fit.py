@@ -25,7 +25,7 @@ NEAR_SHARE = 0.6  # of the window: how far an edge may lie before it counts clea
 NOISE_SHARE = 1.5
 AROUND_SHARE = 1.0
 TUKEY = 4.685
-SPREAD_LEAST_PX = 0.35
+MIN_SPREAD_PX = 0.35
 # an edge may be seen at -1, the chamfer's outer line, at 1, its inner one, or between: the same all around
 LINE_SD = 1.0
 # the profile that is compared with two steps: beyond the outer line and beyond the inner one; their blur
@@ -33,9 +33,9 @@ FACE_PX, BORE_PX = 3.5, 4.0
 STEP_SPREAD_PX = 0.9
 WIDTH_STEP_PX = 0.5
 STEP_NOISE_SHARE = 1.0
-STEPS_LEAST = 0.3
-UNEXPLAINED_LEAST = 0.002
-EDGE_LEAST = 0.25  # below this share of an edge a profile says nothing
+MIN_STEPS = 0.3
+MIN_UNEXPLAINED = 0.002
+MIN_EDGE = 0.25  # below this share of an edge a profile says nothing
 # profiles near each other see the same edge: one in ten counts, by how they scatter
 INDEPENDENT = 0.1
 # an edge this far from where the rim must be, px of the level, still supports it
@@ -82,7 +82,7 @@ class Poses:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenRim:
+class RimEdges:
     """K rims in both pictures, px of the levels: `outer_px` (2, K, M, 2), `normal` (2, K, M, 2) into the hole,
     `chamfer_px` (2, K, M) along it, `slope` (2, K, M, 6): how far the middle of the chamfer moves along the normal."""
 
@@ -92,7 +92,7 @@ class SeenRim:
     slope: Array
 
     @classmethod
-    def of(cls, samples: RimSamples, stereo: StereoModel, poses: Poses, levels: tuple[Level, Level]) -> SeenRim:
+    def of(cls, samples: RimSamples, stereo: StereoModel, poses: Poses, levels: tuple[Level, Level]) -> RimEdges:
         middle_m, delta = samples.at(0.5), 1e-5
         in_camera = poses.apply(middle_m)
         rows = [in_camera, poses.apply(samples.outer_m), poses.apply(samples.inner_m)]
@@ -117,7 +117,7 @@ class SeenRim:
         return cls(outer, normal, width, np.concatenate([along_normal, turning], axis=-1))
 
 
-def edges_along(levels: tuple[Level, Level], samples: RimSamples, rim: SeenRim, offsets_px: Array) -> Array:
+def edges_along(levels: tuple[Level, Level], samples: RimSamples, rim: RimEdges, offsets_px: Array) -> Array:
     """(2, K, M, T): 0 to 1, how much of an edge each profile has at `offsets_px` (T,) from the chamfer's middle."""
     start = rim.outer_px + 0.5 * rim.chamfer_px[..., None] * rim.normal
     points = start[..., None, :] + offsets_px[:, None] * rim.normal[..., None, :]
@@ -135,7 +135,7 @@ def edges_along(levels: tuple[Level, Level], samples: RimSamples, rim: SeenRim, 
     return share
 
 
-def steps_along(levels: tuple[Level, Level], samples: RimSamples, rim: SeenRim, offsets_px: Array) -> Array:
+def steps_along(levels: tuple[Level, Level], samples: RimSamples, rim: RimEdges, offsets_px: Array) -> Array:
     """(2, K, M, T): 0 to 1, how much of what each profile shows is two steps, one at each line of the chamfer, were the
     rim `offsets_px` (T,) further in. The three greys of face, chamfer and bore are free, and a slope."""
     width = rim.chamfer_px
@@ -197,7 +197,7 @@ def refined(
     line = np.zeros(len(poses))
     spread_of = np.append(half_ranges, LINE_SD)
     for window in windows_px:
-        rim = SeenRim.of(samples, stereo, poses, levels)
+        rim = RimEdges.of(samples, stereo, poses, levels)
         half = 0.5 * rim.chamfer_px
         if by_steps:
             offsets = _offsets(window)
@@ -208,7 +208,7 @@ def refined(
             share = edges_along(levels, samples, rim, offsets)
             beyond = np.maximum(np.abs(offsets) - half[..., None], 0.0)
         # two steps explain most of many profiles a little off the rim: what they leave unexplained tells
-        likely = share / (1.0 + UNEXPLAINED_LEAST - share) if by_steps else share
+        likely = share / (1.0 + MIN_UNEXPLAINED - share) if by_steps else share
         likely = likely * np.exp(-0.5 * (beyond / (NEAR_SHARE * window)) ** 2)
         best = np.clip(np.argmax(likely, axis=-1), 1, len(offsets) - 2)[..., None]
         before, middle, after = (np.take_along_axis(likely, best + k, -1)[..., 0] for k in (-1, 0, 1))
@@ -216,10 +216,10 @@ def refined(
         found = offsets[best[..., 0]] + STEP_PX * np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
         edge = np.take_along_axis(share, best, -1)[..., 0]
         residual = found if by_steps else found - line[:, None] * half
-        strong = np.where(edge > (STEPS_LEAST if by_steps else EDGE_LEAST), edge, 0.0)
+        strong = np.where(edge > (MIN_STEPS if by_steps else MIN_EDGE), edge, 0.0)
         size = np.sort(np.where(strong > 0.0, np.abs(residual), np.inf).transpose(1, 0, 2).reshape(len(poses), -1))
         median = size[np.arange(len(poses)), np.sum(np.isfinite(size), axis=1) // 2]
-        scale = np.clip(1.4826 * median, SPREAD_LEAST_PX, window)
+        scale = np.clip(1.4826 * median, MIN_SPREAD_PX, window)
         weight = strong * (1.0 - np.clip(residual / (TUKEY * scale[:, None]), -1.0, 1.0) ** 2) ** 2
         slope = np.concatenate([rim.slope, half[..., None] * float(not by_steps)], axis=-1)
         weighted = slope * weight[..., None]
@@ -234,7 +234,7 @@ def refined(
 
 def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Floats:
     """(2, K, M): 0 to 1, how much of an edge there is at each sample of the rim, on either line of its chamfer."""
-    rim = SeenRim.of(samples, stereo, poses, levels)
+    rim = RimEdges.of(samples, stereo, poses, levels)
     half = 0.5 * rim.chamfer_px
     offsets = _offsets(SUPPORT_WINDOW_PX + float(half.max()))
     share = edges_along(levels, samples, rim, offsets)
@@ -244,7 +244,7 @@ def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoMode
 
 def likeness(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Floats:
     """(2, K, M): 0 to 1, how much each profile of the rim looks like its two steps, half a pixel off at most."""
-    rim = SeenRim.of(samples, stereo, poses, levels)
+    rim = RimEdges.of(samples, stereo, poses, levels)
     return np.asarray(np.max(steps_along(levels, samples, rim, _offsets(STEP_PX)), axis=-1), dtype=np.float32)
 
 

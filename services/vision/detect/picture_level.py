@@ -13,7 +13,7 @@ from crosspih_common.geometry.pose import Array
 
 Floats = NDArray[np.float32]
 SMOOTH_PX = 1.0
-NOISE_LEAST_GREY = 0.1
+MIN_NOISE_GREY = 0.1
 # the mean absolute second difference is the noise's where nothing is seen; a low quantile of it leaves texture out
 QUANTILE = 0.4
 QUANTILE_OF_NORMAL = 0.5244
@@ -78,7 +78,7 @@ class Level:
             inside = cv2.erode(seen.astype(np.uint8), np.ones((2 * factor + 1,) * 2, np.uint8), borderValue=1)
             kept = cv2.resize(inside, size, interpolation=cv2.INTER_NEAREST)
             gradient = gradient * np.asarray(kept, dtype=np.float32)[..., None]
-        noise = max(noise, NOISE_LEAST_GREY)
+        noise = max(noise, MIN_NOISE_GREY)
         return cls(
             small,
             gradient.astype(np.float32),

@@ -10,7 +10,7 @@ from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import Rimmed
 
 SMOOTH_RAD = 0.35  # where the rim turns by less it is one smooth section: the facets of a curve
-SKIP_MOST = 0.25  # of a section that is short: its middle is always sampled
+MAX_SKIP = 0.25  # of a section that is short: its middle is always sampled
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ class RimSamples:
         corner = np.arccos(cosine) > SMOOTH_RAD  # at the start of each edge
         section = np.cumsum(corner) - 1
         section[section < 0] = section[-1]  # the outline starts amid a smooth section
-        skip = np.minimum(skip_m, SKIP_MOST * length)
+        skip = np.minimum(skip_m, MAX_SKIP * length)
         first = np.where(corner, skip, 0.0)
         last = length - np.where(np.roll(corner, -1), skip, 0.0)
         ends = np.cumsum(last - first)

@@ -18,12 +18,12 @@ from services.vision.fit.steps import sample
 from services.vision.light import Light
 from services.vision.stereo import StereoModel
 
-POINTS_MOST = 1600
+MAX_POINTS = 1600
 SMOOTH_PX = 1.0  # one sd
 NOISY_GREY = 1.4  # what smoothing leaves of the noise: from there on it makes shares of what is seen
 # away from the inner rim, whose step must not reach in: with the finer smoothing, and more for each px beyond it
 MARGIN_PX, MARGIN_PER_PX = 2.5, 1.5
-POINTS_LEAST = 60
+MIN_POINTS = 60
 MASK_M = 0.2e-3
 
 
@@ -56,7 +56,7 @@ class Inside:
 def _grid(inner_m: Array, pixel_m: float, margin_px: float) -> Array:
     """Points (N, 2) of the face's plane inside the outline (n, 2), away from it, m."""
     low, high = inner_m.min(axis=0), inner_m.max(axis=0)
-    step = max(pixel_m, float(np.sqrt(np.prod(high - low) / (2.0 * POINTS_MOST))))
+    step = max(pixel_m, float(np.sqrt(np.prod(high - low) / (2.0 * MAX_POINTS))))
     x, y = np.meshgrid(*(np.arange(low[axis] + step / 2, high[axis], step) for axis in range(2)))
     points = np.column_stack([x.ravel(), y.ravel()])
     mask = np.zeros(np.ceil((high - low) / MASK_M).astype(int)[::-1] + 4, np.uint8)
@@ -74,7 +74,7 @@ def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inn
     centre = stereo.project(pose_camera_hole.apply(np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])))
     pixel_m = float(1e-3 / np.linalg.norm(centre[:, 1] - centre[:, 0], axis=-1).min())
     grid = _grid(inner_rim_m[:, :2], pixel_m, margin_px)
-    if len(grid) < POINTS_LEAST:
+    if len(grid) < MIN_POINTS:
         return Inside(depths_m, np.zeros(len(depths_m)), 0.0, 0.0, len(grid), 0.0)
     on_face = pose_camera_hole.apply(np.column_stack([grid, np.zeros(len(grid))]))
     eye = on_face / np.linalg.norm(on_face, axis=1, keepdims=True)
@@ -93,7 +93,7 @@ def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inn
     unexplained = []
     inner = _inside_again(stereo, pose_camera_hole, inner_rim_m, seen[1, 1:], margin_px)
     for right, counted in zip(rights, inner, strict=True):
-        if counted.sum() < POINTS_LEAST:
+        if counted.sum() < MIN_POINTS:
             unexplained.append(np.nan)
             continue
         terms = np.column_stack([flat[counted], right[counted]])

@@ -52,11 +52,11 @@ DEEP_M, FLAT_M = 0.012, 0.0008
 WALL_M, WALL_BETTER = 0.004, 0.1
 # log likelihood of a chamfer that goes down against one that is drawn on the face: where the inside may be ink, and
 # beyond doubt
-DEEPER_LEAST, DEEPER_PLAIN = 20.0, 50.0
+MIN_DEEPER, DEEPER_PLAIN = 20.0, 50.0
 # and in a noisy picture where it is no ink: one to 150 that it is chance
 DEEPER_NOISY = 5.0
 # the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line; plainly none
-CHAMFER_LEAST, PLAIN_CHAMFER = 0.085, 0.3
+MIN_CHAMFER, PLAIN_CHAMFER = 0.085, 0.3
 CHAMFER_NOISES = 2.0
 # of the face's light: the blackest inks give back more than the first; and nearly all more than the second, which says
 # something where there is a chamfer, and the third, where there plainly is
@@ -204,7 +204,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
             f"what is seen inside the outline lies in the face's plane ({share:.0%} of it left unexplained there): a "
             "print or a sticker, not a hole; is the right part in the fixture?"
         )
-    sure = max(CHAMFER_LEAST, CHAMFER_NOISES * quality.residual)
+    sure = max(MIN_CHAMFER, CHAMFER_NOISES * quality.residual)
     # beside a white inside the chamfer's grey is a guess; and a pocket, as bright as its bottom, has a chamfer as well
     chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE and evidence.black < BOTTOM_SHARE
     # a chamfer that is as likely drawn on the face is no proof
@@ -212,7 +212,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     # noise makes a chamfer of a single line, and a likelihood of its own
     noise = max(inside.noise / NOISY_GREY, 1.0) ** 2
     least_of_all = DEEPER_NOISY if inside.noisy else 0.0
-    deeper_least = DEEPER_PLAIN if not faint else least_of_all if no_ink else DEEPER_LEAST * noise
+    deeper_least = DEEPER_PLAIN if not faint else least_of_all if no_ink else MIN_DEEPER * noise
     not_in_plane = plain and (faint or share > NOT_IN_PLANE)
     if chamfer and evidence.deeper > deeper_least and not_in_plane:
         return

@@ -13,13 +13,13 @@ BLUR_SKEW_SD_PX2 = 0.15
 BLUR_ALIKE, BLUR_ALIKE_SD_PX2 = ((0, 3), (2, 5)), 0.3
 BLUR_ROUND = ((0, 2), (3, 5))
 # by how much a lens is not round, of the blur, or px^2 at least; a Cauchy's: a dragged picture is not round at all
-BLUR_ROUND_SHARE, BLUR_ROUND_LEAST_PX2 = 0.15, 0.15
+BLUR_ROUND_SHARE, MIN_BLUR_ROUND_PX2 = 0.15, 0.15
 
 
 def roundness(blur_px2: Array) -> tuple[Array, Array]:
     """(2,) each, by picture: how far the blur (2, 3) is from round, and how far a lens usually is, px^2."""
     wide = blur_px2[:, [0, 2]]
-    return wide[:, 0] - wide[:, 1], np.maximum(BLUR_ROUND_SHARE * wide.mean(axis=1), BLUR_ROUND_LEAST_PX2)
+    return wide[:, 0] - wide[:, 1], np.maximum(BLUR_ROUND_SHARE * wide.mean(axis=1), MIN_BLUR_ROUND_PX2)
 
 
 def roundness_cost(blur_px2: Array) -> float:

@@ -13,7 +13,7 @@ QUANTISED_GREY = 0.29
 # what a profile may be off by beside the noise and still count in full, share of the step
 STEP_SHARE = 0.1
 # times the median step: a glint is no licence
-STEP_MOST = 2.0
+MAX_STEP = 2.0
 # and the model itself, one sd, share of the step
 MODEL_SHARE = 0.04
 # where a chamfer shines, brighter than the face, the shine is not where the drawing's lines are: more of that
@@ -73,7 +73,7 @@ def robust_weight(
     0 to 1, by the face's grey.
     """
     usual = median_of_last(step.reshape(2, -1))[:, None, None]
-    scale = variance + (STEP_SHARE * np.minimum(step, STEP_MOST * usual)[..., None]) ** 2
+    scale = variance + (STEP_SHARE * np.minimum(step, MAX_STEP * usual)[..., None]) ** 2
     square = residual**2 / scale
     one = (DEGREES + 1.0) / (DEGREES + square)
     count = np.maximum(inside.sum(axis=-1), 1.0)

@@ -13,15 +13,15 @@ from services.vision.fit.steps import SATURATED_GREY
 
 # a step is seen that many times the noise of ALONG neighbours' mean
 STEP_NOISES, ALONG = 4.0, 5
-STEP_SHARE_LEAST = 0.15
-WEIGHT_LEAST = 0.3
+MIN_STEP_SHARE = 0.15
+MIN_WEIGHT = 0.3
 # of a profile: what is left when the rest is saturated or beyond the border
 SEEN_SAMPLES = 5
 TINY = 1e-9
-ALIKE_MOST, ROUGH_FREE = 0.8, 0.03
+MAX_ALIKE, ROUGH_FREE = 0.8, 0.03
 # what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it: of
 # the sizes, and of the offset
-SIZES_LEAST, OFFSET_LEAST = 0.1, 0.01
+MIN_SIZES, MIN_OFFSET = 0.1, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ def roughness_of(fit: Fit) -> float:
     typical = float(np.median(height)) + 1.0
     share = float(np.sqrt(np.sum(fit.weight * steps.residual**2) / max(float(np.sum(fit.weight)), TINY))) / typical
     alike = float(np.sum(rest[:, :, 1:] * rest[:, :, :-1]) / max(float(np.sum(rest**2)), TINY))
-    alike = float(np.clip(alike, 0.0, ALIKE_MOST))
+    alike = float(np.clip(alike, 0.0, MAX_ALIKE))
     return max(share * (1.0 + alike) / (1.0 - alike) - ROUGH_FREE, 0.0)
 
 
@@ -99,7 +99,7 @@ def support_of(fit: Fit) -> tuple[Array, Array]:
     weight = fit.weight * fit.even[..., None, None]
     kept = weight.sum(axis=-1) / np.maximum(inside.sum(axis=-1), 1.0)
     seen = inside.sum(axis=-1) >= SEEN_SAMPLES
-    ok = (height > least) & (height > STEP_SHARE_LEAST * float(np.median(height))) & (kept > WEIGHT_LEAST) & seen
+    ok = (height > least) & (height > MIN_STEP_SHARE * float(np.median(height))) & (kept > MIN_WEIGHT) & seen
     white = fit.profiles.grey > SATURATED_GREY
     whole = seen & (~np.any(white, axis=-1) | white[..., 0])
     return np.asarray(ok.mean(axis=2)), np.asarray(whole.mean(axis=2))
@@ -128,8 +128,8 @@ def quality_of(fit: Fit, rim: Rim, doubts: Doubts) -> Quality:
         float(np.mean(np.any(fit.profiles.grey > SATURATED_GREY, axis=-1))),
         float(np.mean(fit.profiles.beyond > SATURATED_GREY)),
         off,
-        _conflict(off, fit.covariance[offset, offset], offset_sd, OFFSET_LEAST),
+        _conflict(off, fit.covariance[offset, offset], offset_sd, MIN_OFFSET),
         fit.state.sizes_m,
-        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds(), SIZES_LEAST),
+        _conflict(fit.state.sizes_m, fit.covariance[sizes, sizes], doubts.sds(), MIN_SIZES),
         roughness_of(fit),
     )

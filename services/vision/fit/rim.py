@@ -14,10 +14,10 @@ from crosspih_common.geometry.pose import Array
 from services.vision.stereo import StereoModel
 
 PROFILES = 192  # across the whole rim, a picture
-SAMPLES_LEAST, SAMPLES_MOST = 6, 32
+MIN_SAMPLES, MAX_SAMPLES = 6, 32
 SKIP_ENDS = 0.13
 SKIP_ENDS_M = 0.0015  # of a short edge: two pixels from a corner its profiles are disturbed
-SKIP_ENDS_MOST = 0.4
+MAX_SKIP_ENDS = 0.4
 SMOOTH_RAD = 0.2  # edges that turn by less are facets of a curve: nothing disturbs where they meet
 PIECE_RAD = 0.55  # of a curve, one group turns no more
 SAME_DIRECTION = 0.15
@@ -55,7 +55,7 @@ class Rim:
         """The rim of a hole; a share of each edge at its ends is left out, where the corner disturbs."""
         inner, outer = hole.inner_rim_m(), hole.outer_rim_m()
         pieces = _pieces(inner)
-        samples = int(np.clip(round(profiles / len(pieces)), SAMPLES_LEAST, SAMPLES_MOST))
+        samples = int(np.clip(round(profiles / len(pieces)), MIN_SAMPLES, MAX_SAMPLES))
         edge, share = (
             np.array(column) for column in zip(*(_spread(inner, piece, samples) for piece in pieces), strict=True)
         )
@@ -129,7 +129,7 @@ def _spread(inner: Array, piece: tuple[list[int], bool, bool], samples: int) -> 
     ends = np.roll(inner, -1, axis=0)
     lengths = np.linalg.norm(ends[edges] - inner[edges], axis=1)
     total = float(lengths.sum())
-    skip = float(np.clip(SKIP_ENDS_M / total, SKIP_ENDS, SKIP_ENDS_MOST))
+    skip = float(np.clip(SKIP_ENDS_M / total, SKIP_ENDS, MAX_SKIP_ENDS))
     half = 0.5 / samples
     at = total * np.linspace(skip if corner_before else half, 1.0 - (skip if corner_after else half), samples)
     starts = np.concatenate([[0.0], np.cumsum(lengths)])

@@ -18,7 +18,7 @@ from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import SeenRim
 
 STEP_PX = 0.5
-SPREAD_LEAST_PX = 0.3
+MIN_SPREAD_PX = 0.3
 # slope of face and bore beside the rim, sd, share of the step a pixel
 FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
@@ -110,7 +110,7 @@ def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Ar
     """(2, G, S, 10, L): what a profile's grey is made of, and how that changes; `variance_px2` (2, G, S): the blur's
     along each normal."""
     offsets, grey = seen_profiles.offsets_px, seen_profiles.grey
-    spread = np.sqrt(np.maximum(variance_px2, SPREAD_LEAST_PX**2))[..., None]
+    spread = np.sqrt(np.maximum(variance_px2, MIN_SPREAD_PX**2))[..., None]
     chamfer = np.maximum(rim.chamfer_px, 0.0)[..., None]
     from_inner = offsets - chamfer
     bell = 1.0 / (spread * np.sqrt(2.0 * np.pi))

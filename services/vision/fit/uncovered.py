@@ -23,7 +23,7 @@ from services.vision.stereo import StereoModel
 
 # of an edge's profiles: with fewer that look like the rim in both pictures a part of it is hidden; of all profiles and
 # of the edges, in either picture: with fewer there is no rim to fit
-SEEN_LEAST, RIM_LEAST = 0.8, 0.5
+MIN_SEEN, MIN_RIM = 0.8, 0.5
 ROUNDS = 2
 
 
@@ -50,8 +50,8 @@ def fit_uncovered(
     kept = np.ones(fine.shape[0], dtype=bool)
     for _ in range(ROUNDS):
         # what is saturated has no step that could pull
-        seen = kept & np.any((support >= SEEN_LEAST) | (shown < SEEN_LEAST), axis=0)
-        few = min(support.mean(axis=1).min(), np.mean(support > 0.5, axis=1).min(), seen.mean()) < RIM_LEAST
+        seen = kept & np.any((support >= MIN_SEEN) | (shown < MIN_SEEN), axis=0)
+        few = min(support.mean(axis=1).min(), np.mean(support > 0.5, axis=1).min(), seen.mean()) < MIN_RIM
         if few or seen.sum() == kept.sum():
             break
         start = [found.fit.state.pose_camera_hole]

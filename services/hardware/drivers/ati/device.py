@@ -25,7 +25,7 @@ LATE_S = 0.5  # a record may come so much too late; one that is older still is o
 
 
 @dataclass(slots=True)
-class Counts:
+class RecordCounts:
     """What became of the records since the sensor was opened."""
 
     received: int = 0  # believed or not, none twice
@@ -48,7 +48,7 @@ class AtiWrench:
         self._internal_rate_hz = internal_rate_hz
         self._per_count = np.repeat([page.n_per_count, page.nm_per_count], 3)
         self.clock = DeviceClock(wrap_s=ROLL / internal_rate_hz, best_delay_s=config.best_delay_s)
-        self.counts = Counts()
+        self.counts = RecordCounts()
         self._last: tuple[int, int] | None = None  # sequences of the stream and of the sensor
         self._last_ns: int | None = None
         self._status = 0

@@ -65,7 +65,7 @@ HARMLESS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class StatusVerdict:
     """What a status word says: in words, and whether its record is to be believed."""
 
     text: str
@@ -73,7 +73,7 @@ class Verdict:
     believed: bool
 
 
-def judge(status: int, table: str) -> Verdict:
+def judge(status: int, table: str) -> StatusVerdict:
     """Of a status word and the name of its table, net_ft or axia. A bit that no table has is not believed."""
     names = NET_FT if table == "net_ft" else AXIA
     said = [names.get(bit, f"bit {bit}") for bit in range(30, -1, -1) if status >> bit & 1]
@@ -81,4 +81,4 @@ def judge(status: int, table: str) -> Verdict:
     bad = status & ~(OVERLOAD[table] | HARMLESS[table] | ANY_ERROR)
     if status == ANY_ERROR:
         said, bad = ["an error that it does not name"], status
-    return Verdict(f"{', '.join(said) or 'healthy'} (status 0x{status:08X})", overload, not bad)
+    return StatusVerdict(f"{', '.join(said) or 'healthy'} (status 0x{status:08X})", overload, not bad)

@@ -50,7 +50,7 @@ class LinkLost(Exception):
 
 
 @dataclass(slots=True)
-class Counts:
+class SampleCounts:
     """What became of the samples since the sensor was opened."""
 
     received: int = 0
@@ -136,7 +136,7 @@ class Ft300Wrench:
         self._link: Link | None = link
         self.period_s = 1.0 / (STREAM_HZ if config.streams else config.poll_hz)
         self.clock: DeviceClock | None = None  # of the stream; an answer to a question lies between the two
-        self.counts = Counts()
+        self.counts = SampleCounts()
         self._samples: list[tuple[int, Array]] = []
         self._lock = threading.Lock()
         self._last_ns: int | None = None

@@ -14,7 +14,7 @@ from crosspih_common.messages.base import Joints, Vector3, Vector6
 Positive = Annotated[float, Field(gt=0.0)]
 
 
-class ForceTorqueConfig(Section):
+class SimulatedSensorConfig(Section):
     """What the simulated F/T sensor adds to the truth. The services must find bias and payload by calibration."""
 
     # of the size of the paper's own F0 (its Eq. 16)
@@ -159,7 +159,7 @@ class SimulatedConfig(Section):
     joint_inertias_kg_m2: tuple[Positive, ...] | None = Field(
         default=None, description="of motor and gear of each joint, about its own axis, seen through the gear"
     )
-    force_torque: ForceTorqueConfig = ForceTorqueConfig()
+    force_torque: SimulatedSensorConfig = SimulatedSensorConfig()
     camera: CameraConfig = CameraConfig()
     truth: TruthConfig = TruthConfig()
     board: BoardConfig | None = Field(default=None, description="for `crosspih calibrate stereo` and `hand-eye`")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
-from services.hardware.drivers.simulated.config import ForceTorqueConfig
+from services.hardware.drivers.simulated.config import SimulatedSensorConfig
 
 _BLOCK = 512
 
@@ -13,7 +13,7 @@ _BLOCK = 512
 class SensorModel:
     """An ideal sensor at 1 kHz made real: its own low-pass, then bias, white noise and drift."""
 
-    def __init__(self, config: ForceTorqueConfig) -> None:
+    def __init__(self, config: SimulatedSensorConfig) -> None:
         self._bias = np.asarray(config.bias, float)
         self._sd = np.repeat([config.noise_n, config.noise_nm], 3)
         self._drift_per_s = np.repeat([config.drift_n_s, 0.0], 3) if config.drift_n_s else None

@@ -70,7 +70,7 @@ def true_camera(pose_base_camera: Pose, truth: TruthConfig) -> Pose:
     return pose_base_camera @ Pose.from_rotvec(truth.camera_turn_rad, truth.camera_shift_m)
 
 
-class SensorMounting:
+class TrueSensorMounting:
     """The F/T sensor as it was bolted on: its frame against the peg frame that the services take it for."""
 
     def __init__(self, truth: TruthConfig) -> None:

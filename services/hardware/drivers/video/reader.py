@@ -12,9 +12,9 @@ import cv2
 from numpy.typing import NDArray
 
 from services.hardware.drivers.video.source import (
-    Kind,
     SourceAway,
-    Wanted,
+    SourceKind,
+    WantedFormat,
     kernel_stamp_ns,
     opened,
     set_exposure,
@@ -27,7 +27,7 @@ CLOSE_S = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class DecodedPicture:
     """A picture as OpenCV decodes it, and when it came, host's monotonic ns."""
 
     pixels: NDArray[Any]
@@ -38,19 +38,19 @@ class FileReader:
     """Pictures of a file, one after the other, the last one over again."""
 
     def __init__(self, source: str) -> None:
-        self._capture = opened(source, Kind.FILE)
+        self._capture = opened(source, SourceKind.FILE)
         self._last: NDArray[Any] | None = None
         self._source = source
         self.reconnects = 0
 
-    def next(self) -> Seen:
+    def next(self) -> DecodedPicture:
         """The next picture. Raises SourceAway when there is not one."""
         there, pixels = self._capture.read()
         if there:
             self._last = pixels
         if self._last is None:
             raise SourceAway(f"{self._source} holds no picture that can be read")
-        return Seen(self._last, time.monotonic_ns())
+        return DecodedPicture(self._last, time.monotonic_ns())
 
     def close(self) -> None:
         """Close the file."""
@@ -63,10 +63,10 @@ class LiveReader:
     The first opening is the caller's: ConfigError and SourceAway come out of the constructor.
     """
 
-    def __init__(self, source: str, kind: Kind, wanted: Wanted) -> None:
+    def __init__(self, source: str, kind: SourceKind, wanted: WantedFormat) -> None:
         self._source, self._kind, self._wanted = source, kind, wanted
         self._capture: cv2.VideoCapture | None = self._open()
-        self._seen: deque[Seen] = deque(maxlen=KEPT)
+        self._seen: deque[DecodedPicture] = deque(maxlen=KEPT)
         self._changed = threading.Condition()
         self._stop = threading.Event()
         self._exposure_s: float | None = None
@@ -77,7 +77,7 @@ class LiveReader:
 
     def _open(self) -> cv2.VideoCapture:
         capture = opened(self._source, self._kind)
-        if self._kind is Kind.DEVICE:
+        if self._kind is SourceKind.DEVICE:
             try:
                 set_up(capture, self._wanted, self._source)
             except BaseException:
@@ -92,12 +92,12 @@ class LiveReader:
 
     def expose(self, exposure_s: float) -> None:
         """Ask for another exposure: the thread that reads sets it, between two pictures."""
-        if self._kind is Kind.DEVICE and self._wanted.exposure_s is not None:
+        if self._kind is SourceKind.DEVICE and self._wanted.exposure_s is not None:
             with self._changed:
                 self._exposure_s = exposure_s
                 self._changed.wait_for(lambda: self._exposure_s is None or self.away, timeout=1.0)
 
-    def seen_since(self, since_ns: int) -> list[Seen]:
+    def seen_since(self, since_ns: int) -> list[DecodedPicture]:
         """What came at or after an instant, oldest first."""
         with self._changed:
             return [seen for seen in self._seen if seen.came_ns >= since_ns]
@@ -124,7 +124,7 @@ class LiveReader:
             with self._changed:
                 if there:
                     stamp_ns = kernel_stamp_ns(capture, self._kind, now_ns)
-                    self._seen.append(Seen(pixels, now_ns if stamp_ns is None else stamp_ns))
+                    self._seen.append(DecodedPicture(pixels, now_ns if stamp_ns is None else stamp_ns))
                 else:
                     capture.release()
                     self._capture = None

@@ -30,7 +30,7 @@ class Capture(Protocol):
         """Ask for a property: the answer is mostly True, whatever came of it."""
 
 
-class Kind(Enum):
+class SourceKind(Enum):
     """What a source is; only the first two go on by themselves."""
 
     DEVICE = "device"
@@ -40,7 +40,7 @@ class Kind(Enum):
     @property
     def live(self) -> bool:
         """Whether pictures come by themselves."""
-        return self is not Kind.FILE
+        return self is not SourceKind.FILE
 
 
 class SourceAway(Exception):
@@ -48,7 +48,7 @@ class SourceAway(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class WantedFormat:
     """What a device is to be set to. The size is that of the whole picture."""
 
     width_px: int
@@ -60,33 +60,33 @@ class Wanted:
     gain: float | None
 
     @classmethod
-    def of(cls, config: VideoConfig, size_px: tuple[int, int]) -> Wanted:
+    def of(cls, config: VideoConfig, size_px: tuple[int, int]) -> WantedFormat:
         """As the cell's file says."""
         exposure_s = config.exposure_s if config.set_exposure else None
         return cls(*size_px, config.format, config.frame_rate_hz, exposure_s, config.exposure_unit_s, config.gain)
 
 
-def kind_of(source: str, setting: str) -> Kind:
+def kind_of(source: str, setting: str) -> SourceKind:
     """What a source is. Raises ConfigError when there is no such thing."""
     if "://" in source:
-        return Kind.STREAM
+        return SourceKind.STREAM
     path = Path(source)
     if source.startswith("/dev/"):
-        return Kind.DEVICE
+        return SourceKind.DEVICE
     if path.exists():
-        return Kind.DEVICE if stat.S_ISCHR(path.stat().st_mode) else Kind.FILE
+        return SourceKind.DEVICE if stat.S_ISCHR(path.stat().st_mode) else SourceKind.FILE
     if "%" in source:
         if any(path.parent.glob(f"{path.name.split('%')[0]}*{path.suffix}")):
-            return Kind.FILE
+            return SourceKind.FILE
         raise ConfigError(f"{FIELD}.{setting}: no picture is called like {source}")
     raise ConfigError(f"{FIELD}.{setting}: {source} is not there; want a device, a file, or left%03d.png")
 
 
-def opened(source: str, kind: Kind) -> cv2.VideoCapture:
+def opened(source: str, kind: SourceKind) -> cv2.VideoCapture:
     """The opened source. Raises SourceAway."""
-    if kind is Kind.DEVICE:
+    if kind is SourceKind.DEVICE:
         capture = cv2.VideoCapture(source, cv2.CAP_V4L2)
-    elif kind is Kind.STREAM:
+    elif kind is SourceKind.STREAM:
         timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_MS]
         capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, timeouts)
     else:
@@ -97,7 +97,7 @@ def opened(source: str, kind: Kind) -> cv2.VideoCapture:
     return capture
 
 
-def set_up(capture: Capture, wanted: Wanted, source: str) -> None:
+def set_up(capture: Capture, wanted: WantedFormat, source: str) -> None:
     """Set a device and read back what it made of it. Raises ConfigError naming the setting and the mend."""
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1.0)  # where it is not heeded the reader drains the queue
     if wanted.format is not None:
@@ -162,9 +162,9 @@ def fourcc_text(value: float) -> str:
     return text if text.isprintable() and number else "no format"
 
 
-def kernel_stamp_ns(capture: Any, kind: Kind, now_ns: int) -> int | None:
+def kernel_stamp_ns(capture: Any, kind: SourceKind, now_ns: int) -> int | None:
     """When a device's picture came, by the kernel, on the monotonic clock; None where it says nothing sensible."""
-    if kind is not Kind.DEVICE:
+    if kind is not SourceKind.DEVICE:
         return None
     stamp_ns = round(capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
     return stamp_ns if 0 <= now_ns - stamp_ns < 2_000_000_000 else None

@@ -14,8 +14,8 @@ from crosspih_common.errors import CommandRefused, ConfigError
 from crosspih_common.messages import CameraCalibration
 from crosspih_common.messages.images import Pixels
 from services.hardware.drivers.video.config import VideoConfig
-from services.hardware.drivers.video.reader import FileReader, LiveReader, Seen
-from services.hardware.drivers.video.source import FIELD, SourceAway, Wanted, kind_of
+from services.hardware.drivers.video.reader import DecodedPicture, FileReader, LiveReader
+from services.hardware.drivers.video.source import FIELD, SourceAway, WantedFormat, kind_of
 from services.hardware.protocols import StereoCapture
 
 
@@ -48,7 +48,11 @@ class VideoPair:
 
     def _reader(self, side: str, source: str) -> LiveReader | FileReader:
         kind = kind_of(source, side)
-        return LiveReader(source, kind, Wanted.of(self._config, self._whole(side))) if kind.live else FileReader(source)
+        return (
+            LiveReader(source, kind, WantedFormat.of(self._config, self._whole(side)))
+            if kind.live
+            else FileReader(source)
+        )
 
     def _whole(self, side: str) -> tuple[int, int]:
         """The size of a source's picture, by the calibration."""
@@ -60,7 +64,7 @@ class VideoPair:
 
     def _first_look(self) -> None:
         """A picture of each source against the calibration; a file's is kept for the first capture."""
-        self._held: list[Seen] | None = self._fresh(time.monotonic_ns(), self._config.frame_wait_s)
+        self._held: list[DecodedPicture] | None = self._fresh(time.monotonic_ns(), self._config.frame_wait_s)
         for side, seen in zip(("left", "right"), self._held, strict=False):
             self._check_size(side, seen.pixels)
         if self.live:
@@ -118,7 +122,7 @@ class VideoPair:
         exposing = [reader.exposing_s for reader in live if reader.exposing_s is not None]
         return max(exposing, default=self.exposure_s)
 
-    def _fresh(self, since_ns: int, wait_s: float) -> list[Seen]:
+    def _fresh(self, since_ns: int, wait_s: float) -> list[DecodedPicture]:
         """A picture of each source that came since. Raises SourceAway, CommandRefused."""
         if not self.live:
             return [reader.next() for reader in self._readers if isinstance(reader, FileReader)]
@@ -153,7 +157,7 @@ class VideoPair:
                 raise SourceAway(text)
             (away or readers)[0].wait_for_another(min(left_s, 0.1))
 
-    def _both(self, seen: list[Seen]) -> tuple[Pixels, Pixels]:
+    def _both(self, seen: list[DecodedPicture]) -> tuple[Pixels, Pixels]:
         if len(seen) == 2:
             return self._coded(seen[0].pixels), self._coded(seen[1].pixels)
         left, right = self._calibration.left, self._calibration.right

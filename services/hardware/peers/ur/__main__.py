@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.arm import NAMED_ARMS
-from services.hardware.peers.seen import Seen
-from services.hardware.peers.ur.ports import Ports
+from services.hardware.peers.seen import JointsTeller
+from services.hardware.peers.ur.ports import ControllerPorts
 from services.hardware.peers.ur.robot import Robot
 from services.hardware.peers.ur.sources import FeedingJoints, JointSource, OwnJoints, SeenJoints
 
@@ -63,10 +63,10 @@ def main() -> int:
         host, _, port = options.feed.rpartition(":")
         source = FeedingJoints(source, host, int(port))
     if options.seen_by:
-        source = SeenJoints(source, Seen(options.seen_by))
+        source = SeenJoints(source, JointsTeller(options.seen_by))
     robot = Robot(source, options.model, version, period_s)
     robot.payload_kg, robot.payload_cog_m = options.payload[0], list(options.payload[1:])
-    ports = Ports(robot, options.address)
+    ports = ControllerPorts(robot, options.address)
     gc.collect()
     gc.freeze()  # looking through all that is there would hold the cycle up
     closing = threading.Event()
@@ -90,7 +90,7 @@ def main() -> int:
     return 0
 
 
-def happen(robot: Robot, ports: Ports, words: list[str]) -> Any:
+def happen(robot: Robot, ports: ControllerPorts, words: list[str]) -> Any:
     """What a line of standard input says."""
     name, *values = words
     if name == "state":

@@ -10,19 +10,19 @@ import time
 from collections.abc import Callable
 
 from services.hardware.peers.ur.robot import ROBOT_MODES, SAFETY_MODES, Outputs, Robot
-from services.hardware.peers.ur.rtde_server import Session
+from services.hardware.peers.ur.rtde_server import RtdeSession
 from services.hardware.peers.ur.urscript import whole_programs
 
 RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORTS = 30004, 29999, (30001, 30002, 30003)
 
 
-class Ports:
+class ControllerPorts:
     """Listens on the controller's ports of one address; `cut` and `silence` are what cables and power do."""
 
     def __init__(self, robot: Robot, address: str) -> None:
         self._robot, self._address = robot, address
-        self._claims: dict[str, Session] = {}
-        self._sessions: list[Session] = []
+        self._claims: dict[str, RtdeSession] = {}
+        self._sessions: list[RtdeSession] = []
         self._connections: list[socket.socket] = []
         self._lock = threading.Lock()
         self._listening: list[socket.socket] = []
@@ -95,7 +95,7 @@ class Ports:
     # ---------------------------------------------------------------------------------------------------------- RTDE
 
     def _rtde(self, connection: socket.socket) -> None:
-        session = Session(connection, self._robot, self._claims)
+        session = RtdeSession(connection, self._robot, self._claims)
         with self._lock:
             self._sessions.append(session)
         session.run()

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.hardware.peers.ur.motion import SetPoints
-from services.hardware.peers.ur.sources import GRAVITY_BASE_M_S2, Felt, JointSource
+from services.hardware.peers.ur.sources import GRAVITY_BASE_M_S2, JointSource, SensedState
 from services.hardware.peers.ur.urscript import Program, ScriptError, Steps
 from services.hardware.peers.ur.variables import REGISTERS
 
@@ -216,7 +216,7 @@ class Robot:
         if self._program is program and not program.running:
             self.stop_program()
 
-    def _outputs(self, felt: Felt) -> Outputs:
+    def _outputs(self, felt: SensedState) -> Outputs:
         running = self.program_running
         bits = 1 << _SAFETY_BITS.get(self.safety_mode, 9)
         if self.safety_mode in (6, 7):

@@ -14,10 +14,10 @@ from services.hardware.peers.ur.variables import FORMATS, INPUTS, OUTPUTS, known
 PROTOCOL = 2
 
 
-class Session:
+class RtdeSession:
     """One client's connection."""
 
-    def __init__(self, connection: socket.socket, robot: Robot, claims: dict[str, Session]) -> None:
+    def __init__(self, connection: socket.socket, robot: Robot, claims: dict[str, RtdeSession]) -> None:
         self._socket, self._robot, self._claims = connection, robot, claims
         self._sending = threading.Lock()
         self._outputs: tuple[str, ...] = ()

@@ -10,7 +10,7 @@ from crosspih_common.messages import ResetCell, SimulationTruth
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.simulated.cell import open_devices
-from services.hardware.peers.ur.sources import Felt
+from services.hardware.peers.ur.sources import SensedState
 
 
 class CellJoints:
@@ -32,22 +32,22 @@ class CellJoints:
         self._raw = np.zeros(6)
         self._seed = simulated.seed
 
-    def restart(self, seed: int | None) -> Felt:
+    def restart(self, seed: int | None) -> SensedState:
         """A new trial of the seed; None: of the cell's file."""
         seed = self._seed if seed is None else seed
         assert self._devices.simulation is not None
         self._devices.simulation.reset(ResetCell(seed=seed))
         reading = self._joints.read()
-        return Felt(reading.positions_rad, reading.speeds_rad_s, self._raw)
+        return SensedState(reading.positions_rad, reading.speeds_rad_s, self._raw)
 
-    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> SensedState:
         """A cycle of physics; the sensor's samples of it are averaged."""
         self._joints.write(joints_rad, speeds_rad_s)
         reading = self._joints.read()
         samples = self._wrench.read()
         if len(samples.wrenches):
             self._raw = samples.wrenches.mean(axis=0)
-        return Felt(reading.positions_rad, reading.speeds_rad_s, self._raw)
+        return SensedState(reading.positions_rad, reading.speeds_rad_s, self._raw)
 
     def truth(self) -> SimulationTruth | None:
         """What the simulator knows now."""

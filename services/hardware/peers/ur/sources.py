@@ -14,13 +14,13 @@ from crosspih_common.arm import ArmModel
 from crosspih_common.geometry import skew
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import SimulationTruth
-from services.hardware.peers.seen import Seen
+from services.hardware.peers.seen import JointsTeller
 
 GRAVITY_BASE_M_S2 = np.array([0.0, 0.0, -9.81])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt:
+class SensedState:
     """After a cycle: encoders (6,), rad and rad/s, and the wrist sensor's raw reading (6,) at the flange, N and Nm."""
 
     joints_rad: Array
@@ -33,10 +33,10 @@ class JointSource(Protocol):
 
     model: ArmModel
 
-    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> SensedState:
         """A cycle in which the controller wants the joints there, so fast."""
 
-    def restart(self, seed: int | None) -> Felt:
+    def restart(self, seed: int | None) -> SensedState:
         """A new trial of the seed; None: of its own."""
 
     def truth(self) -> SimulationTruth | None:
@@ -63,13 +63,13 @@ class OwnJoints:
         self._weight_n, self._centroid_m = weight_kg * GRAVITY_BASE_M_S2, np.array([0.0006, 0.0011, 0.099])
         self.restart(None)
 
-    def restart(self, seed: int | None) -> Felt:
+    def restart(self, seed: int | None) -> SensedState:
         """Home, at rest."""
         self._rng = np.random.default_rng(seed or 0)
         self._joints, self._speeds = self._home_rad.copy(), np.zeros(len(self._home_rad))
         return self._felt()
 
-    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> SensedState:
         """Semi-implicit Euler over a cycle, in four steps."""
         step_s = self._period_s / 4.0
         for _ in range(4):
@@ -80,11 +80,11 @@ class OwnJoints:
             self._joints = self._joints + step_s * self._speeds
         return self._felt()
 
-    def _felt(self) -> Felt:
+    def _felt(self) -> SensedState:
         turn = self.model.pose_base_flange(self._joints).rotation
         force = turn.T @ self._weight_n
         raw = np.concatenate([force, skew(self._centroid_m) @ force]) + self._rng.standard_normal(6) * self._noise
-        return Felt(self._joints.copy(), self._speeds.copy(), raw)
+        return SensedState(self._joints.copy(), self._speeds.copy(), raw)
 
     def truth(self) -> SimulationTruth | None:
         """None: nothing is there but the arm."""
@@ -105,15 +105,15 @@ class FeedingJoints:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.model = source.model
 
-    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> SensedState:
         """A cycle of the other source."""
         return self._sent(self._source.advance(joints_rad, speeds_rad_s))
 
-    def restart(self, seed: int | None) -> Felt:
+    def restart(self, seed: int | None) -> SensedState:
         """A new trial of the other source."""
         return self._sent(self._source.restart(seed))
 
-    def _sent(self, felt: Felt) -> Felt:
+    def _sent(self, felt: SensedState) -> SensedState:
         with contextlib.suppress(OSError):  # nobody listens
             self._socket.sendto(struct.pack("<6d", *felt.raw), self._address)
         return felt
@@ -131,19 +131,19 @@ class FeedingJoints:
 class SeenJoints:
     """Another source, whose joints are told to simulated cameras of another process (following.py)."""
 
-    def __init__(self, source: JointSource, seen: Seen) -> None:
+    def __init__(self, source: JointSource, seen: JointsTeller) -> None:
         self._source, self._seen = source, seen
         self.model = source.model
 
-    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> Felt:
+    def advance(self, joints_rad: Array, speeds_rad_s: Array) -> SensedState:
         """A cycle of the other source."""
         return self._told(self._source.advance(joints_rad, speeds_rad_s))
 
-    def restart(self, seed: int | None) -> Felt:
+    def restart(self, seed: int | None) -> SensedState:
         """A new trial of the other source."""
         return self._told(self._source.restart(seed))
 
-    def _told(self, felt: Felt) -> Felt:
+    def _told(self, felt: SensedState) -> SensedState:
         self._seen.cycle(felt.joints_rad)
         return felt
 

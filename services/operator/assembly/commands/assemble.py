@@ -28,7 +28,7 @@ from services.operator.bench.cells.trials import TrialJob
 from services.operator.cell.settings import require_settings
 from services.operator.cell.which_cell import using_cell
 from services.operator.cli.chosen_strategy import STRATEGY_HELP, chosen
-from services.operator.cli.failure import Failed, Failure, failure_of
+from services.operator.cli.failure import CommandFailure, Failed, failure_of
 from services.operator.cli.for_cell import CELL_HELP
 from services.operator.report import make_report
 from services.operator.scoring.score import TrialFigures
@@ -175,7 +175,7 @@ def assemble(
     except KeyboardInterrupt:
         said = "interrupted: the peg was taken out"
         console.print(said, style="red")
-        raise Failed(Failure("interrupted", said), 130) from None
+        raise Failed(CommandFailure("interrupted", said), 130) from None
     if as_json:
         texts = [each.figures.model_dump_json() for each in done]
         sys.stdout.write((f"[{', '.join(texts)}]" if after_cross else texts[0]) + "\n")

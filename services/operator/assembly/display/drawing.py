@@ -10,14 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from crosspih_common.messages import Phase
-from services.operator.assembly.display.standing import BUCKET_S, HISTORY_S, ORDER, Standing
+from services.operator.assembly.display.standing import BUCKET_S, HISTORY_S, ORDER, AssemblyStanding
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 BAR_CELLS = 24
-LEAST_SCALE = 0.1  # of the cap: what a history is drawn to where less was felt
+MIN_SCALE = 0.1  # of the cap: what a history is drawn to where less was felt
 NEAR_CAP, WARM_CAP = 0.85, 0.5
 ONE_LINE_COLUMNS = 140  # all phases with their times
-LEAST_CELLS = 8  # a shorter history says nothing
+MIN_CELLS = 8  # a shorter history says nothing
 FIXED_COLUMNS = 78  # of what stands before a history
 
 
@@ -56,19 +56,19 @@ def _bar(value: float, cap: float, peak: float) -> Text:
 def _load_row(
     table: Table, name: str, value: float, cap: float, peak: float, unit: str, history: list[float], cells: int
 ) -> None:
-    scale = max(*history, LEAST_SCALE * cap)
+    scale = max(*history, MIN_SCALE * cap)
     digits = 1 if unit == "N" else 2
     said = Text.assemble(
         (f"{value:6.{digits}f} {unit:<2} ", ""), _bar(value, cap, peak), (f" cap {cap:g} {unit}", "dim"),
         (f"  largest {peak:.{digits}f}", ""),
     )  # fmt: skip
-    if cells >= LEAST_CELLS:
+    if cells >= MIN_CELLS:
         line = Text(sparkline(narrowed(history, cells), scale), "cyan")
         said.append("  ").append_text(line).append(f" {scale:.{digits}f}", "dim")
     table.add_row(name, said)
 
 
-def _phases(standing: Standing, width: int) -> Text:
+def _phases(standing: AssemblyStanding, width: int) -> Text:
     """All of them with their times, in as many lines throughout, so that nothing below them jumps."""
     lines = 1 if width >= ONE_LINE_COLUMNS else 2
     size = -(-len(ORDER) // lines)
@@ -81,7 +81,7 @@ def _phases(standing: Standing, width: int) -> Text:
     return text
 
 
-def _some_phases(standing: Standing, phases: Sequence[Phase]) -> Text:
+def _some_phases(standing: AssemblyStanding, phases: Sequence[Phase]) -> Text:
     text = Text()
     for phase in phases:
         spent_s = standing.in_phase_s(phase)
@@ -95,7 +95,7 @@ def _some_phases(standing: Standing, phases: Sequence[Phase]) -> Text:
     return text
 
 
-def _believed(standing: Standing) -> Text:
+def _believed(standing: AssemblyStanding) -> Text:
     found = standing.believed
     if found is None:
         return Text("not known yet", "dim")
@@ -109,7 +109,7 @@ def _believed(standing: Standing) -> Text:
     )
 
 
-def drawn(standing: Standing, width: int) -> RenderableType:
+def drawn(standing: AssemblyStanding, width: int) -> RenderableType:
     """The panel, for a terminal of so many columns."""
     table = Table(box=None, show_header=False, pad_edge=False, expand=True)
     table.add_column(style="dim", no_wrap=True, width=8)

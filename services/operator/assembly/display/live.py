@@ -13,7 +13,7 @@ from rich.live import Live
 from crosspih_common.keys import CONTACT_WRENCH, ESTIMATE
 from crosspih_common.messages import AssemblyPhase, ContactWrench, Event, PoseErrorEstimate, Touch
 from services.operator.assembly.display.drawing import drawn
-from services.operator.assembly.display.standing import Caps, Standing
+from services.operator.assembly.display.standing import AssemblyStanding, Caps
 from services.operator.assembly.session import Session
 from services.operator.assembly.show import Story
 
@@ -31,7 +31,7 @@ def caps_of(sections: Mapping[str, Mapping[str, Any]]) -> Caps:
 class LiveStory(Story):
     """Tells as Story does, above a panel; fed on the bus's threads, drawn on the display's."""
 
-    def __init__(self, console: Console, standing: Standing) -> None:
+    def __init__(self, console: Console, standing: AssemblyStanding) -> None:
         super().__init__(console)
         self._standing, self._lock = standing, threading.Lock()
 
@@ -82,7 +82,7 @@ def told_story(console: Console, session: Session, title: str, plain: bool) -> I
         session.follow_events(story.phase, story.touch, story.event)
         yield story
         return
-    live = LiveStory(console, Standing(title, caps_of(session.cell.sections)))
+    live = LiveStory(console, AssemblyStanding(title, caps_of(session.cell.sections)))
     session.follow_events(live.phase, live.touch, live.event)
     session.bus.subscribe(CONTACT_WRENCH, live.wrench)
     session.bus.subscribe(ESTIMATE.reply_echo, live.estimate)

@@ -58,7 +58,7 @@ def believed(pose_base_hole: PoseData, covariance: tuple[float, ...], by: str) -
 
 
 @dataclass
-class Standing:
+class AssemblyStanding:
     """Fed with what is heard; times in s of the cell's clock since the assembly began."""
 
     title: str

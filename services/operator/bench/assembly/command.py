@@ -16,7 +16,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import Strategy, WithdrawResult
 from services.operator.assembly.show import directions_held
 from services.operator.bench.assembly.running import on_the_running_stack, repeatability_table, repeated
-from services.operator.bench.assembly.swap import Done, Trials, Way, swapped
+from services.operator.bench.assembly.swap import Done, NextPegWay, Trials, swapped
 from services.operator.bench.cells.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob
@@ -66,8 +66,9 @@ def assembly(
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,
     peg: Annotated[str, typer.Option(help=f"{', '.join(OUTLINES)}, or an SVG or DXF file.")] = DEFAULT_PEG,
     way: Annotated[
-        Way, typer.Option(help="direct, or swap: the cross first, then the peg at the pose known from it, untouched.")
-    ] = Way.DIRECT,
+        NextPegWay,
+        typer.Option(help="direct, or swap: the cross first, then the peg at the pose known from it, untouched."),
+    ] = NextPegWay.DIRECT,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="Another setting of the cell's file: hardware.simulated.friction_coefficient=0.2"),
@@ -105,7 +106,7 @@ def assembly(
             named = None if rows is None else [name.strip() for name in rows.split(",") if name.strip()]
             jobs = with_pictures(jobs, folder_of(pictures, console), named)
         if running:
-            if peg != DEFAULT_PEG or way is not Way.DIRECT:
+            if peg != DEFAULT_PEG or way is not NextPegWay.DIRECT:
                 raise ConfigError("--running: the running stack has its own peg; leave --peg and --way out")
             done, ended, withdrawals = on_the_running_stack(console, jobs, record)
         else:
@@ -116,7 +117,7 @@ def assembly(
                     record=record,
                 )  # fmt: skip
 
-            if way is Way.SWAP:
+            if way is NextPegWay.SWAP:
                 done, crosses, ended = swapped(jobs, run)
             else:
                 done, ended = run(strategy.value, jobs)

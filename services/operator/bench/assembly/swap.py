@@ -16,7 +16,7 @@ Trials = tuple[Done, TrialsEnded | None]
 Halves = tuple[Done, Done, TrialsEnded | None]
 
 
-class Way(str, Enum):
+class NextPegWay(str, Enum):
     """How a peg that is not the cross gets in."""
 
     DIRECT = "direct"  # vision and touch with that peg
@@ -30,7 +30,7 @@ def swapped(jobs: list[TrialJob], run: Callable[[str, list[TrialJob]], Trials]) 
     jobs are the cross's own.
     """
     if any(job.peg == DEFAULT_PEG for job in jobs):
-        raise ConfigError(f"--way {Way.SWAP.value}: name the other peg with --peg, star for instance")
+        raise ConfigError(f"--way {NextPegWay.SWAP.value}: name the other peg with --peg, star for instance")
     crosses, ended = run("cross", [job.model_copy(update={"peg": DEFAULT_PEG}) for job in jobs])
     pegs = {job.seed: job.peg for job in jobs}
     failed = [(job, figures) for job, figures in crosses if figures.found is None]

@@ -34,7 +34,7 @@ from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import AsJson, Cells, told
 from services.operator.calibrate.folder import PRESSED, read_pressed, read_taken, write_yaml
-from services.operator.calibrate.pressing import Manner, take_presses
+from services.operator.calibrate.pressing import PressingManner, take_presses
 from services.operator.calibrate.taking import VISION, take_by_arm
 from services.operator.cell.settings import require_settings
 from services.operator.config import OperatorConfig
@@ -65,7 +65,7 @@ def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, 
 def pushes_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
     """Tip, mounting and stiffness, each by what the one before found, against the truth. For a worker."""
     session.new_trial(ResetCell(seed=payload["seed"]))
-    manner = Manner(payload["presses"], payload["force_n"], payload["seed"])
+    manner = PressingManner(payload["presses"], payload["force_n"], payload["seed"])
     pressed = take_presses(session, Console(file=io.StringIO()), manner, 1.0, "bench", weighed=True)
     folder = _kept(payload)
     if folder is not None:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from deploy.launcher import StateDirectory
 
 
-class Held(BaseModel):
+class ProcessResources(BaseModel):
     """What a process holds: resident memory, open descriptors, threads."""
 
     model_config = ConfigDict(frozen=True)
@@ -19,13 +19,13 @@ class Held(BaseModel):
     threads: int
 
 
-def held_by(pid: int) -> Held | None:
+def held_by(pid: int) -> ProcessResources | None:
     """Of one process; None where it has ended."""
     folder = Path(f"/proc/{pid}")
     try:
         fields = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines() if ":" in line)
         descriptors = sum(1 for _ in (folder / "fd").iterdir())
-        return Held(
+        return ProcessResources(
             memory_mb=round(int(fields["VmRSS"].split()[0]) / 1024, 1), descriptors=descriptors,
             threads=int(fields["Threads"]),
         )  # fmt: skip
@@ -33,7 +33,7 @@ def held_by(pid: int) -> Held | None:
         return None
 
 
-def held_by_services(project: str) -> dict[str, Held]:
+def held_by_services(project: str) -> dict[str, ProcessResources]:
     """Of each service of a stack that runs; empty where the launcher's state cannot be read."""
     state = StateDirectory(project).read()
     if state is None:

@@ -13,7 +13,7 @@ from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError, CrosspihError
 from crosspih_common.messages import Failure, PosePrior, Strategy, strategy_of
 from crosspih_common.messages.assembly import AnyStrategy
-from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
+from crosspih_common.plain_yaml import MAX_BYTES, text_of_file, yaml_of
 from crosspih_common.provenance import ResultStore, SourceWatch, cell_identity, code_version, result_key
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.cells.conditions import DEFAULT_PEG, Condition, cell_content
@@ -59,7 +59,7 @@ def base_cell_text() -> str:
     """
     path = Path(cell_path())
     try:
-        text = text_of_file(path, MOST_BYTES)
+        text = text_of_file(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name a cell file with CROSSPIH_CELL") from error
     try:

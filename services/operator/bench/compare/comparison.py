@@ -16,7 +16,7 @@ from services.operator.scoring.statistics import BenchResult, summarise
 OF_INSERTED = ("duration_s", "motion_s", "final_error_mm", "final_error_deg")
 
 
-class Row(BaseModel):
+class ComparedStrategy(BaseModel):
     """A strategy under a condition. `all` is over every trial, `inserted` over those that are in, if any."""
 
     model_config = ConfigDict(frozen=True)
@@ -35,9 +35,9 @@ class Comparison(BaseModel):
 
     seed: int
     conditions: list[Condition]
-    rows: list[Row]
+    rows: list[ComparedStrategy]
 
-    def of(self, condition: str) -> list[Row]:
+    def of(self, condition: str) -> list[ComparedStrategy]:
         """The rows of a condition, in the order in which their first trials were asked for."""
         return [row for row in self.rows if row.condition == condition]
 
@@ -63,10 +63,10 @@ def row_name(job: TrialJob) -> str:
     return " with ".join([job.strategy.value, *own])
 
 
-def _row(seed: int, condition: str, strategy: str, trials: list[TrialFigures]) -> Row:
+def _row(seed: int, condition: str, strategy: str, trials: list[TrialFigures]) -> ComparedStrategy:
     inserted = [trial for trial in trials if trial.inserted]
     scores = [trial.challenge_score for trial in trials if trial.challenge_score is not None]
-    return Row(
+    return ComparedStrategy(
         condition=condition,
         strategy=strategy,
         all=summarise(strategy, seed, trials),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crosspih_common.errors import ConfigError
-from services.operator.bench.compare.comparison import Comparison, Row
+from services.operator.bench.compare.comparison import ComparedStrategy, Comparison
 from services.operator.scoring.score import TrialFigures
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def draw(comparison: Comparison) -> Figure:
     return figure
 
 
-def _success(axes: Axes, row: Row, y: float, height: float, colour: str) -> None:
+def _success(axes: Axes, row: ComparedStrategy, y: float, height: float, colour: str) -> None:
     rate = 100.0 * row.all.success_rate
     low, high = 100.0 * row.all.wilson95_low, 100.0 * row.all.wilson95_high
     axes.barh(y, rate, 0.85 * height, color=colour)
@@ -94,7 +94,12 @@ def _success(axes: Axes, row: Row, y: float, height: float, colour: str) -> None
 
 
 def _range(
-    axes: Axes, row: Row, y: float, height: float, colour: str, value: Callable[[TrialFigures], float | None]
+    axes: Axes,
+    row: ComparedStrategy,
+    y: float,
+    height: float,
+    colour: str,
+    value: Callable[[TrialFigures], float | None],
 ) -> None:
     values = [got for trial in row.all.each if (got := value(trial)) is not None]
     if not values:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from services.operator.bench.compare.comparison import Comparison, Row
+from services.operator.bench.compare.comparison import ComparedStrategy, Comparison
 from services.operator.scoring.statistics import BenchResult
 
 SCORE_CAPTION = (
@@ -42,7 +42,7 @@ def compare_table(comparison: Comparison, condition: str) -> Table:
     return table
 
 
-def _cells(row: Row) -> list[str]:
+def _cells(row: ComparedStrategy) -> list[str]:
     whole, inserted = row.all, row.inserted
     often = sorted(whole.failures.items(), key=lambda one: -one[1])
     failures = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in often)

@@ -20,7 +20,7 @@ SWEEPS = 12
 STEPS = 9
 Z = np.array([0.0, 0.0, 1.0])
 # an edge that presses with less of the largest force is not counted as touching
-LEAST_SHARE = 0.03
+MIN_SHARE = 0.03
 FAR_M = 1.0
 
 
@@ -40,7 +40,7 @@ class AimedPushes:
     def pattern(self) -> Array:
         """(N,) the touching edges as the bits of an integer; 0 where nothing was found."""
         largest = self.force_n.max(axis=1, keepdims=True)
-        touching = self.force_n > LEAST_SHARE * np.maximum(largest, 1e-9)
+        touching = self.force_n > MIN_SHARE * np.maximum(largest, 1e-9)
         return np.asarray(touching @ (1 << np.arange(8)), dtype=np.int64)
 
 

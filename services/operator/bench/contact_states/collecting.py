@@ -47,7 +47,7 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class CollectionPlan:
     """How much to collect: contacts a state in all, random pushes and the seed, over these stiffnesses of the arm."""
 
     each: int
@@ -68,7 +68,7 @@ def stiffness_condition(workcell: Workcell, stiffness_n_mm: float) -> Condition:
 class Collection:
     """What is wanted, what there is, and what to push next."""
 
-    def __init__(self, cell: CellFile, wanted: Wanted, folder: Path, console: Console) -> None:
+    def __init__(self, cell: CellFile, wanted: CollectionPlan, folder: Path, console: Console) -> None:
         self._cell, self._wanted, self._folder, self._console = cell, wanted, folder, console
         self._store = ResultStore(folder / "contacts.jsonl", "--folder")
         self._code = code_version(*MADE_BY)

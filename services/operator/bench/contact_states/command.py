@@ -13,13 +13,13 @@ from rich.console import Console
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError, CrosspihError
 from services.operator.bench.cells.pool import ExecutorName
-from services.operator.bench.contact_states.collecting import Collection, Wanted
+from services.operator.bench.contact_states.collecting import Collection, CollectionPlan
 from services.operator.bench.contact_states.judged import judge
 from services.operator.bench.contact_states.plan import RANDOM, arms_aimed_at
 from services.operator.bench.contact_states.summary import summarise
 from services.operator.bench.contact_states.tables import print_tables
 from services.operator.cell.which_cell import cell_path
-from services.operator.cli.failure import Failed, Failure, failure_of
+from services.operator.cli.failure import CommandFailure, Failed, failure_of
 from services.operator.cli.options import AsJson
 
 FOLDER = Path("results/contact-states")
@@ -52,7 +52,7 @@ def states(
     """Push the peg so that each state comes about, judge the wrenches by rule and likelihood, and say who is right."""
     console = Console(stderr=True)
     try:
-        wanted = Wanted(each, random, seed, _stiffnesses(stiffness))
+        wanted = CollectionPlan(each, random, seed, _stiffnesses(stiffness))
         cell = load_cell(cell_path())
         collection = Collection(cell, wanted, folder, console)
         lost = collection.collect(cells, executor, ray_address)
@@ -60,7 +60,7 @@ def states(
     except KeyboardInterrupt:
         said = f"stopped; what was pushed stands in {folder}"
         console.print(said, highlight=False)
-        raise Failed(Failure("stopped", said), 130) from None
+        raise Failed(CommandFailure("stopped", said), 130) from None
     except CrosspihError as error:
         console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         raise Failed(failure_of(error)) from None

@@ -25,7 +25,7 @@ CLASSIFIERS = (ContactClassifier.RULE, ContactClassifier.LIKELIHOOD)
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class StateVerdict:
     """What a classifier said: a state's name or "none", how sure, and why none."""
 
     name: str
@@ -33,7 +33,7 @@ class Verdict:
     reason: str
 
     @classmethod
-    def of(cls, state: ContactState) -> Verdict:
+    def of(cls, state: ContactState) -> StateVerdict:
         """From the message."""
         return cls(state.case or NONE, state.confidence, state.reason)
 
@@ -43,7 +43,7 @@ class Judged:
     """A contact, what truly touched, and what each classifier said."""
 
     contact: Contact
-    verdicts: dict[ContactClassifier, Verdict]
+    verdicts: dict[ContactClassifier, StateVerdict]
 
     def right(self, classifier: ContactClassifier) -> bool:
         """Whether the classifier named the true state, or none where it is none."""
@@ -66,7 +66,7 @@ def judge_wrenches(session: Session, wrenches: tuple[tuple[tuple[float, ...], tu
                 DEADLINE_S,
             ).states
             for index, state in enumerate(states):
-                verdict = Verdict.of(state)
+                verdict = StateVerdict.of(state)
                 found[begin + index].append([verdict.name, verdict.confidence, verdict.reason])
     return found
 
@@ -118,7 +118,8 @@ def judge(collection: Collection, folder: Path, cells: int | None, console: Cons
             kept = store.get(key)
             if kept is not None:
                 verdicts = {
-                    classifier: Verdict(*row) for classifier, row in zip(CLASSIFIERS, kept["verdicts"], strict=True)
+                    classifier: StateVerdict(*row)
+                    for classifier, row in zip(CLASSIFIERS, kept["verdicts"], strict=True)
                 }
                 judged.append(Judged(contact, verdicts))
         return judged

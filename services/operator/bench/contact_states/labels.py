@@ -11,8 +11,8 @@ from crosspih_common.contacts.arm_edges import ARM_DIRECTIONS
 from crosspih_common.geometry.pose import Array
 
 NONE = "none"
-LEAST_SHARE = 0.03
-LEAST_FORCE_N = 0.15
+MIN_SHARE = 0.03
+MIN_FORCE_N = 0.15
 # A taper edge on a side rim pushes back with .2 to .5 of its sideways force, a chamfer or a face with 1 or more.
 STEEPEST_SIDE = 0.7
 
@@ -42,7 +42,7 @@ def label_contacts(points_peg_m: Array, forces_peg_n: Array, taper_start_m: floa
         arm = int(np.argmax(ARM_DIRECTIONS @ point))
         felt[arm + 1, _kind(arm, point, force, taper_start_m)] += force
     sizes = {key: float(np.linalg.norm(force)) for key, force in felt.items()}
-    least = max(LEAST_FORCE_N, LEAST_SHARE * max(sizes.values(), default=0.0))
+    least = max(MIN_FORCE_N, MIN_SHARE * max(sizes.values(), default=0.0))
     touching = tuple((arm, kind, size) for (arm, kind), size in sorted(sizes.items()) if size >= least)
     name, reason = _named(touching)
     return TrueState(name, reason, touching)

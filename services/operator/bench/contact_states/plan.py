@@ -21,11 +21,11 @@ RANDOM = "random"
 AHEAD_M = 0.1
 HALF_RANGE_RAD = 0.1
 HALF_RANGE_M = 0.005
-LEAST_YAW_RAD = 0.008
+MIN_YAW_RAD = 0.008
 FORCE_N = (8.0, 20.0)
 FURTHER = 1.5
 BATCH = 4000
-MOST_BATCHES = 60
+MAX_BATCHES = 60
 
 
 def arms_of(name: str) -> tuple[tuple[int, ...], int]:
@@ -104,7 +104,7 @@ def make_plan(
     wanted = {pattern_of(*arms_of(name)): name for name in STATE_NAMES}
     found: dict[str, list[Push]] = {name: [] for name in STATE_NAMES}
     share = dict.fromkeys((*STATE_NAMES, "none"), 0.0)
-    for batch in range(MOST_BATCHES):
+    for batch in range(MAX_BATCHES):
         # the first batch is the random one, and tells how often each state comes by itself
         scale = np.exp(rng.uniform(np.log(0.003), 0.0, (BATCH, 1))) if batch else np.ones((BATCH, 1))
         angles = rng.uniform(-HALF_RANGE_RAD, HALF_RANGE_RAD, (BATCH, 3))
@@ -112,7 +112,7 @@ def make_plan(
         angles[:, 1:] *= scale
         if batch:
             yaw = angles[:, 0]
-            angles[:, 0] = np.sign(yaw) * (LEAST_YAW_RAD + np.abs(yaw) * (1.0 - LEAST_YAW_RAD / HALF_RANGE_RAD))
+            angles[:, 0] = np.sign(yaw) * (MIN_YAW_RAD + np.abs(yaw) * (1.0 - MIN_YAW_RAD / HALF_RANGE_RAD))
             threes = [name for name in STATE_NAMES if name[0] == "3" and len(found[name]) < each]
             known = [(push, name) for name in STATE_NAMES if name[0] == "3" for push in found[name]]
             if threes and known and batch % 2 == 0:

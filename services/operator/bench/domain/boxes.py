@@ -16,7 +16,7 @@ from services.operator.scoring.statistics import BenchResult, summarise
 WANTED = 0.95
 
 
-class Box(BaseModel):
+class MapBox(BaseModel):
     """One box of the map. `result` is None when none of its trials was made."""
 
     model_config = ConfigDict(frozen=True)
@@ -36,7 +36,7 @@ class DomainResult(BaseModel):
     strategy: str
     seed: int
     trials: int
-    boxes: list[Box]
+    boxes: list[MapBox]
 
 
 def chosen_factors(every: Sequence[Factor], wanted: Sequence[str]) -> list[Factor]:
@@ -47,7 +47,7 @@ def chosen_factors(every: Sequence[Factor], wanted: Sequence[str]) -> list[Facto
     return [factor for factor in every if not wanted or factor.name in wanted]
 
 
-def boxes_of(chosen: Sequence[Factor], done: Sequence[tuple[TrialJob, TrialFigures]], seed: int) -> list[Box]:
+def boxes_of(chosen: Sequence[Factor], done: Sequence[tuple[TrialJob, TrialFigures]], seed: int) -> list[MapBox]:
     """The boxes of the map, in the factors' order, from trials in any order."""
     by_condition: dict[str, dict[int, TrialFigures]] = {}
     for job, figures in done:
@@ -61,7 +61,7 @@ def boxes_of(chosen: Sequence[Factor], done: Sequence[tuple[TrialJob, TrialFigur
                 each = [trials[seed] for seed in sorted(trials)]
                 result = summarise(each[0].strategy, seed, each)
             boxes.append(
-                Box(
+                MapBox(
                     factor=factor.name, known=factor.known, level=level.name, is_default=level.is_default, result=result
                 )
             )

@@ -25,7 +25,7 @@ STIFFNESSES_N_MM = (20.0, 100.0, 200.0)
 
 
 @dataclass(frozen=True)
-class Level:
+class FactorLevel:
     """One box of the map: what it is called, and the overrides that make it."""
 
     name: str
@@ -43,9 +43,9 @@ class Factor:
 
     name: str
     known: bool
-    levels: tuple[Level, ...]
+    levels: tuple[FactorLevel, ...]
 
-    def condition(self, level: Level) -> Condition:
+    def condition(self, level: FactorLevel) -> Condition:
         """The condition of one of its levels."""
         return Condition(name="default" if level.is_default else f"{self.name} {level.name}", overrides=level.overrides)
 
@@ -54,23 +54,23 @@ def _simulated(**settings: Any) -> dict[str, Any]:
     return {"hardware": {"simulated": settings}}
 
 
-def _clearance(millimetres: float, default_m: float) -> Level:
+def _clearance(millimetres: float, default_m: float) -> FactorLevel:
     metres = round(millimetres * 1e-3, 9)
     same = abs(metres - default_m) < 1e-12
-    return Level(f"{millimetres:g} mm", {} if same else {"cell": {"hole": {"clearance_m": metres}}})
+    return FactorLevel(f"{millimetres:g} mm", {} if same else {"cell": {"hole": {"clearance_m": metres}}})
 
 
-def _stiffness(workcell: Workcell, n_mm: float) -> Level:
+def _stiffness(workcell: Workcell, n_mm: float) -> FactorLevel:
     factor = n_mm * 1e3 / lateral_stiffness_n_m(workcell)
     joints = [float(f"{value * factor:.6g}") for value in workcell.joint_stiffness_nm_rad]
-    return Level(f"{n_mm:g} N/mm", {"cell": {"joint_stiffness_nm_rad": joints}})
+    return FactorLevel(f"{n_mm:g} N/mm", {"cell": {"joint_stiffness_nm_rad": joints}})
 
 
 def factors(workcell: Workcell, hardware: Mapping[str, Any]) -> tuple[Factor, ...]:
     """All factors with their levels, the default's among them, for the cell whose file has this `hardware` section."""
     simulated = merged(SIMULATED_DEFAULTS, hardware.get("simulated") or {})
     noise, friction = simulated["force_torque"], simulated["friction_coefficient"]
-    own = Level(f"{lateral_stiffness_n_m(workcell) * 1e-3:.0f} N/mm", {})
+    own = FactorLevel(f"{lateral_stiffness_n_m(workcell) * 1e-3:.0f} N/mm", {})
     stiffness = [_stiffness(workcell, n_mm) for n_mm in STIFFNESSES_N_MM]
     by_stiffness = sorted([own, *stiffness], key=lambda level: float(level.name.split()[0]))
     return (
@@ -81,7 +81,7 @@ def factors(workcell: Workcell, hardware: Mapping[str, Any]) -> tuple[Factor, ..
         Factor(
             "friction", False,
             tuple(
-                Level(f"{value:g}", {} if value == friction else _simulated(friction_coefficient=value))
+                FactorLevel(f"{value:g}", {} if value == friction else _simulated(friction_coefficient=value))
                 for value in FRICTIONS
             ),
         ),
@@ -89,43 +89,45 @@ def factors(workcell: Workcell, hardware: Mapping[str, Any]) -> tuple[Factor, ..
         Factor(
             "F/T noise", False,
             (
-                Level("x1", {}),
-                Level("x3", _simulated(force_torque={name: 3.0 * noise[name] for name in ("noise_n", "noise_nm")})),
+                FactorLevel("x1", {}),
+                FactorLevel(
+                    "x3", _simulated(force_torque={name: 3.0 * noise[name] for name in ("noise_n", "noise_nm")})
+                ),
             ),
         ),
         Factor(
             "F/T drift", False,
             (
-                Level("none", {}),
-                Level("0.02 N/s", _simulated(force_torque={"drift_n_s": 0.02})),
-                Level("0.1 N/s", _simulated(force_torque={"drift_n_s": 0.1})),
+                FactorLevel("none", {}),
+                FactorLevel("0.02 N/s", _simulated(force_torque={"drift_n_s": 0.02})),
+                FactorLevel("0.1 N/s", _simulated(force_torque={"drift_n_s": 0.1})),
             ),
         ),
         Factor(
             "camera off by", False,
             (
-                Level("nothing", {}),
-                Level("2 mm aside", _simulated(truth={"camera_shift_m": [0.002, 0.0, 0.0]})),
-                Level("2 mm along", _simulated(truth={"camera_shift_m": [0.0, 0.0, 0.002]})),
+                FactorLevel("nothing", {}),
+                FactorLevel("2 mm aside", _simulated(truth={"camera_shift_m": [0.002, 0.0, 0.0]})),
+                FactorLevel("2 mm along", _simulated(truth={"camera_shift_m": [0.0, 0.0, 0.002]})),
                 # a turn of the camera to the right puts the hole to the left, as a shift to the right does
-                Level("0.5° pan", _simulated(truth={"camera_turn_rad": [0.0, 0.00872665, 0.0]})),
-                Level("0.5° roll", _simulated(truth={"camera_turn_rad": [0.0, 0.0, 0.00872665]})),
+                FactorLevel("0.5° pan", _simulated(truth={"camera_turn_rad": [0.0, 0.00872665, 0.0]})),
+                FactorLevel("0.5° roll", _simulated(truth={"camera_turn_rad": [0.0, 0.0, 0.00872665]})),
             ),
         ),
         Factor(
             "taper off by", False,
             (
-                Level("nothing", {}),
-                Level("-1 %", _simulated(truth={"taper_slope_factor": 0.99})),
-                Level("+1 %", _simulated(truth={"taper_slope_factor": 1.01})),
+                FactorLevel("nothing", {}),
+                FactorLevel("-1 %", _simulated(truth={"taper_slope_factor": 0.99})),
+                FactorLevel("+1 %", _simulated(truth={"taper_slope_factor": 1.01})),
             ),
         ),
         Factor(
             "light", False,
             (
-                Level("usual", {}),
-                Level("dim, x0.3", _simulated(camera={"brightness": 0.3})),
-                Level("glaring", _simulated(camera={"glare": 200.0})),
+                FactorLevel("usual", {}),
+                FactorLevel("dim, x0.3", _simulated(camera={"brightness": 0.3})),
+                FactorLevel("glaring", _simulated(camera={"glare": 200.0})),
             ),
         ),
     )  # fmt: skip

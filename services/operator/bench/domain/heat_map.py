@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from services.operator.bench.domain.boxes import Box
+from services.operator.bench.domain.boxes import MapBox
 
 _INK, _PALE = "#1b1f24", "#f2f2f2"
 
 
-def draw_map(boxes: Sequence[Box], strategy: str, trials: int, wanted: float, path: Path) -> None:
+def draw_map(boxes: Sequence[MapBox], strategy: str, trials: int, wanted: float, path: Path) -> None:
     """Draw it as a PNG. The scale begins at 0.5: what is worse is a failure all the same."""
     # takes its time to load: commands that draw nothing should not wait for it
     import matplotlib
@@ -22,7 +22,7 @@ def draw_map(boxes: Sequence[Box], strategy: str, trials: int, wanted: float, pa
     from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.patches import Rectangle
 
-    rows: dict[str, list[Box]] = {}
+    rows: dict[str, list[MapBox]] = {}
     for box in boxes:
         rows.setdefault(box.factor, []).append(box)
     most = max(len(row) for row in rows.values())

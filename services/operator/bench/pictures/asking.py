@@ -12,13 +12,13 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import Workcell
-from services.operator.bench.pictures.judging import RENDERED_BY, Verdict, figures_of, judged, least_off
+from services.operator.bench.pictures.judging import RENDERED_BY, PictureVerdict, figures_of, judged, least_off
 from services.operator.bench.pictures.plain_pnp import plain_pose
-from services.operator.bench.pictures.shots import Shot, Wanted
+from services.operator.bench.pictures.shots import Shot, WantedShot
 from services.operator.locate.worker import OfflineVision
 
 
-def answers(wanted: Iterable[Wanted], annotated: Path | None, beside: bool) -> Iterator[Verdict]:
+def answers(wanted: Iterable[WantedShot], annotated: Path | None, beside: bool) -> Iterator[PictureVerdict]:
     """The verdict on each pair, in order. `annotated`: a folder for the annotated pictures, one folder a pair;
     `beside`: ask the plain recipe and the paper's method too. Raises BadInput, VisionLost, CrosspihError."""
     with tempfile.TemporaryDirectory() as folder, OfflineVision() as vision:
@@ -26,7 +26,7 @@ def answers(wanted: Iterable[Wanted], annotated: Path | None, beside: bool) -> I
             yield verdict_on(one.load(), vision, Path(folder), annotated, beside)
 
 
-def verdict_on(shot: Shot, vision: OfflineVision, folder: Path, annotated: Path | None, beside: bool) -> Verdict:
+def verdict_on(shot: Shot, vision: OfflineVision, folder: Path, annotated: Path | None, beside: bool) -> PictureVerdict:
     """One pair, through files in a folder, as a user's would come."""
     workcell = Workcell() if shot.peg is None else Workcell.model_validate({"peg": shot.peg})
     hole = workcell.hole.shape(workcell.peg.shape())

@@ -15,7 +15,7 @@ from crosspih_common.geometry.pose import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Lens:
+class PictureLens:
     """One camera: u = fx x' + cx, v = fy y' + cy, integers at pixel centres, x' and y' distorted as OpenCV does it.
 
     `distortion` is none, (k1, k2, p1, p2[, k3[, k4, k5, k6]]) for `plumb_bob`, (k1, k2, k3, k4) for `fisheye`.
@@ -81,7 +81,7 @@ class Lens:
             "distortion": list(self.distortion) if told else [], "gamma": gamma,
         }  # fmt: skip
 
-    def scaled(self, factor: float, size_px: tuple[int, int]) -> Lens:
+    def scaled(self, factor: float, size_px: tuple[int, int]) -> PictureLens:
         """The same lens before a sensor with other pixels, the axis at the same share of the picture."""
         share_x, share_y = (self.cx_px + 0.5) / self.width_px, (self.cy_px + 0.5) / self.height_px
         width, height = size_px
@@ -95,13 +95,13 @@ class Lens:
 class Pair:
     """Two cameras; the right one's pose in the left one's frame, the left one's in the base frame."""
 
-    left: Lens
-    right: Lens
+    left: PictureLens
+    right: PictureLens
     pose_left_right: Pose
     pose_base_camera: Pose
 
     @property
-    def lenses(self) -> tuple[Lens, Lens]:
+    def lenses(self) -> tuple[PictureLens, PictureLens]:
         """Left and right."""
         return self.left, self.right
 
@@ -130,7 +130,7 @@ def _pose_said(pose: Pose) -> dict[str, list[float]]:
 def cell_pair(camera: CameraSection | None = None) -> Pair:
     """The pair of a cell's file; the default cell's when none is given."""
     section = camera or CameraSection()
-    lens = Lens(section.width_px, section.height_px, section.fx_px, section.fy_px, section.cx_px, section.cy_px)
+    lens = PictureLens(section.width_px, section.height_px, section.fx_px, section.fy_px, section.cx_px, section.cy_px)
     return Pair(lens, lens, Pose.from_translation([section.baseline_m, 0.0, 0.0]), section.pose_base_camera())
 
 

@@ -20,7 +20,7 @@ Span = tuple[float, float]
 RENDERED_BY = "rendered_by"  # in a scene's truth: the code that made its light
 
 
-class Verdict(BaseModel):
+class PictureVerdict(BaseModel):
     """One pair: what was answered. `nees` is the error against the stated covariance, squared."""
 
     model_config = ConfigDict(frozen=True)
@@ -82,7 +82,7 @@ class PicturesReport(BaseModel):
     pictures: str
     rows: list[RowFigures]
     all: RowFigures
-    each: list[Verdict]
+    each: list[PictureVerdict]
 
 
 def least_off(found: Pose, true: Pose, symmetry_order: int) -> Array:
@@ -104,18 +104,18 @@ def least_off(found: Pose, true: Pose, symmetry_order: int) -> Array:
     return min((off(float(turn)) for turn in turns), key=lambda error: abs(float(error[5])))
 
 
-def judged(answer: dict[str, Any], name: str, row: str, true: Pose | None, symmetry_order: int) -> Verdict:
+def judged(answer: dict[str, Any], name: str, row: str, true: Pose | None, symmetry_order: int) -> PictureVerdict:
     """The verdict on one answer of the vision process; `true` is the hole in the base, None where there is none."""
     refusal = answer["refusal"]
     told: dict[str, Any] = {"name": name, "row": row, "is_the_hole": true is not None, "time_s": answer["time_s"]}
     if not answer["located"]:
-        return Verdict(**told, located=False, refusal=refusal["code"], text=refusal["text"])
+        return PictureVerdict(**told, located=False, refusal=refusal["code"], text=refusal["text"])
     if true is None:
-        return Verdict(**told, located=True, quality=answer["quality"])
+        return PictureVerdict(**told, located=True, quality=answer["quality"])
     found = Pose.from_matrix(answer["pose_base_hole"])
     error = least_off(found, true, symmetry_order)
     nees = float(error @ np.linalg.solve(np.asarray(answer["covariance"], dtype=float), error))
-    return Verdict(**told, located=True, nees=nees, quality=answer["quality"], **figures_of(error))
+    return PictureVerdict(**told, located=True, nees=nees, quality=answer["quality"], **figures_of(error))
 
 
 def figures_of(error: Array) -> dict[str, float]:
@@ -128,11 +128,11 @@ def figures_of(error: Array) -> dict[str, float]:
     }
 
 
-def figures(row: str, verdicts: list[Verdict]) -> RowFigures:
+def figures(row: str, verdicts: list[PictureVerdict]) -> RowFigures:
     """Counts and quantiles of a row."""
     right = [one for one in verdicts if one.located and one.is_the_hole]
 
-    def span(of: list[Verdict], value: Callable[[Verdict], float | None]) -> Span | None:
+    def span(of: list[PictureVerdict], value: Callable[[PictureVerdict], float | None]) -> Span | None:
         values = np.abs([number for one in of if (number := value(one)) is not None])
         return (float(np.median(values)), float(np.percentile(values, 95))) if len(values) else None
 

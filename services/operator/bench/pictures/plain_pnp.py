@@ -18,7 +18,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole
 
 FINER = 4
-RMS_MOST_PX = 1.5
+MAX_RMS_PX = 1.5
 """Of both pictures' corners together: the two cameras must agree."""
 
 
@@ -53,7 +53,7 @@ def plain_pose(
         )
 
     found = least_squares(off, np.concatenate([turn.ravel(), shift.ravel()]), method="lm", x_scale="jac")
-    if np.sqrt(np.mean(found.fun**2)) > RMS_MOST_PX:
+    if np.sqrt(np.mean(found.fun**2)) > MAX_RMS_PX:
         return None
     return pose_base_camera @ Pose.from_rotvec(found.x[:3], found.x[3:])
 

@@ -14,11 +14,11 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.operator.bench.pictures.cameras import Pair
-from services.operator.bench.pictures.scenes import Made, SceneSpec, covered, make
-from services.operator.bench.pictures.store import MOST_SHARE, Rendered
-from services.operator.bench.pictures.tracer import Level, Tracer, Window, draw_levels, window_around
+from services.operator.bench.pictures.scenes import MadeScene, SceneSpec, covered, make
+from services.operator.bench.pictures.store import MAX_SHARE, Rendered
+from services.operator.bench.pictures.tracer import LightLevel, Tracer, TraceWindow, draw_levels, window_around
 
-HIDDEN_LEAST, HIDDEN_MOST = 0.05, 0.34
+MIN_HIDDEN, MAX_HIDDEN = 0.05, 0.34
 TRIES = 40
 
 
@@ -30,7 +30,9 @@ class Care:
     samples: int = 36
 
 
-def windows_for(made: Made, pose_world_camera: Pose, focal_px: float, field: Array, care: Care) -> list[Window]:
+def windows_for(
+    made: MadeScene, pose_world_camera: Pose, focal_px: float, field: Array, care: Care
+) -> list[TraceWindow]:
     """Coarse, plate and fine windows of one camera. `field` (n, 2) are normalised places that its picture reaches."""
     into = pose_world_camera.inverse()
 
@@ -72,22 +74,22 @@ def render(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, care: Car
     return Rendered(left, right, made.truth)
 
 
-def _visible(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Path) -> tuple[Made, Tracer]:
+def _visible(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Path) -> tuple[MadeScene, Tracer]:
     """The scene; with something in front of the rim, the first draw that hides a part of it, a third at most."""
     for attempt in range(TRIES if spec.cover else 1):
         made = make(spec, workcell, pair, seed + 1_000_003 * attempt if attempt else seed, folder)
         tracer = Tracer(made.parts)
         hidden = [tracer.hidden(eye, made.rim_m) for eye in (np.zeros(3), pair.pose_left_right.translation_m)]
         shares = [float(np.mean(one)) for one in hidden]
-        if not spec.cover or (max(shares) <= HIDDEN_MOST and max(shares) >= HIDDEN_LEAST):
+        if not spec.cover or (max(shares) <= MAX_HIDDEN and max(shares) >= MIN_HIDDEN):
             break
     else:
-        raise CrosspihError(f"seed {seed}: no {spec.cover} covers {HIDDEN_LEAST:.0%} to {HIDDEN_MOST:.0%} of the rim")
+        raise CrosspihError(f"seed {seed}: no {spec.cover} covers {MIN_HIDDEN:.0%} to {MAX_HIDDEN:.0%} of the rim")
     return covered(made, hidden), tracer
 
 
 def _exposure(
-    made: Made, sides: list[list[Level]], eyes: tuple[Pose, Pose], rng: np.random.Generator, spec: SceneSpec
+    made: MadeScene, sides: list[list[LightLevel]], eyes: tuple[Pose, Pose], rng: np.random.Generator, spec: SceneSpec
 ) -> float:
     """What light is full scale: the face about the hole comes to a grey that a person would set."""
     values = []
@@ -108,8 +110,8 @@ def _exposure(
     return target / max(level, 1e-6)
 
 
-def _finished(level: Level, scale: float, coarse: bool) -> Level:
-    light = np.minimum(level.light * np.float32(scale), np.float32(MOST_SHARE))
+def _finished(level: LightLevel, scale: float, coarse: bool) -> LightLevel:
+    light = np.minimum(level.light * np.float32(scale), np.float32(MAX_SHARE))
     if coarse:
         # far from the rim few samples do: a filter that keeps edges takes what they scatter
         root = np.asarray(np.sqrt(light), dtype=np.float32)
@@ -118,4 +120,4 @@ def _finished(level: Level, scale: float, coarse: bool) -> Level:
         for _ in range(2):
             root = np.asarray(cv2.bilateralFilter(root, 5, 0.15, 1.5), dtype=np.float32)
         light = root**2
-    return Level(level.focal_px, level.left, level.top, light)
+    return LightLevel(level.focal_px, level.left, level.top, light)

@@ -11,7 +11,7 @@ from services.operator.bench.cells.bar import Bar
 from services.operator.bench.pictures import shots
 from services.operator.bench.pictures.asking import answers
 from services.operator.bench.pictures.command import RENDERED, SMALL
-from services.operator.bench.pictures.judging import PicturesReport, Verdict, figures
+from services.operator.bench.pictures.judging import PicturesReport, PictureVerdict, figures
 
 NAMED = "rendered"
 
@@ -40,7 +40,7 @@ def bench_pictures(
     folder = folder_of(pictures, console)
     named = None if rows is None else [name.strip() for name in rows.split(",") if name.strip()]
     wanted = shots.wanted_from(folder, named, pairs)
-    each: list[Verdict] = []
+    each: list[PictureVerdict] = []
     with Bar(console) as progress:
         task = progress.add_task("pictures", total=len(wanted))
         for verdict in answers(wanted, annotated, beside):

@@ -22,7 +22,7 @@ from services.operator.bench.pictures.cameras import Pair
 from services.operator.bench.pictures.finishes import FINISHES, FloatTexture, blotches, with_marks
 from services.operator.bench.pictures.lights import Emitters, make_lights
 from services.operator.bench.pictures.materials import Surface, cut_metal, machined, matt, metal, plastic
-from services.operator.bench.pictures.solids import Rim, Solid, flat
+from services.operator.bench.pictures.solids import Solid, SolidRim, flat
 
 HOLE = "hole"
 SURFACES = ("matt", "painted", "plastic", *FINISHES, "anodised", "black", "paper")
@@ -48,7 +48,7 @@ class SceneSpec:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Made:
+class MadeScene:
     """A scene as it was made: parts for the renderer, and what is known of it."""
 
     parts: Emitters
@@ -98,7 +98,7 @@ def rim_surfaces(kind: str, walls: str | None, rng: np.random.Generator) -> tupl
     return matt(level), matt(level * rng.uniform(0.6, 1.0) if lit else rng.uniform(0.04, 0.15))
 
 
-def made_rim(workcell: Workcell, outline: str, surface: str, rng: np.random.Generator) -> Rim:
+def made_rim(workcell: Workcell, outline: str, surface: str, rng: np.random.Generator) -> SolidRim:
     """The rim as it was made: edges broken by .05 to .3 mm, size and chamfer within the drawing's tolerance."""
     hole = targets.hole_of(workcell, outline)
     broken = np.exp(rng.uniform(np.log(0.05e-3), np.log(0.3e-3)))
@@ -106,10 +106,10 @@ def made_rim(workcell: Workcell, outline: str, surface: str, rng: np.random.Gene
         broken = rng.uniform(0.05e-3, 0.15e-3)
     size = float(np.clip(rng.normal(0.0, 0.01e-3), -0.025e-3, 0.025e-3))
     chamfer = hole.chamfer_m + float(np.clip(rng.normal(0.0, 0.04e-3), -0.1e-3, 0.1e-3))
-    return Rim(hole.outline.grown(size), chamfer, float(broken))
+    return SolidRim(hole.outline.grown(size), chamfer, float(broken))
 
 
-def make(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Path) -> Made:
+def make(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Path) -> MadeScene:
     """The scene of a seed; its meshes are written into a folder. The truth is that of the drawing's hole."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 20]))
     pose_base_hole = drawn_pose(workcell, seed)
@@ -162,7 +162,7 @@ def make(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Pat
     opening = drawn.opening().corners_m
     about = np.concatenate([opening * (1.0 + 0.004 / np.hypot(*opening.T))[:, None],
                             opening * (1.0 + 0.009 / np.hypot(*opening.T))[:, None]])  # fmt: skip
-    return Made(
+    return MadeScene(
         parts,
         pose,
         pose.apply(_along(drawn.outer_rim_m(), 8)),
@@ -180,7 +180,7 @@ def make(spec: SceneSpec, workcell: Workcell, pair: Pair, seed: int, folder: Pat
     )  # fmt: skip
 
 
-def covered(made: Made, hidden: list[NDArray[np.bool_]]) -> Made:
+def covered(made: MadeScene, hidden: list[NDArray[np.bool_]]) -> MadeScene:
     """With the share of the rim that is hidden from the left and from the right camera."""
     return replace(made, truth=made.truth | {"covered": [round(float(np.mean(one)), 3) for one in hidden]})
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.cameras import Lens
-from services.operator.bench.pictures.tracer import FloatImage, Level
+from services.operator.bench.pictures.cameras import PictureLens
+from services.operator.bench.pictures.tracer import FloatImage, LightLevel
 
 GRID_STEP = 8
-MOST_SUBPIXELS = 3
+MAX_SUBPIXELS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Sensor:
 
 
 def expose(
-    levels: Sequence[Level], lens: Lens, sensor: Sensor, rng: np.random.Generator
+    levels: Sequence[LightLevel], lens: PictureLens, sensor: Sensor, rng: np.random.Generator
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """The picture (height, width) of one camera; `levels` from coarse to fine, their light as a share of full scale."""
     light = sensor.exposure * seen(levels, lens, sensor, float(rng.uniform(0.0, np.pi)))
@@ -60,12 +60,12 @@ def expose(
     return np.asarray(np.rint(share * steps) * (65536 // (steps + 1)), dtype=np.uint16)
 
 
-def seen(levels: Sequence[Level], lens: Lens, sensor: Sensor, motion_rad: float = 0.0) -> FloatImage:
+def seen(levels: Sequence[LightLevel], lens: PictureLens, sensor: Sensor, motion_rad: float = 0.0) -> FloatImage:
     """The clean, blurred light (height, width) on the sensor, a share of full scale."""
     finest = max(level.focal_px for level in levels)
     # where a lens squeezes the picture, places between sub-pixels must not be passed over
     squeezed = 1.4 if lens.distortion_model != "none" else 1.0
-    count = int(np.clip(round(squeezed * finest / lens.fx_px), 1, MOST_SUBPIXELS))
+    count = int(np.clip(round(squeezed * finest / lens.fx_px), 1, MAX_SUBPIXELS))
     xy = _rays(lens, count)
     picture: FloatImage | None = None
     for level in levels:
@@ -98,7 +98,7 @@ def seen(levels: Sequence[Level], lens: Lens, sensor: Sensor, motion_rad: float 
     return picture
 
 
-def _rays(lens: Lens, count: int) -> tuple[Any, Any]:
+def _rays(lens: PictureLens, count: int) -> tuple[Any, Any]:
     """(x', y') of a pinhole, each (rows, columns), for `count` x `count` sub-pixels a pixel."""
     u = (np.arange(lens.width_px * count) + 0.5) / count - 0.5
     v = (np.arange(lens.height_px * count) + 0.5) / count - 0.5

@@ -136,7 +136,7 @@ GROUPS: dict[str, Group] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class PictureRow:
     """One row of the table: the groups whose scenes it takes in turn, and the camera that sees them.
 
     `pairs` is how many of them in a set of usual size. `lens` bends or resizes the group's own cameras. `told`: whether
@@ -163,50 +163,50 @@ def _sized(factor: float, width: int, height: int) -> Callable[[Pair], Pair]:
 
 
 USUAL = ("matt", "metal_soft")
-ROWS: dict[str, Row] = {
-    "matt": Row(("matt",), 16),
-    "metal_soft": Row(("metal_soft",), 20),
-    "metal_hard": Row(("metal_hard",), 15),
-    "lamp": Row(("lamp",), 6),
-    "black": Row(("black",), 9),
-    "bright": Row(("bright",), 10),
-    "through": Row(("through",), 6),
-    "blind": Row(("blind",), 6),
-    "clutter": Row(("clutter",), 12),
-    "covered": Row(("covered",), 9),
-    "outlines": Row(("outlines",), 18),
-    "blur_0.3": Row(USUAL, 8, Sensor(blur_px=0.3)),
-    "blur_0.5": Row(USUAL, 8, Sensor(blur_px=0.5)),
-    "blur_0.9": Row(USUAL, 8, Sensor(blur_px=0.9)),
-    "blur_1.2": Row(USUAL, 8, Sensor(blur_px=1.2)),
-    "blur_1.5": Row(USUAL, 8, Sensor(blur_px=1.5)),
-    "motion_3": Row(USUAL, 8, Sensor(motion_px=3.0)),
-    "noise_0.3": Row(USUAL, 8, Sensor(noise_grey=0.3)),
-    "noise_6": Row(USUAL, 8, Sensor(noise_grey=6.0)),
-    "shot": Row(USUAL, 8, Sensor(noise_grey=0.6, full_well_e=5000.0)),
-    "srgb": Row(USUAL, 8, Sensor(noise_grey=0.5, full_well_e=9000.0, gamma="srgb"), gamma_told="srgb"),
-    "srgb_untold": Row(USUAL, 6, Sensor(noise_grey=0.5, full_well_e=9000.0, gamma="srgb")),
-    "k1_-0.05": Row(USUAL, 6, lens=_k1(-0.05)),
-    "k1_-0.1": Row(USUAL, 6, lens=_k1(-0.1)),
-    "k1_-0.3": Row(("wide",), 6, lens=lambda pair: pair),
-    "k1_-0.02_untold": Row(USUAL, 6, lens=_k1(-0.02), told=False),
-    "k1_-0.05_untold": Row(USUAL, 6, lens=_k1(-0.05), told=False),
-    "turned": Row(("turned",), 6),
-    "320x240": Row(USUAL, 6, lens=_sized(0.5, 320, 240)),
+ROWS: dict[str, PictureRow] = {
+    "matt": PictureRow(("matt",), 16),
+    "metal_soft": PictureRow(("metal_soft",), 20),
+    "metal_hard": PictureRow(("metal_hard",), 15),
+    "lamp": PictureRow(("lamp",), 6),
+    "black": PictureRow(("black",), 9),
+    "bright": PictureRow(("bright",), 10),
+    "through": PictureRow(("through",), 6),
+    "blind": PictureRow(("blind",), 6),
+    "clutter": PictureRow(("clutter",), 12),
+    "covered": PictureRow(("covered",), 9),
+    "outlines": PictureRow(("outlines",), 18),
+    "blur_0.3": PictureRow(USUAL, 8, Sensor(blur_px=0.3)),
+    "blur_0.5": PictureRow(USUAL, 8, Sensor(blur_px=0.5)),
+    "blur_0.9": PictureRow(USUAL, 8, Sensor(blur_px=0.9)),
+    "blur_1.2": PictureRow(USUAL, 8, Sensor(blur_px=1.2)),
+    "blur_1.5": PictureRow(USUAL, 8, Sensor(blur_px=1.5)),
+    "motion_3": PictureRow(USUAL, 8, Sensor(motion_px=3.0)),
+    "noise_0.3": PictureRow(USUAL, 8, Sensor(noise_grey=0.3)),
+    "noise_6": PictureRow(USUAL, 8, Sensor(noise_grey=6.0)),
+    "shot": PictureRow(USUAL, 8, Sensor(noise_grey=0.6, full_well_e=5000.0)),
+    "srgb": PictureRow(USUAL, 8, Sensor(noise_grey=0.5, full_well_e=9000.0, gamma="srgb"), gamma_told="srgb"),
+    "srgb_untold": PictureRow(USUAL, 6, Sensor(noise_grey=0.5, full_well_e=9000.0, gamma="srgb")),
+    "k1_-0.05": PictureRow(USUAL, 6, lens=_k1(-0.05)),
+    "k1_-0.1": PictureRow(USUAL, 6, lens=_k1(-0.1)),
+    "k1_-0.3": PictureRow(("wide",), 6, lens=lambda pair: pair),
+    "k1_-0.02_untold": PictureRow(USUAL, 6, lens=_k1(-0.02), told=False),
+    "k1_-0.05_untold": PictureRow(USUAL, 6, lens=_k1(-0.05), told=False),
+    "turned": PictureRow(("turned",), 6),
+    "320x240": PictureRow(USUAL, 6, lens=_sized(0.5, 320, 240)),
     # by the makers' sheets and EMVA 1288 reports, rounded: size, electrons at full scale, read noise of 255 grey
-    "imx273": Row(("fine",), 4, Sensor(0.55, 0.06, 0.0, 10500.0, bits=12), _sized(2.25, 1440, 1080)),
-    "imx250": Row(("fine",), 4, Sensor(0.6, 0.06, 0.0, 10500.0, bits=12), _sized(3.825, 2448, 2048)),
-    "ov9281": Row(("fine",), 4, Sensor(0.8, 0.35, 0.0, 7500.0, bits=10, vignetting=0.3), _sized(1.6, 1280, 800)),
-    "mt9v034": Row(USUAL, 6, Sensor(0.5, 0.5, 0.0, 20000.0, bits=10, vignetting=0.2), _sized(1.175, 752, 480)),
-    "print_inner": Row(("print_inner",), 16),
-    "print_outer": Row(("print_outer",), 16),
-    "print_shaded": Row(("print_shaded",), 14),
-    "sticker": Row(("sticker",), 10),
-    "pocket": Row(("pocket",), 16),
-    "blank": Row(("blank",), 8),
-    "other": Row(("other",), 9),
-    "other_cross": Row(("other_cross",), 16),
-    "mirrored": Row(USUAL, 10, swapped=True),
+    "imx273": PictureRow(("fine",), 4, Sensor(0.55, 0.06, 0.0, 10500.0, bits=12), _sized(2.25, 1440, 1080)),
+    "imx250": PictureRow(("fine",), 4, Sensor(0.6, 0.06, 0.0, 10500.0, bits=12), _sized(3.825, 2448, 2048)),
+    "ov9281": PictureRow(("fine",), 4, Sensor(0.8, 0.35, 0.0, 7500.0, bits=10, vignetting=0.3), _sized(1.6, 1280, 800)),
+    "mt9v034": PictureRow(USUAL, 6, Sensor(0.5, 0.5, 0.0, 20000.0, bits=10, vignetting=0.2), _sized(1.175, 752, 480)),
+    "print_inner": PictureRow(("print_inner",), 16),
+    "print_outer": PictureRow(("print_outer",), 16),
+    "print_shaded": PictureRow(("print_shaded",), 14),
+    "sticker": PictureRow(("sticker",), 10),
+    "pocket": PictureRow(("pocket",), 16),
+    "blank": PictureRow(("blank",), 8),
+    "other": PictureRow(("other",), 9),
+    "other_cross": PictureRow(("other_cross",), 16),
+    "mirrored": PictureRow(USUAL, 10, swapped=True),
 }
 NAMED_SEEDS = {"dev": 100, "held": 7000}
 """Pictures to develop on, those of `tests/pictures/set` among them, and others to judge by what was developed."""
@@ -243,7 +243,7 @@ class SceneName:
         return spec, pair, care
 
 
-def scene_of(row: Row, index: int, set_seed: int) -> SceneName:
+def scene_of(row: PictureRow, index: int, set_seed: int) -> SceneName:
     """The scene of a row's pair: its groups in turn."""
     return SceneName(row.groups[index % len(row.groups)], index // len(row.groups), set_seed)
 

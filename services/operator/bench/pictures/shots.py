@@ -24,7 +24,7 @@ from crosspih_common.geometry import Pose
 from services.operator.bench.pictures import store, targets
 from services.operator.bench.pictures.cameras import cell_pair
 from services.operator.bench.pictures.sensor import expose
-from services.operator.bench.pictures.sets import ROWS, Row, SceneName, pairs_of, scene_of
+from services.operator.bench.pictures.sets import ROWS, PictureRow, SceneName, pairs_of, scene_of
 
 Picture = NDArray[np.uint8] | NDArray[np.uint16]
 TRUTH, SET, SCENES = "truth.json", "set.json", "scenes"
@@ -47,7 +47,7 @@ class Shot:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class WantedShot:
     """One pair to come: its row and how to load it."""
 
     row: str
@@ -60,42 +60,42 @@ class Wanted:
         return _rendered(self) if self.scene is not None else _stored(self)
 
 
-def wanted_from(folder: Path, rows: list[str] | None, most: int | None) -> list[Wanted]:
+def wanted_from(folder: Path, rows: list[str] | None, most: int | None) -> list[WantedShot]:
     """The pairs of a folder, by rows; at most so many a row. Raises CrosspihError: no such folder, or row."""
     if (folder / SET).is_file():
         every = list(_of_store(folder))
     elif (folder / TRUTH).is_file():
         names = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
-        every = [Wanted(SEED_AND_PLAIN.sub("", name), name, folder) for name in names]
+        every = [WantedShot(SEED_AND_PLAIN.sub("", name), name, folder) for name in names]
     else:
         raise CrosspihError(f"{folder}: has neither {SET} nor {TRUTH}; make pictures with `crosspih bench pictures`")
     there = list(dict.fromkeys(one.row for one in every))
     if unknown := [row for row in rows or [] if row not in there]:
         raise CrosspihError(f"--rows: {folder} has no row {unknown[0]!r}; it has {', '.join(there)}")
-    kept: list[Wanted] = []
+    kept: list[WantedShot] = []
     for row in there:
         if rows is None or row in rows:
             kept += [one for one in every if one.row == row][:most]
     return kept
 
 
-def _of_store(folder: Path) -> Iterator[Wanted]:
+def _of_store(folder: Path) -> Iterator[WantedShot]:
     about = json.loads((folder / SET).read_text(encoding="utf-8"))
     for name in about["rows"]:
         for index in range(pairs_of(name, about["share"])):
             scene = scene_of(ROWS[name], index, about["seed"])
             if (folder / SCENES / scene.file).is_file():
-                yield Wanted(name, f"{name}_{about['seed'] + index}", folder, scene)
+                yield WantedShot(name, f"{name}_{about['seed'] + index}", folder, scene)
 
 
-def _rendered(wanted: Wanted) -> Shot:
+def _rendered(wanted: WantedShot) -> Shot:
     assert wanted.scene is not None
     row = ROWS[wanted.row]
     rendered = store.load(wanted.folder / SCENES / wanted.scene.file)
     return shot_of(wanted.name, wanted.row, row, wanted.scene, rendered)
 
 
-def shot_of(name: str, row_name: str, row: Row, scene: SceneName, rendered: store.Rendered) -> Shot:
+def shot_of(name: str, row_name: str, row: PictureRow, scene: SceneName, rendered: store.Rendered) -> Shot:
     """A scene as a row's cameras see it; noise and blur by the pair's name."""
     spec, pair, _ = scene.drawn()
     pair = row.lens(pair)
@@ -122,7 +122,7 @@ def shot_of(name: str, row_name: str, row: Row, scene: SceneName, rendered: stor
     )
 
 
-def _stored(wanted: Wanted) -> Shot:
+def _stored(wanted: WantedShot) -> Shot:
     truth = json.loads((wanted.folder / TRUTH).read_text(encoding="utf-8"))[wanted.name]
     pictures: list[Any] = []
     for side in ("left", "right"):

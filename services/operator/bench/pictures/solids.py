@@ -105,7 +105,7 @@ def walls(rings_m: Sequence[Array], tilts_rad: Sequence[tuple[float, float]], in
 
 
 @dataclass(frozen=True, slots=True)
-class Rim:
+class SolidRim:
     """A hole's rim as it was made: the bore's outline, the chamfer, and the radius of the two broken edges, m."""
 
     bore: Outline

@@ -10,9 +10,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from services.operator.bench.pictures.tracer import FloatImage, Level
+from services.operator.bench.pictures.tracer import FloatImage, LightLevel
 
-MOST_SHARE = 4.0
+MAX_SHARE = 4.0
 """The brightest light that is kept, as a share of full scale: what is blurred must know how bright it was."""
 SMALL_SHARE = 1.5
 """The same in a small file of 8 bits: brighter light is as if it had been so bright, its borders where they were."""
@@ -22,14 +22,14 @@ SMALL_SHARE = 1.5
 class Rendered:
     """One scene: the levels of the left and of the right camera, coarse to fine, and what is known of it."""
 
-    left: tuple[Level, ...]
-    right: tuple[Level, ...]
+    left: tuple[LightLevel, ...]
+    right: tuple[LightLevel, ...]
     truth: dict[str, Any]
 
 
 def save(path: Path, rendered: Rendered, small: bool = False) -> None:
     """Write a scene; the file is there whole or not at all. `small`: in 8 bits, a third of the size."""
-    steps, most = (255, SMALL_SHARE) if small else (4095, MOST_SHARE)
+    steps, most = (255, SMALL_SHARE) if small else (4095, MAX_SHARE)
     kind = np.uint8 if small else np.uint16
     arrays: dict[str, Any] = {}
     heads = []
@@ -59,9 +59,9 @@ def load(path: Path) -> Rendered:
     """Read a scene."""
     with np.load(path) as file:
         about = json.loads(bytes(file["about"]).decode())
-        sides: dict[str, list[Level]] = {"left": [], "right": []}
+        sides: dict[str, list[LightLevel]] = {"left": [], "right": []}
         for head in about["levels"]:
             coded = np.asarray(cv2.imdecode(file[head["key"]], cv2.IMREAD_UNCHANGED), dtype=np.float32)
             light: FloatImage = np.asarray((coded / about["steps"]) ** 2 * about["most"], dtype=np.float32)
-            sides[head["side"]].append(Level(head["focal_px"], head["left"], head["top"], light))
+            sides[head["side"]].append(LightLevel(head["focal_px"], head["left"], head["top"], light))
     return Rendered(tuple(sides["left"]), tuple(sides["right"]), about["truth"])

@@ -14,7 +14,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Outline
 from crosspih_common.shapes.cross import cross_outline
 from services.operator.bench.pictures.materials import Surface, matt, plastic
-from services.operator.bench.pictures.solids import Rim, Solid, disc, flat, prism, walls
+from services.operator.bench.pictures.solids import Solid, SolidRim, disc, flat, prism, walls
 
 Part = tuple[str, Solid, Surface]
 MADE = (
@@ -70,7 +70,7 @@ def sides_of(plate: Polygon, thickness_m: float) -> Solid:
 
 
 def put(
-    kind: str, rim: Rim, area: BaseGeometry, depth_m: float, thickness_m: float,
+    kind: str, rim: SolidRim, area: BaseGeometry, depth_m: float, thickness_m: float,
     surfaces: tuple[Surface, Surface, Surface], through: bool, rng: np.random.Generator,
 ) -> Target:  # fmt: skip
     """The target of a kind in a face of that area; `surfaces` are the chamfer's, the bore's and the face's."""
@@ -81,12 +81,12 @@ def put(
     if kind == "pocket":
         return _bored(rim, area, float(rng.uniform(0.002, 0.008)), thickness_m, surfaces, False)
     if kind != "hole":
-        rim = Rim(_other_outline(kind, rim.bore, rng), rim.chamfer_m, rim.edge_break_m)
+        rim = SolidRim(_other_outline(kind, rim.bore, rng), rim.chamfer_m, rim.edge_break_m)
     return _bored(rim, area, depth_m, thickness_m, surfaces, through)
 
 
 def _bored(
-    rim: Rim, area: BaseGeometry, depth_m: float, thickness_m: float, surfaces: tuple[Surface, Surface, Surface],
+    rim: SolidRim, area: BaseGeometry, depth_m: float, thickness_m: float, surfaces: tuple[Surface, Surface, Surface],
     through: bool,
 ) -> Target:  # fmt: skip
     edge, bore = rim.strips(thickness_m if through else depth_m)
@@ -98,7 +98,7 @@ def _bored(
     return Target(area - rim.opening(), solids, [section] if through else [])
 
 
-def _printed(kind: str, rim: Rim, area: BaseGeometry, rng: np.random.Generator) -> Target:
+def _printed(kind: str, rim: SolidRim, area: BaseGeometry, rng: np.random.Generator) -> Target:
     inner, outer = Polygon(rim.bore.corners_m), Polygon(rim.ring_m(rim.chamfer_m, 0.0)[:, :2])
     ink = matt(rng.uniform(0.02, 0.1)) if rng.random() < 0.6 else plastic(0.03, rng.uniform(0.1, 0.3))
     if kind == "sticker":

@@ -16,14 +16,14 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.operator.bench.pictures.renderer import mitsuba
 
-MOST_BOUNCES = 6
+MAX_BOUNCES = 6
 CLOSE_M = 5e-4
-WINDOW_LEAST, WINDOW_STEP = 224, 32
+MIN_WINDOW, WINDOW_STEP = 224, 32
 FloatImage = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class LightLevel:
     """A part of a picture: pixel (row j, column i) averages x' from (left + i) / focal to (left + i + 1) / focal, y' so
     from `top`; x' = x / z, y' = y / z in the camera's frame. `light` (rows, columns) is linear.
     """
@@ -35,7 +35,7 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class TraceWindow:
     """Where to draw: see `Level`; samples a pixel."""
 
     focal_px: float
@@ -46,16 +46,16 @@ class Window:
     samples: int
 
 
-def window_around(xy: Array, focal_px: float, margin_px: float, samples: int) -> Window:
+def window_around(xy: Array, focal_px: float, margin_px: float, samples: int) -> TraceWindow:
     """The square window that holds normalised image places (n, 2), with a margin in its own pixels.
 
     A vectorised variant compiles a program for each size and number of samples: there are few sizes.
     """
     low = np.floor(xy.min(axis=0) * focal_px - margin_px).astype(int)
     high = np.ceil(xy.max(axis=0) * focal_px + margin_px).astype(int)
-    side = max(WINDOW_LEAST, -(-int(np.max(high - low)) // WINDOW_STEP) * WINDOW_STEP)
+    side = max(MIN_WINDOW, -(-int(np.max(high - low)) // WINDOW_STEP) * WINDOW_STEP)
     left, top = low - (side - (high - low)) // 2
-    return Window(focal_px, int(left), int(top), side, side, samples)
+    return TraceWindow(focal_px, int(left), int(top), side, side, samples)
 
 
 class Tracer:
@@ -63,10 +63,10 @@ class Tracer:
 
     def __init__(self, parts: dict[str, Any]) -> None:
         self._mi = mitsuba()
-        integrator = {"type": "path", "max_depth": MOST_BOUNCES, "rr_depth": 32, "hide_emitters": False}
+        integrator = {"type": "path", "max_depth": MAX_BOUNCES, "rr_depth": 32, "hide_emitters": False}
         self._scene = self._mi.load_dict({"type": "scene", "integrator": integrator, **parts})
 
-    def draw(self, pose_world_camera: Pose, window: Window, seed: int) -> Level:
+    def draw(self, pose_world_camera: Pose, window: TraceWindow, seed: int) -> LightLevel:
         """One window of one camera's picture."""
         mi = self._mi
         # the renderer's camera has x to the left and y up; the film is as large as the window, with the axis beside it:
@@ -87,7 +87,7 @@ class Tracer:
             }
         )  # fmt: skip
         drawn = np.array(mi.render(self._scene, sensor=sensor, seed=seed), dtype=np.float32)
-        return Level(window.focal_px, window.left, window.top, drawn.reshape(window.height, window.width))
+        return LightLevel(window.focal_px, window.left, window.top, drawn.reshape(window.height, window.width))
 
     def hidden(self, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
         """(n,): which points (n, 3) something stands in front of, seen from an eye (3,)."""
@@ -107,6 +107,6 @@ class Tracer:
         return np.array(blocked, dtype=bool)
 
 
-def draw_levels(tracer: Tracer, pose_world_camera: Pose, windows: Sequence[Window], seed: int) -> list[Level]:
+def draw_levels(tracer: Tracer, pose_world_camera: Pose, windows: Sequence[TraceWindow], seed: int) -> list[LightLevel]:
     """The windows of one camera, each with a seed of its own."""
     return [tracer.draw(pose_world_camera, window, seed + index) for index, window in enumerate(windows)]

@@ -16,7 +16,7 @@ from crosspih_common.errors import CrosspihError
 from services.operator.bench.cells.conditions import Condition, merged
 from services.operator.bench.cells.trials import TrialJob
 from services.operator.bench.pictures.scenes import drawn_pose
-from services.operator.bench.pictures.shots import Picture, Shot, Wanted, wanted_from
+from services.operator.bench.pictures.shots import Picture, Shot, WantedShot, wanted_from
 
 ROWS = ("matt", "metal_soft", "metal_hard", "lamp", "black", "bright", "through", "blind")
 SHOWN = Path("results/pictures/shown")
@@ -65,7 +65,7 @@ def _scenes(folder: Path, rows: list[str] | None) -> Iterator[Shot]:
                 yield shot
 
 
-def _of_the_cell(wanted: Wanted | None) -> Shot | None:
+def _of_the_cell(wanted: WantedShot | None) -> Shot | None:
     """The pair, where the trial of its seed has the hole at the same place."""
     shot = None if wanted is None else wanted.load()
     if shot is None or shot.pose_base_hole is None or shot.peg is not None or "seed" not in shot.about:

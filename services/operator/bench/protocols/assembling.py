@@ -24,7 +24,7 @@ from deploy.launcher import LauncherError
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.cells.conditions import merged
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
-from services.operator.bench.protocols.plants import Plant, Way, open_plant
+from services.operator.bench.protocols.plants import Plant, ProtocolWay, open_plant
 from services.operator.scoring.score import score
 from services.operator.scoring.statistics import sight_row, wilson95
 
@@ -102,9 +102,9 @@ class Calibrated:
     content: dict[str, Any]
     hides: int
 
-    def reached_by(self, way: Way, plant: Plant) -> dict[str, Any]:
+    def reached_by(self, way: ProtocolWay, plant: Plant) -> dict[str, Any]:
         """The cell's file for a plant: what was found through UR's protocols holds for the same cell behind others."""
-        if way is Way.UR:
+        if way is ProtocolWay.UR:
             return self.content
         cameras = (self.content.get("hardware", {}).get("genicam") or {}).get("calibration")
         hardware = merged(plant.content["hardware"], {"ros2": {"camera": {"calibration": cameras}}})
@@ -121,7 +121,7 @@ def calibrated_cell(file: Path, hides: int) -> Calibrated:
     return Calibrated(content, hides)
 
 
-def assembled(way: Way, seed: int, strategy: Strategy, calibrated: Calibrated | None = None) -> ProtocolTrial:
+def assembled(way: ProtocolWay, seed: int, strategy: Strategy, calibrated: Calibrated | None = None) -> ProtocolTrial:
     """One assembly in a cell of its own: everything is started for it and ended after it."""
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="crosspih-protocols-") as folder:

@@ -29,10 +29,10 @@ from crosspih_common.recording.reader import read_recording
 from services.operator.bench.cells.conditions import merged
 from services.operator.bench.protocols.board import put_board
 from services.operator.bench.protocols.hidden import cameras_of
-from services.operator.bench.protocols.page import Step
+from services.operator.bench.protocols.page import PageStep
 from services.operator.bench.protocols.plants import HERE, Plant
-from services.operator.bench.protocols.scoring_day import Found, camera_rows, tool_rows
-from services.operator.locate.calibration_file import Reading, read_calibration
+from services.operator.bench.protocols.scoring_day import DayFigure, camera_rows, tool_rows
+from services.operator.locate.calibration_file import FileReading, read_calibration
 from services.operator.scoring.score import TrialFigures, score, seen_in_words
 
 ROOT = Path(deploy.__file__).resolve().parent.parent
@@ -75,7 +75,7 @@ class Walk:
         """The cell's file that holds now."""
         return self.folder / self.environment.get("CROSSPIH_CELL", "lab.yaml")
 
-    def take(self, step: Step) -> None:
+    def take(self, step: PageStep) -> None:
         """Do one."""
         began_s = time.monotonic()
         if step.kind == "export":
@@ -97,7 +97,7 @@ class Walk:
         if status and step.words[1] not in MAY_FAIL:
             raise CrosspihError(f"section {step.section}: `{step.text}` failed; the page says not to go on")
 
-    def told(self, step: Step, status: int | None, wall_s: float, said: str) -> None:
+    def told(self, step: PageStep, status: int | None, wall_s: float, said: str) -> None:
         """Keep and print how it ended."""
         self.done.append(Walked(step.section, step.text, status, wall_s, said))
         verdict = "left out" if status is None else "done" if status == 0 else f"status {status}"
@@ -168,19 +168,19 @@ class Walk:
             figures = score(workcell, result, self.plant.truth(), wall_s=0.0, recording=str(newest))
             self.assemblies.append(figures)
 
-    def found(self) -> list[Found]:
+    def found(self) -> list[DayFigure]:
         """What the calibrations found, as far as there are any."""
         begun = load_cell(self.folder / BEFORE).workcell
         before, rows = cameras_of(begun.camera), []
         after = next((self.folder / name for name in ("cameras.yaml", "lenses.yaml") if (self.folder / name).exists()),
                      None)  # fmt: skip
         if after is not None:
-            reading = Reading(pose_base_camera=Pose.from_matrix(before.pose_base_camera.pose().matrix()))
+            reading = FileReading(pose_base_camera=Pose.from_matrix(before.pose_base_camera.pose().matrix()))
             rows += camera_rows(before, read_calibration([after], reading), self.plant.behind)
         return rows + tool_rows(begun, load_cell(self.cell).workcell, self.plant.behind)
 
 
-def table_of(walk: Walk, found: list[Found]) -> list[Table]:
+def table_of(walk: Walk, found: list[DayFigure]) -> list[Table]:
     """What was found, and how the assemblies ended."""
     table = Table(title="what the calibrations found of what was hidden")
     for heading in ("", "off before", "off now", ""):

@@ -16,7 +16,7 @@ HEADING = re.compile(r"^## (\d+)\. (.*)$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PageStep:
     """One thing to do. `words` of a command or an export (name, value), `lines` of a cell's file."""
 
     kind: Literal["command", "export", "file"]
@@ -30,7 +30,7 @@ class Step:
         return " ".join(self.words) if self.kind != "file" else f"the file: {yaml.safe_dump(self.lines).split(':')[0]}"
 
 
-def steps_of(page: str) -> list[Step]:
+def steps_of(page: str) -> list[PageStep]:
     """Those of the numbered sections. Raises ValueError for a block that cannot be read."""
     headings = [(match.start(), int(match[1])) for match in HEADING.finditer(page)]
     end = len(page)
@@ -46,13 +46,13 @@ def steps_of(page: str) -> list[Step]:
             lines = yaml_of(block[2])
             if not isinstance(lines, dict):
                 raise ValueError(f"section {section}: a block of YAML is no mapping")
-            steps.append(Step("file", section, (), lines))
+            steps.append(PageStep("file", section, (), lines))
             continue
         for line in block[2].replace("\\\n", " ").splitlines():
             words = tuple(shlex.split(line, comments=True))
             if words[:1] == ("export",):
                 name, _, value = words[1].partition("=")
-                steps.append(Step("export", section, (name, value)))
+                steps.append(PageStep("export", section, (name, value)))
             elif words:
-                steps.append(Step("command", section, words))
+                steps.append(PageStep("command", section, words))
     return steps

@@ -45,7 +45,7 @@ CAMERAS_CELL = "protocol-cameras"
 EXPOSURE_S = 0.02
 
 
-class Way(str, Enum):
+class ProtocolWay(str, Enum):
     """Which protocols are between the services and the cell."""
 
     UR = "ur"  # RTDE, Net F/T, GigE Vision
@@ -75,15 +75,15 @@ class Plant:
         return int(said["cycles"]), int(said["late_cycles"])
 
 
-def base_content(way: Way, hides: int | None = None) -> dict[str, Any]:
+def base_content(way: ProtocolWay, hides: int | None = None) -> dict[str, Any]:
     """The cell that stands behind the protocols; one that hides something is the UR5e's, for which it was found."""
-    name = "ur5e" if way is Way.UR or hides is not None else "default"
+    name = "ur5e" if way is ProtocolWay.UR or hides is not None else "default"
     file = Path(deploy.__file__).resolve().parent / "cells" / f"{name}.yaml"
     return dict(yaml_of(text_of_file(file)))
 
 
 @contextmanager
-def open_plant(way: Way, seed: int, folder: Path, hides: int | None = None) -> Iterator[Plant]:
+def open_plant(way: ProtocolWay, seed: int, folder: Path, hides: int | None = None) -> Iterator[Plant]:
     """Start the cell of a seed behind its protocols; `hides` is the seed of what differs from its file (hidden.py),
     None: nothing does. Raises NoService when one of its processes does not come up."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -91,7 +91,7 @@ def open_plant(way: Way, seed: int, folder: Path, hides: int | None = None) -> I
     with ExitStack() as stack:
         stack.enter_context(Peer("router", ["services.router", "--endpoint", endpoint], environment, folder))
         _wait_for(endpoint)
-        open_way = _open_ur if way is Way.UR else _open_ros2
+        open_way = _open_ur if way is ProtocolWay.UR else _open_ros2
         base = base_content(way, hides)
         real = merged(behind(base, hides), {"hardware": {"simulated": {"seed": seed}}})
         yield open_way(_Opening(stack, base, real, hides, folder, endpoint, environment))
@@ -205,6 +205,6 @@ def _open_ros2(opening: _Opening) -> Plant:
     return Plant(merged(opening.base, {"hardware": told}), arm, opening.real)
 
 
-def needs_private_network(way: Way) -> bool:
+def needs_private_network(way: ProtocolWay) -> bool:
     """Whether it needs addresses that the machine may not have."""
-    return way is Way.UR and sys.platform == "linux"
+    return way is ProtocolWay.UR and sys.platform == "linux"

@@ -16,7 +16,7 @@ DEG = 180.0 / np.pi
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DayFigure:
     """One number: how far it was off before, how far it is off now, in `unit`."""
 
     what: str
@@ -35,9 +35,9 @@ def _off(one: Pose, true: Pose) -> tuple[float, float]:
     return float(np.linalg.norm(away.translation_m)) * 1e3, float(np.linalg.norm(away.rotvec_rad())) * DEG
 
 
-def _pose_rows(what: str, before: Pose, after: Pose, true: Pose) -> list[Found]:
+def _pose_rows(what: str, before: Pose, after: Pose, true: Pose) -> list[DayFigure]:
     pairs = zip(_off(before, true), _off(after, true), ("place", "turn"), ("mm", "°"), strict=True)
-    return [Found(f"{what}, {kind}", first, then, unit) for first, then, kind, unit in pairs]
+    return [DayFigure(f"{what}, {kind}", first, then, unit) for first, then, kind, unit in pairs]
 
 
 def _focal_off_px(one: CameraCalibration, true: CameraCalibration) -> float:
@@ -49,14 +49,14 @@ def _middle_off_px(one: CameraCalibration, true: CameraCalibration) -> float:
     return max(float(np.hypot(mine.cx_px - real.cx_px, mine.cy_px - real.cy_px)) for mine, real in pairs)
 
 
-def camera_rows(before: CameraCalibration, after: CameraCalibration, behind: dict[str, Any]) -> list[Found]:
+def camera_rows(before: CameraCalibration, after: CameraCalibration, behind: dict[str, Any]) -> list[DayFigure]:
     """Lenses, the right camera, the left one in the base."""
     true = true_cameras(behind)
     beside = [one.pose_left_right.pose() for one in (before, after, true)]
     stands = [one.pose_base_camera.pose() for one in (before, after, true)]
     return [
-        Found("stereo, focal length, worse of both", _focal_off_px(before, true), _focal_off_px(after, true), "px"),
-        Found("stereo, picture's middle, worse of both", _middle_off_px(before, true), _middle_off_px(after, true),
+        DayFigure("stereo, focal length, worse of both", _focal_off_px(before, true), _focal_off_px(after, true), "px"),
+        DayFigure("stereo, picture's middle, worse of both", _middle_off_px(before, true), _middle_off_px(after, true),
               "px"),
         *_pose_rows("stereo, right camera", beside[0], beside[1], beside[2]),
         *_pose_rows("hand-eye, left camera", stands[0], stands[1], stands[2]),
@@ -72,15 +72,15 @@ def true_tool(behind: dict[str, Any]) -> tuple[Pose, Pose, np.ndarray[Any, np.dt
     return peg @ Pose.from_translation(truth["peg_shift_m"]), sensor, stiffness
 
 
-def tool_rows(before: Workcell, after: Workcell, behind: dict[str, Any]) -> list[Found]:
+def tool_rows(before: Workcell, after: Workcell, behind: dict[str, Any]) -> list[DayFigure]:
     """The tip, the sensor's mounting, the joints' stiffness."""
     peg, sensor, stiffness = true_tool(behind)
     tips = [_off(one.pose_flange_peg(), peg)[0] for one in (before, after)]
     mounted = [one.pose_flange_peg() @ one.sensor_mounting().pose_peg_sensor for one in (before, after)]
-    rows = [Found("tcp, tip", tips[0], tips[1], "mm"), *_pose_rows("mount, sensor", mounted[0], mounted[1], sensor)]
+    rows = [DayFigure("tcp, tip", tips[0], tips[1], "mm"), *_pose_rows("mount, sensor", mounted[0], mounted[1], sensor)]
     off = [np.asarray(one.joint_stiffness_nm_rad) / stiffness - 1.0 for one in (before, after)]
     rows += [
-        Found(f"stiffness, joint {joint + 1}", float(off[0][joint]) * 100.0, float(off[1][joint]) * 100.0, "%")
+        DayFigure(f"stiffness, joint {joint + 1}", float(off[0][joint]) * 100.0, float(off[1][joint]) * 100.0, "%")
         for joint in range(len(stiffness))
     ]
     return rows

@@ -23,7 +23,7 @@ RUN = "CROSSPIH_RUN_DIR"  # where OwnCell keeps the stack's state
 OPERATOR = "operator"
 
 
-class Account(BaseModel):
+class TrialTime(BaseModel):
     """One trial: its wall time, s, the CPU time of each process in it, and how much of the hardware's made pictures."""
 
     model_config = ConfigDict(frozen=True)
@@ -47,7 +47,7 @@ class TrialsResult(BaseModel):
     motion_s: float
     parts_s: dict[str, float]
     waiting_s: float
-    each: list[Account]
+    each: list[TrialTime]
 
 
 def cpu_of(stat: str, ticks_s: float) -> float:
@@ -110,13 +110,13 @@ def accounted_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]
     before, pictures_before_s = cpu_of_services(project, run_root), pictures.cpu_s
     figures, _ = session.trial(payload["seed"], Strategy(payload["strategy"]), False)
     after, rendering_s = cpu_of_services(project, run_root), pictures.cpu_s - pictures_before_s
-    return Account(
+    return TrialTime(
         seed=payload["seed"], inserted=figures.inserted, wall_s=figures.wall_s, motion_s=figures.motion_s,
         rendering_s=rendering_s, cpu_s={name: after[name] - before.get(name, 0.0) for name in after},
     ).model_dump()  # fmt: skip
 
 
-def result_of(accounts: list[Account]) -> TrialsResult:
+def result_of(accounts: list[TrialTime]) -> TrialsResult:
     """The medians. Waiting is what is left of the wall time when all CPU time is taken off it, of a cell that stays on
     one core."""
     names = sorted({name for one in accounts for name in one.cpu_s} - {"hardware"})

@@ -48,7 +48,7 @@ FAULTS: dict[str, SceneFaults] = {
 }
 
 
-class Sight(BaseModel):
+class VisionTrial(BaseModel):
     """One picture pair: what vision said, against the truth."""
 
     model_config = ConfigDict(frozen=True)
@@ -80,16 +80,16 @@ class SightSummary(BaseModel):
     tilt_deg: tuple[float, float] | None
     in_95_region: float | None
     in_95_region_wilson95: tuple[float, float] | None
-    each: list[Sight]
+    each: list[VisionTrial]
 
 
-def see(session: Session, seed: int, scene: SceneFaults | None) -> Sight:
+def see(session: Session, seed: int, scene: SceneFaults | None) -> VisionTrial:
     """A new trial's hole, and where vision says it is."""
     truth = session.new_trial(ResetCell(seed=seed, scene=scene))
     try:
         seen = session.bus.call(LOCATE, LocateHole(), LOCATE_DEADLINE_S)
     except CommandRefused as refusal:
-        return Sight(seed=seed, refusal=refusal.code)
+        return VisionTrial(seed=seed, refusal=refusal.code)
     true_base_hole = truth.pose_base_hole.pose()
     found = seen.pose_base_hole.pose()
     error = pose_error(found, true_base_hole)
@@ -98,7 +98,7 @@ def see(session: Session, seed: int, scene: SceneFaults | None) -> Sight:
     nees = float(xi @ np.linalg.solve(np.asarray(seen.covariance).reshape(6, 6), xi))
     far = error.lateral_mm > LIE_LATERAL_MM or abs(error.depth_mm) > LIE_DEPTH_MM or error.tilt_deg > LIE_TILT_DEG
     no_hole = scene is not None and not scene.hole
-    return Sight(
+    return VisionTrial(
         seed=seed,
         refusal=None,
         lateral_mm=error.lateral_mm,
@@ -111,7 +111,7 @@ def see(session: Session, seed: int, scene: SceneFaults | None) -> Sight:
     )
 
 
-def summarise_sights(condition: str, sights: list[Sight]) -> SightSummary:
+def summarise_sights(condition: str, sights: list[VisionTrial]) -> SightSummary:
     """Counts and quantiles."""
     accepted = [sight for sight in sights if sight.refusal is None]
 
@@ -205,7 +205,7 @@ def vision(
     wanted: list[tuple[str, SceneFaults | None, int]] = [("sound", None, poses)]
     wanted += [(name, scene, faults) for name, scene in FAULTS.items() if faults]
     summaries: list[SightSummary] = []
-    name, sights = "sound", list[Sight]()
+    name, sights = "sound", list[VisionTrial]()
     ended: CrosspihError | None = None
     try:
         with (

@@ -32,10 +32,10 @@ from services.operator.calibrate.recorded import is_recording
 from services.operator.calibrate.recorded_pictures import taken_of
 from services.operator.calibrate.tables import values_table
 from services.operator.calibrate.taking import VISION, ask, doubt_of, take_by_arm, take_by_hand
-from services.operator.calibrate.writing import Found
+from services.operator.calibrate.writing import CalibrationResult
 from services.operator.cell.which_cell import cell_path, using_cell
 from services.operator.config import BoardSection, OperatorConfig
-from services.operator.locate.calibration_file import Reading, read_calibration
+from services.operator.locate.calibration_file import FileReading, read_calibration
 from services.operator.locate.worker import OfflineVision
 
 NEEDED = ("hardware",)
@@ -51,7 +51,7 @@ PageOption = Annotated[bool, typer.Option("--page/--no-page", help="Live picture
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class TakingManner:
     """How pairs are taken."""
 
     pairs: int
@@ -102,7 +102,7 @@ class _Pairs:
 
 @contextmanager
 def _taken(
-    console: Console, what: str, cell: CellFile, pattern: str | None, files: list[Path] | None, manner: Manner
+    console: Console, what: str, cell: CellFile, pattern: str | None, files: list[Path] | None, manner: TakingManner
 ) -> Iterator[_Pairs]:
     own = new_folder(cell.workcell.name, what)
     with OfflineVision(VISION) as vision:
@@ -170,7 +170,9 @@ def stereo(
     console = Console(stderr=True)
     with told(console), using_cell(cell):
         file = load_cell(cell_path())
-        with _taken(console, STEREO, file, pattern, files, Manner(pairs, by_hand, share, speed, page, record)) as found:
+        with _taken(
+            console, STEREO, file, pattern, files, TakingManner(pairs, by_hand, share, speed, page, record)
+        ) as found:
             taken = found.taken
             jobs = found.jobs(gamma or _gamma(taken))
             result = ask(found.vision, {"do": "stereo", "board": taken.board, "pairs": jobs, "model": model})
@@ -191,9 +193,9 @@ def stereo(
             )  # fmt: skip
 
         target = cameras or found.own / CAMERAS
-        Found(STEREO, file, found.own, result, taken.taken_at.isoformat(), cameras=(target, message)).conclude(
-            as_json, show
-        )
+        CalibrationResult(
+            STEREO, file, found.own, result, taken.taken_at.isoformat(), cameras=(target, message)
+        ).conclude(as_json, show)
 
 
 def _gamma(taken: Taken) -> str:
@@ -222,7 +224,7 @@ def hand_eye(
     with told(console), using_cell(cell):
         file = load_cell(cell_path())
         with _taken(
-            console, HAND_EYE, file, pattern, files, Manner(pairs, by_hand, share, speed, page, record)
+            console, HAND_EYE, file, pattern, files, TakingManner(pairs, by_hand, share, speed, page, record)
         ) as found:
             taken = found.taken
             known = _cameras(taken, calibration, file)
@@ -246,14 +248,14 @@ def hand_eye(
         message = {**known.model_dump(mode="json"), "pose_base_camera": result["pose_base_camera"]}
         message = {name: value for name, value in message.items() if name not in ("stamp_ns", "seq", "frame")}
         target = cameras or found.own / CAMERAS
-        Found(HAND_EYE, file, found.own, result, taken.taken_at.isoformat(), out, (target, message)).conclude(
-            as_json, lambda shown: _show_hand_eye(shown, result)
-        )
+        CalibrationResult(
+            HAND_EYE, file, found.own, result, taken.taken_at.isoformat(), out, (target, message)
+        ).conclude(as_json, lambda shown: _show_hand_eye(shown, result))
 
 
 def _cameras(taken: Taken, calibration: Path | None, file: CellFile) -> CameraCalibration:
     if calibration is not None:
-        return read_calibration([calibration], Reading(pose_base_camera=file.workcell.camera.pose_base_camera()))
+        return read_calibration([calibration], FileReading(pose_base_camera=file.workcell.camera.pose_base_camera()))
     if taken.calibration is None:
         raise ConfigError("--calibration: the pictures say nothing of the cameras; give the file of `calibrate stereo`")
     return taken.calibration

@@ -29,12 +29,12 @@ from services.operator.calibrate.options import (
     recorded,
     say_notes,
 )
-from services.operator.calibrate.pressing import Manner, take_presses
+from services.operator.calibrate.pressing import PressingManner, take_presses
 from services.operator.calibrate.recorded import is_recording, pressed_of
 from services.operator.calibrate.settings import mount_settings, stiffness_settings, tcp_settings
 from services.operator.calibrate.so_far import SoFar
 from services.operator.calibrate.tables import values_table
-from services.operator.calibrate.writing import Found
+from services.operator.calibrate.writing import CalibrationResult
 from services.operator.cell.which_cell import cell_path, using_cell
 
 NEEDED = ("hardware", "force_torque", "planning")
@@ -48,7 +48,7 @@ ForceOption = Annotated[float, typer.Option(min=4.0, max=40.0, help="The hardest
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class PushCalibration:
     """One of the three. `reckon(pressed, cell)` is what was found, for JSON, and lines for people; it raises
     CalibrationRefused."""
 
@@ -134,8 +134,8 @@ def _tcp(pressed: Pressed, cell: CellFile) -> tuple[dict[str, Any], list[str]]:
 
 
 def _pressed(
-    console: Console, kind: Kind, cell: CellFile, given: Path | None, manner: Manner, share: float, speed: str | None,
-    record: bool, folder: Path,
+    console: Console, kind: PushCalibration, cell: CellFile, given: Path | None, manner: PressingManner, share: float,
+    speed: str | None, record: bool, folder: Path,
 ) -> Pressed:  # fmt: skip
     given = None if given is None else named_folder(cell.workcell.name, given)
     if given is None:
@@ -152,7 +152,7 @@ def _pressed(
     return pressed
 
 
-def _command(kind: Kind) -> Callable[..., None]:
+def _command(kind: PushCalibration) -> Callable[..., None]:
     def command(
         files: FromOption = None, presses: PressesOption = 16, force_n: ForceOption = 18.0, out: OutOption = None,
         cell: CellOption = None, share: ShareOption = 0.3, speed: SpeedOption = None, record: RecordOption = False,
@@ -162,7 +162,9 @@ def _command(kind: Kind) -> Callable[..., None]:
         with told(console), using_cell(cell):
             file = load_cell(cell_path())
             folder = new_folder(file.workcell.name, kind.name)
-            pressed = _pressed(console, kind, file, files, Manner(presses, force_n), share, speed, record, folder)
+            pressed = _pressed(
+                console, kind, file, files, PressingManner(presses, force_n), share, speed, record, folder
+            )
             result, lines = kind.reckon(pressed, file)
 
             def show(shown: Console) -> None:
@@ -170,22 +172,24 @@ def _command(kind: Kind) -> Callable[..., None]:
                 for line in lines:
                     shown.print(line, highlight=False, markup=False, soft_wrap=True)
 
-            Found(kind.name, file, folder, result, pressed.taken_at.isoformat(), out).conclude(as_json, show)
+            CalibrationResult(kind.name, file, folder, result, pressed.taken_at.isoformat(), out).conclude(
+                as_json, show
+            )
 
     command.__doc__, command.__name__ = kind.doc, kind.name
     return command
 
 
-stiffness = _command(Kind(
+stiffness = _command(PushCalibration(
     "stiffness",
     "The joints' stiffness: how far the encoders go on, and how much harder it presses, against the rigid plate.",
     "stiffness between encoders and links", False, _stiffness,
 ))  # fmt: skip
-mount = _command(Kind(
+mount = _command(PushCalibration(
     "mount", "How the force/torque sensor is mounted: its turn by gravity, its place by pushes on the tip's corners.",
     "the sensor against where the cell's file has it", True, _mount,
 ))  # fmt: skip
-tcp = _command(Kind(
+tcp = _command(PushCalibration(
     "tcp", "Where the peg's tip is on the flange: by touching one plate with several corners and tilts.",
     "the peg against where the cell's file has it", False, _tcp,
 ))  # fmt: skip

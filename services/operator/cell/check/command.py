@@ -16,7 +16,7 @@ from crosspih_common.modules import run_folder
 from services.operator.assembly.session import Session
 from services.operator.assembly.stack import cell_session
 from services.operator.bench.options import AsJson, told
-from services.operator.cell.check.measuring import Manner, check_cell
+from services.operator.cell.check.measuring import CheckManner, check_cell
 from services.operator.cell.which_cell import using_cell
 from services.operator.cli.rows import tell, wrong_ones
 
@@ -47,7 +47,7 @@ def check(
     console = Console(stderr=as_json)
     with told(console), using_cell(cell):
         with _some_session(speed) as session, console.status("looking at the cell") as status:
-            manner = Manner(arm=not camera, camera_needed=not no_camera)
+            manner = CheckManner(arm=not camera, camera_needed=not no_camera)
             rows = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))
             name = session.bus.cell
             wrong = len(wrong_ones(rows))

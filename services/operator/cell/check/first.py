@@ -10,10 +10,10 @@ from crosspih_common.client.checked import checked_boot, note_checked
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CommandRefused
 from crosspih_common.holding.soundness import UNFIT
-from services.operator.cell.check.measuring import Manner, check_cell
+from services.operator.cell.check.measuring import CheckManner, check_cell
 from services.operator.cli.rows import wrong_ones
 
-GENTLE = Manner(provoking=False, camera_needed=False)  # by force alone it goes without a camera
+GENTLE = CheckManner(provoking=False, camera_needed=False)  # by force alone it goes without a camera
 
 
 def check_before_first(
@@ -22,7 +22,7 @@ def check_before_first(
     boot_id: str,
     folder: Path,
     say: Callable[[str], None] = lambda text: None,
-    manner: Manner = GENTLE,
+    manner: CheckManner = GENTLE,
 ) -> bool:
     """Whether the cell was looked at now; not when its present boot already was, by the file in `folder`.
 

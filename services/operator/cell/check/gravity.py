@@ -21,15 +21,15 @@ from services.operator.cli.rows import Row, ok, skipped, wrong
 
 SIGN, RANGE, UNIT, MOMENT = "sensor's sign and axes", "sensor within its range", "unit of force", "unit of moment"
 TURN_LIMIT_RAD = 0.1
-LEAST_WEIGHT_N = 0.2
+MIN_WEIGHT_N = 0.2
 LEVER_M = 0.5
 UNIT_TOLERANCE = 0.12
 RESIDUAL_SHARE = 0.15  # of the felt changes
-LEAST_SPREAD = 0.05  # of the unit weight's direction, in its second direction
+MIN_SPREAD = 0.05  # of the unit weight's direction, in its second direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class DwellReading:
     """A dwell: how the peg stood (3, 3), the raw mean (6,), and the standard deviation of that mean (6,)."""
 
     rotation_base_peg: Array
@@ -38,7 +38,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt:
+class FeltWeight:
     """How the felt weight differs from what the cell's file lets one expect.
 
     sign: -1 where reversed. turn_rad (3,): of the real sensor's frame in the one of the file, a rotation vector.
@@ -52,7 +52,7 @@ class Felt:
     lever_m: float
 
 
-def felt_weight(readings: Sequence[Reading], workcell: Workcell) -> Felt | None:
+def felt_weight(readings: Sequence[DwellReading], workcell: Workcell) -> FeltWeight | None:
     """From at least three orientations; None where they do not differ enough in two directions."""
     mounting, gravity = workcell.sensor_mounting(), np.asarray(workcell.gravity_base_m_s2, float)
     down = gravity / np.linalg.norm(gravity)
@@ -61,7 +61,7 @@ def felt_weight(readings: Sequence[Reading], workcell: Workcell) -> Felt | None:
     expected -= expected.mean(axis=0)
     wrenches -= wrenches.mean(axis=0)
     forces, moments = wrenches[:, :3], wrenches[:, 3:]
-    if len(readings) < 3 or np.linalg.svd(expected, compute_uv=False)[1] < LEAST_SPREAD:
+    if len(readings) < 3 or np.linalg.svd(expected, compute_uv=False)[1] < MIN_SPREAD:
         return None
     size = float(np.sum(forces * forces))
     found = []
@@ -79,7 +79,7 @@ def felt_weight(readings: Sequence[Reading], workcell: Workcell) -> Felt | None:
         sign, turn, weight, rest = upright  # as well explained by nothing wrong
     lever = float(np.sqrt(np.sum(moments * moments) / size)) if size > 0.0 else 0.0
     share = float(np.sqrt(rest / size)) if size > 0.0 else 0.0
-    return Felt(sign, Rotation.from_matrix(turn.T).as_rotvec(), weight, share, lever)
+    return FeltWeight(sign, Rotation.from_matrix(turn.T).as_rotvec(), weight, share, lever)
 
 
 def _angle(rotation: Array) -> float:
@@ -104,7 +104,7 @@ def check_range(raw: ArrayLike, workcell: Workcell) -> Row:
     )
 
 
-def check_sign(felt: Felt | None, workcell: Workcell) -> Row:
+def check_sign(felt: FeltWeight | None, workcell: Workcell) -> Row:
     """Whether the felt weight hangs down, along the axes that the cell's file says."""
     if felt is None:
         return skipped(SIGN, "the wrist could not be tilted in two directions")
@@ -128,7 +128,7 @@ def check_sign(felt: Felt | None, workcell: Workcell) -> Row:
     return wrong(SIGN, "; ".join(text for text in (reversed_sign, turned) if text), _mend_mounting(felt, workcell))
 
 
-def _mend_mounting(felt: Felt, workcell: Workcell) -> str:
+def _mend_mounting(felt: FeltWeight, workcell: Workcell) -> str:
     section, said = workcell.force_torque, []
     if felt.sign < 0:
         other = Reports.REACTION if section.reports is Reports.LOAD else Reports.LOAD
@@ -145,7 +145,7 @@ def _mend_mounting(felt: Felt, workcell: Workcell) -> str:
     return "; ".join(said) + "; then calibrate again (`crosspih calibrate ft`)"
 
 
-def _axes(felt: Felt, section: SensorSection, workcell: Workcell) -> tuple[str, ...] | None:
+def _axes(felt: FeltWeight, section: SensorSection, workcell: Workcell) -> tuple[str, ...] | None:
     """The `axes` that undo the turn, where it is one by right angles."""
     wanted = Rotation.from_rotvec(felt.turn_rad).as_matrix() @ workcell.sensor_mounting().axes
     rounded = np.round(wanted)
@@ -155,13 +155,13 @@ def _axes(felt: Felt, section: SensorSection, workcell: Workcell) -> tuple[str, 
     return tuple(("-" if row[column] < 0 else "") + "xyz"[column] for row, column in zip(rounded, columns, strict=True))
 
 
-def check_unit(felt: Felt | None, workcell: Workcell, known_n: float | None, known_from: str) -> Row:
+def check_unit(felt: FeltWeight | None, workcell: Workcell, known_n: float | None, known_from: str) -> Row:
     """The weight as read against one that is known; without one only what cannot be."""
     if felt is None:
         return skipped(UNIT, "the wrist could not be tilted in two directions")
     section, read = workcell.force_torque, felt.weight_n
     if known_n is None:
-        if read > section.range_n or read < LEAST_WEIGHT_N:
+        if read > section.range_n or read < MIN_WEIGHT_N:
             return wrong(
                 UNIT,
                 f"a weight of {read:.3g} N hangs on a sensor of {section.range_n:g} N",
@@ -194,7 +194,7 @@ def _unit_for(read_n: float, section: SensorSection) -> str:
     return order[min(max(index, 0), len(order) - 1)] if section.force_unit != "N" else ("mN" if read_n > 1 else "kN")
 
 
-def check_moment(felt: Felt | None) -> Row:
+def check_moment(felt: FeltWeight | None) -> Row:
     """How far from the sensor the weight would have to hang for the moments that change with it."""
     if felt is None:
         return skipped(MOMENT, "the wrist could not be tilted in two directions")

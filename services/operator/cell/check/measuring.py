@@ -65,7 +65,7 @@ STOP_MOVE_M, STOP_SPEED_M_S, STOP_TRIES = 0.002, 0.0005, 3
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class CheckManner:
     """How gently: the tilt of the wrist, its speed, the dwells, and how long to wait for who is not there."""
 
     tilt_rad: float = 0.3
@@ -93,7 +93,7 @@ class _Heard:
 class Measurer:
     """One look at a cell through a bus of the operator."""
 
-    def __init__(self, bus: Bus, workcell: Workcell, manner: Manner, say: Callable[[str], None]) -> None:
+    def __init__(self, bus: Bus, workcell: Workcell, manner: CheckManner, say: Callable[[str], None]) -> None:
         self._bus, self._workcell, self._manner, self._say = bus, workcell, manner, say
         self._arm = workcell.arm()
         self._alive: set[str] = set()
@@ -303,10 +303,10 @@ class Measurer:
         self.checks.append(gravity.check_unit(felt, self._workcell, known, source))
         self.checks.append(gravity.check_moment(felt))
 
-    def _reading(self, lease: ArmLease) -> gravity.Reading:
+    def _reading(self, lease: ArmLease) -> gravity.DwellReading:
         lease.ask(DWELL, Dwell(duration_s=self._manner.settle_s), ASK_S)
         outcome = lease.ask(DWELL, Dwell(duration_s=self._manner.dwell_s), ASK_S)
-        return gravity.Reading(
+        return gravity.DwellReading(
             outcome.pose_base_peg.pose().rotation, np.asarray(outcome.wrench_raw), np.asarray(outcome.wrench_sd)
         )
 
@@ -362,7 +362,7 @@ def tilt_axes(rotation_base_peg: Array, gravity_base: Array) -> tuple[Array, Arr
 
 
 def check_cell(
-    bus: Bus, workcell: Workcell, manner: Manner | None = None, say: Callable[[str], None] = lambda text: None
+    bus: Bus, workcell: Workcell, manner: CheckManner | None = None, say: Callable[[str], None] = lambda text: None
 ) -> list[Row]:
     """All checks of a running cell; `say` is told what is done."""
-    return Measurer(bus, workcell, manner or Manner(), say).run()
+    return Measurer(bus, workcell, manner or CheckManner(), say).run()

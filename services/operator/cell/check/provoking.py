@@ -31,7 +31,7 @@ from crosspih_common.messages import (
     floats,
 )
 from crosspih_common.wrench import IMPLAUSIBLE, SensorMounting
-from services.operator.cell.check.refused import Answer, check_refused
+from services.operator.cell.check.refused import CommandEnd, check_refused
 from services.operator.cli.rows import Row, skipped, wrong_ones
 
 ASK_S = 120.0
@@ -131,15 +131,15 @@ def _payload(lease: ArmLease, at_rest: Array, calibration: FtCalibration | None)
     )
 
 
-def _ask(ask: Callable[[], Message]) -> Answer:
+def _ask(ask: Callable[[], Message]) -> CommandEnd:
     try:
         done = ask()
     except CommandRefused as refusal:
-        return Answer(refusal.code, refusal.text)
-    return Answer(None, getattr(getattr(done, "stop_reason", None), "value", "accepted"))
+        return CommandEnd(refusal.code, refusal.text)
+    return CommandEnd(None, getattr(getattr(done, "stop_reason", None), "value", "accepted"))
 
 
-def _follow(bus: Bus, lease: ArmLease, knots: tuple[JointKnot, ...]) -> Answer:
+def _follow(bus: Bus, lease: ArmLease, knots: tuple[JointKnot, ...]) -> CommandEnd:
     """Ask, and stop what was not refused at once."""
     with ThreadPoolExecutor(1) as asking:
         moving = asking.submit(_ask, lambda: lease.ask(FOLLOW, FollowTrajectory(knots=knots), ASK_S))

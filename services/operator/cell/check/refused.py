@@ -11,14 +11,14 @@ STOP_LIMIT_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CommandEnd:
     """A command's end: the code and text of a refusal, or what was done."""
 
     code: str | None
     text: str = ""
 
 
-def check_refused(name: str, answer: Answer, expected: tuple[str, ...], mend: str) -> Row:
+def check_refused(name: str, answer: CommandEnd, expected: tuple[str, ...], mend: str) -> Row:
     """A command that must be refused before anything moves, with one of the codes."""
     if answer.code is None:
         return wrong(name, f"it was carried out: {answer.text}", mend)

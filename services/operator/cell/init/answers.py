@@ -20,7 +20,7 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
 from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.shapes.importing import FILE_SUFFIXES
-from services.operator.locate.calibration_file import Reading, read_calibration
+from services.operator.locate.calibration_file import FileReading, read_calibration
 
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?)*")
@@ -29,7 +29,7 @@ SAME = "same"
 NONE = "none"
 
 
-class Refused(ValueError):
+class InvalidAnswer(ValueError):
     """An answer that cannot be; the text says what would be right."""
 
 
@@ -56,9 +56,9 @@ def numbers(text: str, count: int, what: str) -> tuple[float, ...]:
     try:
         values = tuple(float(part) for part in parts)
     except ValueError:
-        raise Refused(f"want {count} numbers: {what}") from None
+        raise InvalidAnswer(f"want {count} numbers: {what}") from None
     if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise Refused(f"want {count} numbers: {what}")
+        raise InvalidAnswer(f"want {count} numbers: {what}")
     return values
 
 
@@ -66,14 +66,14 @@ def number(text: str, least: float, most: float, what: str) -> float:
     """One number in a range."""
     value = numbers(text, 1, what)[0]
     if not least <= value <= most:
-        raise Refused(f"want {what}, from {least:g} to {most:g}")
+        raise InvalidAnswer(f"want {what}, from {least:g} to {most:g}")
     return value
 
 
 def name(text: str) -> str:
     """The cell's name: the prefix of its keys."""
     if not NAME.fullmatch(text):
-        raise Refused("want small letters, digits, - and _, at most 32: bench3")
+        raise InvalidAnswer("want small letters, digits, - and _, at most 32: bench3")
     return text
 
 
@@ -85,7 +85,7 @@ def file(text: str, what: str) -> Path:
     except (OSError, ValueError):  # a name that no file can have
         there = False
     if not there:
-        raise Refused(f"{text[:80]!r}: there is no such file; want {what}")
+        raise InvalidAnswer(f"{text[:80]!r}: there is no such file; want {what}")
     return path
 
 
@@ -94,7 +94,7 @@ def arm(text: str) -> dict[str, Any]:
     if text in NAMED_ARMS:
         return {"name": text}
     if not text.endswith((".urdf", ".yaml", ".yml")):
-        raise Refused(f"want {', '.join(NAMED_ARMS)}, a .urdf file, or a .yaml file with dh: (docs/arms.md)")
+        raise InvalidAnswer(f"want {', '.join(NAMED_ARMS)}, a .urdf file, or a .yaml file with dh: (docs/arms.md)")
     path = file(text, "a URDF file, or a YAML file with the arm's DH table")
     if path.suffix == ".urdf":
         section: Any = {"urdf": str(path.resolve())}
@@ -102,13 +102,13 @@ def arm(text: str) -> dict[str, Any]:
         try:
             section = yaml_of(text_of_file(path))
         except (OSError, yaml.YAMLError) as error:
-            raise Refused(f"{text}: is not YAML: {error}") from None
+            raise InvalidAnswer(f"{text}: is not YAML: {error}") from None
         if isinstance(section, dict) and set(section) == {"arm"}:
             section = section["arm"]
     try:
         ArmSection.model_validate(section)
     except ValidationError as error:
-        raise Refused(f"{text}: {why(error)}") from None
+        raise InvalidAnswer(f"{text}: {why(error)}") from None
     assert isinstance(section, dict)
     return section
 
@@ -124,7 +124,7 @@ def home(text: str, section: dict[str, Any]) -> tuple[float, ...]:
     values = numbers(text, model.joints, f"a posture of the {model.joints} joints, rad, far from everything")
     outside = model.limits.violations(values)
     if outside:
-        raise Refused("; ".join(outside))
+        raise InvalidAnswer("; ".join(outside))
     return values
 
 
@@ -139,7 +139,9 @@ def driver(text: str, known: Sequence[dict[str, Any]], device: str) -> str:
         return text
     of = {str(one["name"]): one for one in known if not one["opens"] or device in one["opens"]}
     if text not in of:
-        raise Refused(f"want one of {', '.join(of)}, or your own module:function (crosspih cell drivers lists them)")
+        raise InvalidAnswer(
+            f"want one of {', '.join(of)}, or your own module:function (crosspih cell drivers lists them)"
+        )
     return text
 
 
@@ -153,7 +155,7 @@ def address(text: str, setting: str) -> str:
         ipaddress.ip_address(text)
     except ValueError:
         if re.fullmatch(r"[\d.]+", text) or not HOST.fullmatch(text):
-            raise Refused("want an address such as 192.168.0.10, a host's name, or a file in /dev") from None
+            raise InvalidAnswer("want an address such as 192.168.0.10, a host's name, or a file in /dev") from None
     return text
 
 
@@ -161,9 +163,9 @@ def calibration(text: str) -> str:
     """The calibration file of the cameras, in any form that `crosspih locate` reads."""
     path = file(text, "the cameras' calibration (docs/locate.md)")
     try:
-        read_calibration([path], Reading(Pose.identity(), sizes=lambda: ((640, 480), (640, 480))))
+        read_calibration([path], FileReading(Pose.identity(), sizes=lambda: ((640, 480), (640, 480))))
     except (CrosspihError, ValueError, TypeError) as error:
-        raise Refused(why(error)) from None
+        raise InvalidAnswer(why(error)) from None
     return str(path.resolve())
 
 
@@ -171,19 +173,19 @@ def peg(text: str) -> dict[str, Any]:
     """`cell.peg`: an outline by its name, or a drawing's file."""
     drawn = Path(text).suffix.lower() in FILE_SUFFIXES
     if not drawn and text not in OUTLINES:
-        raise Refused(f"want {', '.join(OUTLINES)}, or an SVG or DXF file (docs/pegs.md)")
+        raise InvalidAnswer(f"want {', '.join(OUTLINES)}, or an SVG or DXF file (docs/pegs.md)")
     outline = str(file(text, "a drawing").resolve()) if drawn else text
     try:
         Workcell.model_validate({"peg": {"outline": outline}})
     except ValidationError as error:
-        raise Refused(why(error)) from None
+        raise InvalidAnswer(why(error)) from None
     return PegDrawing(outline=outline).model_dump(exclude_defaults=True) or {"outline": outline}
 
 
 def choice(text: str, among: Sequence[str]) -> str:
     """One of a few words."""
     if text not in among:
-        raise Refused(f"want {' or '.join(among)}")
+        raise InvalidAnswer(f"want {' or '.join(among)}")
     return text
 
 

@@ -14,7 +14,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.plain_yaml import text_of_file, yaml_of
 from services.operator.bench.options import told
 from services.operator.cell.drivers import installed_drivers
-from services.operator.cell.init.answers import Refused, text_of
+from services.operator.cell.init.answers import InvalidAnswer, text_of
 from services.operator.cell.init.questions import Answers, Question, questions
 from services.operator.cell.init.writing import cell_text
 
@@ -55,7 +55,7 @@ def asked(each: list[Question], given: dict[str, str], ask: bool, console: Conso
         if question.key in given:
             try:
                 answers[question.key] = question.read(given[question.key], answers)
-            except Refused as refused:
+            except InvalidAnswer as refused:
                 raise ConfigError(f"{question.key}: {given[question.key]!r}: {refused}") from None
             continue
         default = question.default(answers)
@@ -70,7 +70,7 @@ def _typed(question: Question, answers: Answers, default: str | None, console: C
         said: str = typer.prompt(question.text, default=default, type=str)
         try:
             return question.read(said.strip(), answers)
-        except Refused as refused:
+        except InvalidAnswer as refused:
             console.print(f"  {refused}", style="red", markup=False, highlight=False, soft_wrap=True)
 
 
@@ -79,7 +79,7 @@ def _default(question: Question, answers: Answers, default: str | None) -> Any:
         raise ConfigError(f"{question.key}: has no default; give it with --answer {question.key}=VALUE")
     try:
         return question.read(default, answers)
-    except Refused as refused:
+    except InvalidAnswer as refused:
         raise ConfigError(f"{question.key}: the default does not do here: {refused}") from None
 
 

@@ -15,7 +15,7 @@ from crosspih_common.config import HolePrior, Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.plain_yaml import text_of_file, yaml_of
 from services.operator.cell.init import answers as of
-from services.operator.cell.init.answers import NONE, SAME, Refused
+from services.operator.cell.init.answers import NONE, SAME, InvalidAnswer
 from services.operator.cli.rows import Verdict
 from services.operator.doctor.drawing import reach_rows
 
@@ -82,30 +82,30 @@ def _clearance(text: str, given: Answers) -> float:
     try:
         Workcell.model_validate({**base_content(given), "hole": {"clearance_m": value}})
     except ValidationError as error:
-        raise Refused(of.why(error)) from None
+        raise InvalidAnswer(of.why(error)) from None
     return value
 
 
 def _axis(text: str, given: Answers) -> tuple[float, ...]:
     axis = of.numbers(text, 3, "the direction into the hole, in the base's frame: 0 0 -1 is downwards")
     if not 1e-3 < float(np.linalg.norm(axis)) < 1e6:
-        raise Refused("want a direction, such as 0 0 -1")
+        raise InvalidAnswer("want a direction, such as 0 0 -1")
     matrix = hole_pose(given["hole_position_m"], axis).matrix()[:3].tolist()
     content = {**base_content(given), "hole_prior": {"matrix_base_hole": matrix}}
     try:
         cell = Workcell.model_validate(content)
         row = next(iter(reach_rows(cell)))
     except (ValidationError, ValueError) as error:
-        raise Refused(of.why(error)) from None
+        raise InvalidAnswer(of.why(error)) from None
     if row.verdict is Verdict.WRONG:
-        raise Refused(f"{row.found}; another direction, or begin again with another place (hole_position_m)")
+        raise InvalidAnswer(f"{row.found}; another direction, or begin again with another place (hole_position_m)")
     return axis
 
 
 def _position(text: str, given: Answers) -> tuple[float, ...]:
     place = of.numbers(text, 3, "x y z of the hole's middle on the plate's face, m, in the base's frame")
     if not 0.05 < float(np.linalg.norm(place)) < 3.0:
-        raise Refused("want metres from the arm's base, .05 to 3 m away: 0.4 -0.3 0.2")
+        raise InvalidAnswer("want metres from the arm's base, .05 to 3 m away: 0.4 -0.3 0.2")
     return place
 
 

@@ -18,7 +18,7 @@ from services.operator.report.charts import AXES, PHASE_COLOURS
 from services.operator.report.model import Facts
 from services.operator.scene3d.bodies import Bodies
 from services.operator.scene3d.rasterising import Picture
-from services.operator.scene3d.scenes import FORCE, LEAST_ARROW_N, Moment, closeup, overview
+from services.operator.scene3d.scenes import FORCE, MIN_ARROW_N, Moment, closeup, overview
 
 WIDTH, HEAD, VIEW, STRIP = 880, 34, 330, 176
 PAGE, INK, QUIET = (255, 255, 255), (27, 32, 39), (96, 105, 117)
@@ -117,7 +117,7 @@ class Film:
         tone = (190, 196, 204) if at.looking else QUIET
         draw.text((WIDTH / 2 + 12, HEAD + 8), said, font=self._small, fill=tone, anchor="lt")
         felt_n = 0.0 if wrench is None else float(np.linalg.norm(wrench[:3]))
-        if felt_n > LEAST_ARROW_N and not at.looking:
+        if felt_n > MIN_ARROW_N and not at.looking:
             draw.text((WIDTH - 14, HEAD + 28), f"{felt_n:.1f} N", font=self._bold, fill=FORCE, anchor="rt")
         return np.asarray(image)
 

@@ -13,9 +13,9 @@ from crosspih_common.foxglove import ViewerTopic, arm_urdf
 from crosspih_common.recording import Recording, read_recording
 from crosspih_common.recording.records import Attachment, Channel, Entry, Schema
 from crosspih_common.recording.viewers import URDF, for_viewers
-from crosspih_common.recording.walking import ReadPart, Said
+from crosspih_common.recording.walking import ReadPart, WalkedMessage
 from services.operator.bench.options import told
-from services.operator.recordings.export.shown import EVERY, RATE_HZ, Shown, cell_of, shown_of
+from services.operator.recordings.export.shown import EVERY, RATE_HZ, ViewerMessage, cell_of, shown_of
 from services.operator.recordings.making import said_in
 from services.operator.recordings.writing import NewRecording
 
@@ -74,5 +74,5 @@ def _records_of(topic: ViewerTopic) -> tuple[Channel, Schema]:
     return Channel(0, topic.name, message_encoding, 0, words), Schema(0, name, encoding, data)
 
 
-def _said(shown: Shown, channel: Channel, schema: Schema, number: int) -> Said:
-    return Said(channel, schema, Entry(0, number & 0xFFFFFFFF, shown.stamp_ns, shown.wall_ns, shown.data))
+def _said(shown: ViewerMessage, channel: Channel, schema: Schema, number: int) -> WalkedMessage:
+    return WalkedMessage(channel, schema, Entry(0, number & 0xFFFFFFFF, shown.stamp_ns, shown.wall_ns, shown.data))

@@ -19,7 +19,7 @@ RATE_HZ = 50.0
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ViewerMessage:
     """One message for viewers: `stamp_ns` is the cell's clock, `wall_ns` the recorder's when its source came."""
 
     topic: ViewerTopic
@@ -28,7 +28,7 @@ class Shown:
     data: bytes
 
 
-def shown_of(recording: Recording, rate_hz: float = RATE_HZ) -> Iterator[Shown]:
+def shown_of(recording: Recording, rate_hz: float = RATE_HZ) -> Iterator[ViewerMessage]:
     """Every message, in the order in which the sources came. What cannot be decoded goes to `recording.problems`.
 
     Raises ConfigError where the recording tells no cell.
@@ -46,7 +46,7 @@ def shown_of(recording: Recording, rate_hz: float = RATE_HZ) -> Iterator[Shown]:
             topics.take(topic, decode(topic.type, sample.payload, sample.label, sample.key))
         except ContractError as error:
             recording.problems.append(str(error))
-        yield from (Shown(told, stamp_ns, sample.wall_ns, data) for told, stamp_ns, data in made)
+        yield from (ViewerMessage(told, stamp_ns, sample.wall_ns, data) for told, stamp_ns, data in made)
         made.clear()
 
 

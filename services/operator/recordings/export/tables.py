@@ -16,7 +16,7 @@ from crosspih_common.messages.images import IMAGE_TYPE
 from crosspih_common.recording import Recorded, Recording
 from crosspih_common.recording.rerun import begun_ns
 
-MOST_COLUMNS = 64  # of a list of numbers in CSV; a longer one is one column of JSON
+MAX_COLUMNS = 64  # of a list of numbers in CSV; a longer one is one column of JSON
 Columns = dict[str, list[Any]]
 OURS = ("stamp_ns", "seq")  # in columns of their own already
 
@@ -114,7 +114,7 @@ def write_csv(columns: Columns, path: Path) -> int:
             flat[name] = column
             continue
         length = max(map(len, lists))
-        if length > MOST_COLUMNS or any(len(value) != length for value in lists):
+        if length > MAX_COLUMNS or any(len(value) != length for value in lists):
             flat[name] = [None if value is None else json.dumps(value) for value in column]
             continue
         for index in range(length):

@@ -10,9 +10,9 @@ from typing import Any
 from crosspih_common.config import with_files_beside
 from crosspih_common.errors import CommandRefused, ConfigError
 from crosspih_common.messages import Message
-from crosspih_common.plain_yaml import MOST_BYTES, text_of_file, yaml_of
+from crosspih_common.plain_yaml import MAX_BYTES, text_of_file, yaml_of
 from crosspih_common.recording import Recording
-from crosspih_common.recording.comparing import Difference, differences
+from crosspih_common.recording.comparing import FieldDifference, differences
 from services.operator.assembly.session import Session
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
 from services.operator.recordings.replay.asked import Asked
@@ -27,7 +27,7 @@ class Compared:
 
     asked: Asked
     refused: str
-    differences: tuple[Difference, ...]
+    differences: tuple[FieldDifference, ...]
 
     @property
     def equal(self) -> bool:
@@ -47,7 +47,7 @@ def stored_cell(recording: Recording, cell: Path | None) -> dict[str, Any]:
         path, text = Path(stored.get("path", "cell.yaml")), stored["yaml"]
     else:
         try:
-            path, text = cell.resolve(), text_of_file(cell, MOST_BYTES)
+            path, text = cell.resolve(), text_of_file(cell, MAX_BYTES)
         except OSError as error:
             raise ConfigError(f"--cell {cell}: cannot be read ({error.strerror})") from None
     content = yaml_of(text) or {}
@@ -77,7 +77,7 @@ def _compared(session: Session, asked: Asked, on_answer: Callable[[Message | Non
     if asked.answer is None or answer is None:
         same = asked.answer is None and answer is None
         then, now = ("none is recorded" if asked.answer is None else "given"), refused or "given"
-        return Compared(asked, refused, () if same else (Difference("answer", then, now, None),))
+        return Compared(asked, refused, () if same else (FieldDifference("answer", then, now, None),))
     return Compared(asked, refused, tuple(differences(asked.answer, answer)))
 
 

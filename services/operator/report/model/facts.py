@@ -15,11 +15,11 @@ from crosspih_common.messages import HoleEstimate, Image, SimulationTruth
 from crosspih_common.recording import Recording
 from services.operator.report.model.checks import Check, checks_of
 from services.operator.report.model.forces import Forces, forces_of
-from services.operator.report.model.health import Health, health_of
+from services.operator.report.model.health import RecordingHealth, health_of
 from services.operator.report.model.motion import (
+    AnsweredMotion,
     JointTrace,
     JointUse,
-    Motion,
     joint_uses,
     joints_of,
     motions_of,
@@ -27,7 +27,7 @@ from services.operator.report.model.motion import (
 from services.operator.report.model.phases import PhaseTime, Span, calibrated_until_s, spans_of, times_of
 from services.operator.report.model.poses import HolePose, poses_of, reference_hole
 from services.operator.report.model.touches import TouchEntry, touches_of
-from services.operator.report.model.window import Window, window_of, workcell_of
+from services.operator.report.model.window import AssemblyWindow, window_of, workcell_of
 from services.operator.scoring.score import TrialFigures, score
 
 
@@ -38,7 +38,7 @@ class Facts:
     recording: Recording
     workcell: Workcell
     configuration: dict[str, Any]
-    window: Window
+    window: AssemblyWindow
     truth: SimulationTruth | None
     figures: TrialFigures | None
     located: HoleEstimate | None
@@ -47,7 +47,7 @@ class Facts:
     spans: list[Span]
     times: list[PhaseTime]
     calibrated_s: float
-    motions: list[Motion]
+    motions: list[AnsweredMotion]
     joints: JointTrace | None
     uses: list[JointUse]
     reference: Pose
@@ -56,7 +56,7 @@ class Facts:
     touches: list[TouchEntry]
     presses: list[TouchEntry]
     poses: list[HolePose]
-    health: Health
+    health: RecordingHealth
     checks: list[Check] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
 

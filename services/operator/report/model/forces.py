@@ -19,8 +19,8 @@ from crosspih_common.keys import CONTACT_WRENCH, FT_CALIBRATION, WRENCH_RAW
 from crosspih_common.messages import FtCalibration
 from crosspih_common.recording import Recording
 from crosspih_common.wrench import Payload
-from services.operator.report.model.motion import JointTrace, Motion, in_hole_m
-from services.operator.report.model.window import Window
+from services.operator.report.model.motion import AnsweredMotion, JointTrace, in_hole_m
+from services.operator.report.model.window import AssemblyWindow
 
 CLEAR_M = 0.003  # the tip that far before the hole's face can touch nothing of it
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -89,10 +89,10 @@ class Forces:
 
 def forces_of(
     recording: Recording,
-    window: Window,
+    window: AssemblyWindow,
     workcell: Workcell,
     joints: JointTrace | None,
-    motions: list[Motion],
+    motions: list[AnsweredMotion],
     pose_base_hole: Pose,
     start_s: float,
 ) -> Forces:
@@ -116,7 +116,7 @@ def forces_of(
 
 
 def free_spans(
-    joints: JointTrace | None, motions: list[Motion], pose_base_hole: Pose, end_s: float, start_s: float = 0.0
+    joints: JointTrace | None, motions: list[AnsweredMotion], pose_base_hole: Pose, end_s: float, start_s: float = 0.0
 ) -> tuple[tuple[float, float], ...]:
     """Times in which the peg could touch nothing: joint trajectories, which planning keeps clear of everything, and
     while the tip was clear of the hole's face."""
@@ -166,7 +166,7 @@ def _with_free(trace: Trace | None, spans: tuple[tuple[float, float], ...], star
     return Trace(trace.time_s, trace.wrench, free, trace.rate_hz)
 
 
-def _filtered(recording: Recording, window: Window) -> Trace | None:
+def _filtered(recording: Recording, window: AssemblyWindow) -> Trace | None:
     samples = [sample for sample in recording.messages(CONTACT_WRENCH) if window.holds(sample.stamp_ns)]
     if not samples:
         return None
@@ -176,7 +176,7 @@ def _filtered(recording: Recording, window: Window) -> Trace | None:
 
 
 def _unfiltered(
-    recording: Recording, window: Window, workcell: Workcell, joints: JointTrace, calibration: FtCalibration
+    recording: Recording, window: AssemblyWindow, workcell: Workcell, joints: JointTrace, calibration: FtCalibration
 ) -> Trace | None:
     batches = [batch for batch in recording.messages(WRENCH_RAW) if window.holds(batch.stamp_ns)]
     if not batches:

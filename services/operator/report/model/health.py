@@ -9,7 +9,7 @@ import numpy as np
 from crosspih_common.keys import EVENTS, STATUS, topics
 from crosspih_common.messages import Event, ServiceStatus, Severity
 from crosspih_common.recording import Recording
-from services.operator.report.model.window import Window
+from services.operator.report.model.window import AssemblyWindow
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class KeyHealth:
 
 
 @dataclass(frozen=True, slots=True)
-class Health:
+class RecordingHealth:
     """All keys, the recorder's own counters (None: the file was never finished), services and their warnings."""
 
     keys: list[KeyHealth]
@@ -47,7 +47,7 @@ class Health:
         return "–" if self.drops is None else self.drops.get(f"{kind}_total", "0")
 
 
-def health_of(recording: Recording, window: Window) -> Health:
+def health_of(recording: Recording, window: AssemblyWindow) -> RecordingHealth:
     """Over the assembly; what never came is counted over the whole file."""
     nominal = {key: topic.rate_hz for topic in topics() for key in recording.keys_of(topic)}
     gaps = recording.seq_gaps()
@@ -73,7 +73,7 @@ def health_of(recording: Recording, window: Window) -> Health:
         (window.s(event.stamp_ns), event) for event in recording.messages(EVENTS) if event.severity is not Severity.INFO
     ]
     services = [by_service[name] for name in sorted(by_service)]
-    return Health(keys, recording.metadata.get("drops"), services, events)
+    return RecordingHealth(keys, recording.metadata.get("drops"), services, events)
 
 
 def _rate(times_s: np.ndarray) -> float | None:

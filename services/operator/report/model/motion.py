@@ -13,7 +13,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.keys import ADMITTANCE_MOVE, DWELL, FOLLOW, GUARDED_MOVE, JOINT_STATE, MOVE_LINEAR, Command
 from crosspih_common.messages import MotionOutcome
 from crosspih_common.recording import Recording
-from services.operator.report.model.window import Window
+from services.operator.report.model.window import AssemblyWindow
 
 # what an acceleration is fitted to: a parabola over so many encoder samples (Savitzky and Golay 1964)
 FITTED_SAMPLES = 9
@@ -27,7 +27,7 @@ KINDS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class AnsweredMotion:
     """One motion as the arm answered it, s of cell time since the command; `free` where it may touch nothing."""
 
     command: str
@@ -75,19 +75,21 @@ class JointTrace:
         return float(np.linalg.norm(np.diff(self.tip_m, axis=0), axis=1).sum())
 
 
-def motions_of(recording: Recording, window: Window) -> list[Motion]:
+def motions_of(recording: Recording, window: AssemblyWindow) -> list[AnsweredMotion]:
     """All that were answered within the assembly, in order."""
-    found: list[Motion] = []
+    found: list[AnsweredMotion] = []
     command: Command[object, MotionOutcome]  # type: ignore[type-var]
     for command, kind in KINDS.items():  # type: ignore[assignment]
         for reply in recording.messages(command.reply_echo):
             if window.holds(reply.stamp_ns):
                 start, end = window.s(reply.start_stamp_ns), window.s(reply.stamp_ns)
-                found.append(Motion(command.path, kind, start, end, reply, command.path == FOLLOW.path))
+                found.append(AnsweredMotion(command.path, kind, start, end, reply, command.path == FOLLOW.path))
     return sorted(found, key=lambda motion: motion.start_s)
 
 
-def joints_of(recording: Recording, window: Window, workcell: Workcell, start_s: float = 0.0) -> JointTrace | None:
+def joints_of(
+    recording: Recording, window: AssemblyWindow, workcell: Workcell, start_s: float = 0.0
+) -> JointTrace | None:
     """The encoders from `start_s` to the assembly's end; None where too little of them is recorded."""
     states = [state for state in recording.messages(JOINT_STATE) if window.holds(state.stamp_ns)]
     states = [

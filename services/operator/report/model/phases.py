@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from crosspih_common.messages import AssemblyPhase, Phase
-from services.operator.report.model.window import Window
+from services.operator.report.model.window import AssemblyWindow
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class PhaseTime:
     share: float  # of the cell time of all
 
 
-def spans_of(window: Window) -> list[Span]:
+def spans_of(window: AssemblyWindow) -> list[Span]:
     """Each step until the next one begins, the last until the assembly's end."""
     spans = []
     for index, (message, wall_ns) in enumerate(window.phases):

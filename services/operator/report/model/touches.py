@@ -10,8 +10,8 @@ from crosspih_common.keys import ESTIMATE, NETWORK, SEATED, SEQUENCE_NETWORK, TO
 from crosspih_common.messages import PoseErrorEstimate, Touch, TouchUse
 from crosspih_common.recording import Recording, Sent
 from services.operator.report.model.forces import Trace
-from services.operator.report.model.motion import Motion
-from services.operator.report.model.window import Window
+from services.operator.report.model.motion import AnsweredMotion
+from services.operator.report.model.window import AssemblyWindow
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class TouchEntry:
 
 
 def touches_of(
-    recording: Recording, window: Window, motions: list[Motion], trace: Trace | None
+    recording: Recording, window: AssemblyWindow, motions: list[AnsweredMotion], trace: Trace | None
 ) -> tuple[list[TouchEntry], list[TouchEntry]]:
     """(touches on the way in, presses once seated), each in order; when each was felt most is told by the forces within
     its motion."""
@@ -59,7 +59,7 @@ def touches_of(
     return felt, pressed
 
 
-def _felt_s(told_s: float, motions: list[Motion], trace: Trace | None) -> float:
+def _felt_s(told_s: float, motions: list[AnsweredMotion], trace: Trace | None) -> float:
     """When the force was largest in the motion whose end a touch is stamped with; that end where it is not known."""
     motion = next((motion for motion in motions if abs(motion.end_s - told_s) < 1e-6), None)
     if motion is None or trace is None:

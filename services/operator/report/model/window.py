@@ -16,7 +16,7 @@ from crosspih_common.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class AssemblyWindow:
     """The last assembly of a recording, from its command to its answer, or as near to that as is recorded.
 
     Stamps are of the cell's clock; `wall_s` is by the recorder's clock, None where it cannot be told.
@@ -38,7 +38,7 @@ class Window:
         return self.start_ns <= stamp_ns <= self.end_ns
 
 
-def window_of(recording: Recording) -> Window:
+def window_of(recording: Recording) -> AssemblyWindow:
     """Of several assemblies in a recording, the last."""
     requests, replies = recording.sent(ASSEMBLE.request_echo), recording.sent(ASSEMBLE.reply_echo)
     told = [(sent.value, sent.wall_ns) for sent in recording.sent(PHASE)]
@@ -57,7 +57,7 @@ def window_of(recording: Recording) -> Window:
     wall_s = None
     if begun and result is not None:
         wall_s = (replies[-1].wall_ns - begun[-1].wall_ns) * 1e-9
-    return Window(start_ns, end_ns, begun[-1].value if begun else None, result, phases, wall_s)
+    return AssemblyWindow(start_ns, end_ns, begun[-1].value if begun else None, result, phases, wall_s)
 
 
 def workcell_of(recording: Recording) -> tuple[Workcell, dict[str, Any], str]:

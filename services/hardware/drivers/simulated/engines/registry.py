@@ -12,7 +12,7 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.protocol import Physics
 
 AUTO = "auto"
-# in the order that `auto` takes them; each has a folder here of its name, with an engine.py and its Physics
+# in the order that `auto` takes them; each has a folder here of its name, whose engine.py names its Physics ENGINE
 ENGINES = ("pybullet", "mujoco")
 
 
@@ -56,5 +56,5 @@ def open_engine(name: str, workcell: Workcell, config: SimulatedConfig) -> Physi
     Raises ConfigError: see `chosen_engine`.
     """
     module = import_module(f"{__package__}.{chosen_engine(name)}.engine")
-    physics: Physics = module.Physics(workcell, config)
+    physics: Physics = module.ENGINE(workcell, config)
     return physics

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.camera_rig import StereoRig
-from services.hardware.drivers.simulated.scene.lens import Lens, Window, plane_to_samples
+from services.hardware.drivers.simulated.scene.lens import ImageWindow, Lens, plane_to_samples
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance
 
 FloatImage = NDArray[np.float32]
@@ -50,7 +50,7 @@ class Backdrop:
         # farther than what the lens is focused on
         self._wall = np.asarray(cv2.GaussianBlur(wall, (0, 0), rng.uniform(*SOFT)), dtype=np.float32)
 
-    def in_window(self, lens: Lens, pose_base_camera: Pose, window: Window, samples: int) -> FloatImage | float:
+    def in_window(self, lens: Lens, pose_base_camera: Pose, window: ImageWindow, samples: int) -> FloatImage | float:
         """Of a pinhole's picture, a part with `samples` x `samples` sub-pixels a pixel; one grey where it is even."""
         if self._wall is None:
             return self._grey

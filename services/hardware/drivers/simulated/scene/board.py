@@ -12,8 +12,8 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.config import BoardConfig
-from services.hardware.drivers.simulated.scene.lens import FloatImage, Lens, Window, plane_to_samples
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
+from services.hardware.drivers.simulated.scene.lens import FloatImage, ImageWindow, Lens, plane_to_samples
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh, box_mesh
 
 TEXELS = 48  # a square's side
 THICK_M = 0.003
@@ -49,14 +49,14 @@ class ShownBoard:
         ink = np.where(np.asarray(wide) > 127, np.float32(1.0), INK)
         return cls(pattern, config.pose_flange_board.pose(), around * pattern.square_m / TEXELS, ink)
 
-    def mesh(self) -> Mesh:
+    def mesh(self) -> RenderMesh:
         """The plate in the board's frame, its printed face at z = 0."""
         width, height = self.pattern.size_m
         half = (width / 2 + self.margin_m, height / 2 + self.margin_m, THICK_M / 2)
         return box_mesh(half, (width / 2, height / 2, THICK_M / 2))
 
     def print_on(
-        self, grey: FloatImage, seen: NDArray[np.bool_], lens: Lens, pose_camera_board: Pose, window: Window,
+        self, grey: FloatImage, seen: NDArray[np.bool_], lens: Lens, pose_camera_board: Pose, window: ImageWindow,
         samples: int,
     ) -> None:  # fmt: skip
         """Darken the sub-pixels of a window that see the plate (`seen`) where there is ink; from behind none is."""

@@ -34,10 +34,10 @@ from services.hardware.drivers.simulated.scene.camera_rig import (
 )
 from services.hardware.drivers.simulated.scene.finish import texel_m
 from services.hardware.drivers.simulated.scene.fixture_mesh import bottom_mesh, chamfer_meshes, fixture_meshes
-from services.hardware.drivers.simulated.scene.lens import Bend, Window, averaged, plane_to_samples
+from services.hardware.drivers.simulated.scene.lens import Bend, ImageWindow, averaged, plane_to_samples
 from services.hardware.drivers.simulated.scene.renderer import Renderer, View, open_renderer
 from services.hardware.drivers.simulated.scene.scene_appearance import Appearance, Faults
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh, box_mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh, box_mesh
 from services.hardware.drivers.simulated.scene.shine import Lit, Plate
 
 GreyImage = NDArray[np.uint8]
@@ -203,7 +203,7 @@ class SimulatedScene:
         picture[drawn.empty] = (236.0, 240.0, 244.0)
         return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)).round(), dtype=np.uint8)
 
-    def _add(self, name: str, mesh: Mesh) -> None:
+    def _add(self, name: str, mesh: RenderMesh) -> None:
         index = self._renderer.add(mesh)
         self._renderer.place(index, PARKED)
         self._bodies[name] = _Body(index, mesh.corners_m(), PARKED)
@@ -290,7 +290,7 @@ class SimulatedScene:
         return picture
 
     def _draw_window(
-        self, side: int, window: Window, look: Appearance, lit: Lit, dimmed: np.float32
+        self, side: int, window: ImageWindow, look: Appearance, lit: Lit, dimmed: np.float32
     ) -> tuple[FloatImage, NDArray[np.bool_]]:
         """Grey levels and where nothing is, at the renderer's sub-pixels; 0 where nothing is."""
         samples, lens, pose_base_camera = self.quality.samples, self._lenses[side], self.rig.poses_base()[side]
@@ -315,7 +315,7 @@ class SimulatedScene:
 
     def _light_plate(
         self, grey: FloatImage, body: NDArray[np.int32], face: str, prefix: str, turn: Pose, lit: Lit,
-        dimmed: np.float32, window: Window, side: int,
+        dimmed: np.float32, window: ImageWindow, side: int,
     ) -> None:  # fmt: skip
         """Give a plate's face its marks, and its face and chamfer their shine; `turn` turns the marks in its plane."""
         samples, lens = self.quality.samples, self._lenses[side]

@@ -10,7 +10,7 @@ from crosspih_common.config import CameraSection
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraModel, DistortionModel
-from services.hardware.drivers.simulated.scene.lens import Lens, Window
+from services.hardware.drivers.simulated.scene.lens import ImageWindow, Lens
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,9 @@ class StereoRig:
         return left, right
 
 
-def window_around(lens: Lens, boxes_camera_m: list[Array], near_m: float, sees: Window, pad_px: int = 6) -> Window:
+def window_around(
+    lens: Lens, boxes_camera_m: list[Array], near_m: float, sees: ImageWindow, pad_px: int = 6
+) -> ImageWindow:
     """The smallest window (padded) of a pinhole's picture, within what the lens sees, that holds the pictures of some
     boxes, each (8, 3) corners in the camera's frame, m.
 
@@ -89,10 +91,10 @@ def window_around(lens: Lens, boxes_camera_m: list[Array], near_m: float, sees: 
         pixels = lens.pinhole(corners)
         low, high = np.minimum(low, pixels.min(axis=0)), np.maximum(high, pixels.max(axis=0))
     if not np.isfinite(low).all():
-        return Window(0, 0, 0, 0)
+        return ImageWindow(0, 0, 0, 0)
     left, top = np.floor(low).astype(int) - pad_px
     right, bottom = np.ceil(high).astype(int) + pad_px + 1
-    return Window(int(left), int(top), int(right), int(bottom)).within(sees)
+    return ImageWindow(int(left), int(top), int(right), int(bottom)).within(sees)
 
 
 def view_matrix(pose_base_camera: Pose) -> list[float]:
@@ -120,7 +122,7 @@ def lens_matrix(fov_deg: float, aspect: float, near_m: float, far_m: float) -> l
     return [float(value) for value in matrix.T.ravel()]
 
 
-def projection_matrix(lens: Lens, window: Window, samples: int, near_m: float, far_m: float) -> list[float]:
+def projection_matrix(lens: Lens, window: ImageWindow, samples: int, near_m: float, far_m: float) -> list[float]:
     """The OpenGL projection, column-major, that draws one window of the image at `samples` sub-pixels a pixel.
 
     A renderer tests each sub-pixel (i, j) at its lower left corner (i, j + 1) instead of its centre (i + .5, j + .5),

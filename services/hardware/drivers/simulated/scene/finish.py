@@ -12,7 +12,7 @@ from services.hardware.drivers.simulated.config import Finish
 Marks = NDArray[np.float32]
 
 SIZE = 1024
-MOST_SPREADS = 3.0
+MAX_SPREADS = 3.0
 
 
 def texel_m(half_size_m: float) -> float:
@@ -55,7 +55,7 @@ def marks(finish: Finish, half_size_m: float, seed: int) -> Marks:
         made = _speckled(finish, half_size_m, rng)
     made -= made.mean()
     made /= max(float(made.std()), 1e-12)
-    return np.asarray(np.clip(made, -MOST_SPREADS, MOST_SPREADS), dtype=np.float32)
+    return np.asarray(np.clip(made, -MAX_SPREADS, MAX_SPREADS), dtype=np.float32)
 
 
 def _turning_centre_m(rng: np.random.Generator) -> Array:

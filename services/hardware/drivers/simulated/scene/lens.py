@@ -20,7 +20,7 @@ BORDER_PX, NODE_PX = 1, 4
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class ImageWindow:
     """A part of an image: columns left..right - 1, rows top..bottom - 1; of a pinhole's, also outside the sensor."""
 
     left: int
@@ -33,9 +33,9 @@ class Window:
         """Whether it holds no pixel."""
         return self.right <= self.left or self.bottom <= self.top
 
-    def within(self, other: Window) -> Window:
+    def within(self, other: ImageWindow) -> ImageWindow:
         """What both hold."""
-        return Window(
+        return ImageWindow(
             max(self.left, other.left), max(self.top, other.top),
             min(self.right, other.right), min(self.bottom, other.bottom),
         )  # fmt: skip
@@ -122,7 +122,7 @@ class Bend:
 
     def __init__(self, lens: Lens) -> None:
         self._bends = lens.bends
-        self.sees = Window(0, 0, lens.width, lens.height)
+        self.sees = ImageWindow(0, 0, lens.width, lens.height)
         """The part of the pinhole's picture that the lens brings onto the sensor."""
         if not lens.bends:
             return
@@ -130,9 +130,9 @@ class Bend:
         self._straight = np.ascontiguousarray(straight, dtype=np.float32)
         low = np.floor(straight.reshape(-1, 2).min(axis=0)).astype(int)
         high = np.ceil(straight.reshape(-1, 2).max(axis=0)).astype(int)
-        self.sees = Window(int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1)
+        self.sees = ImageWindow(int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1)
 
-    def put(self, drawn: FloatImage, window: Window, fine: int, onto: FloatImage) -> None:
+    def put(self, drawn: FloatImage, window: ImageWindow, fine: int, onto: FloatImage) -> None:
         """Bend a window of the pinhole's picture, `drawn` with `fine` x `fine` sub-pixels a pixel, onto the sensor."""
         if not self._bends:
             onto[window.top : window.bottom, window.left : window.right] = averaged(drawn, fine)
@@ -165,7 +165,7 @@ def averaged(picture: FloatImage, side: int) -> FloatImage:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def plane_to_samples(lens: Lens, pose_camera_plane: Pose, window: Window, samples: int) -> Array:
+def plane_to_samples(lens: Lens, pose_camera_plane: Pose, window: ImageWindow, samples: int) -> Array:
     """The homography (3, 3) from (x, y, 1) on a plane, m, to sub-pixels of a window of a pinhole's picture, `samples` a
     pixel and side; whole numbers at sub-pixel centres."""
     to_camera = np.column_stack([pose_camera_plane.rotation[:, :2], pose_camera_plane.translation_m])

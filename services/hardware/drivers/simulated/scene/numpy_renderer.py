@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.hardware.drivers.simulated.scene.renderer import Drawn, Rgb, View
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh
 
 _CHUNK = 4_000_000
 
@@ -47,7 +47,7 @@ class NumpyRenderer:
         """Let the meshes go."""
         self._bodies.clear()
 
-    def add(self, mesh: Mesh) -> int:
+    def add(self, mesh: RenderMesh) -> int:
         """A new body; its number."""
         indices = np.asarray(mesh.indices, dtype=int).reshape(-1, 3)
         self._bodies.append(_Body(mesh.vertices_m[indices], mesh.normals[indices], Pose.identity(), np.ones(3)))

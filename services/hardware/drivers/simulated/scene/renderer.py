@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh
 
 Rgb = tuple[float, float, float]
 
@@ -54,7 +54,7 @@ class Drawn:
 class Renderer(Protocol):
     """Bodies, white and at the origin when they are added, and pictures of them. One thread at a time."""
 
-    def add(self, mesh: Mesh) -> int:
+    def add(self, mesh: RenderMesh) -> int:
         """A new body; its number."""
 
     def place(self, body: int, pose_base_body: Pose) -> None:

@@ -31,7 +31,7 @@ BACKGROUND_GREYS: dict[Background, tuple[float, float]] = {
 FACE_LEVELS = (95.0, 185.0)
 """Grey of a face that looks at the cameras, about."""
 FACE_GRADIENTS, PICTURE_GRADIENTS = (0.0, 0.25), (0.0, 0.15)
-EDGE_GLINTS, FACE_GLINTS_MOST = (0.0, 100.0), 3
+EDGE_GLINTS, MAX_FACE_GLINTS = (0.0, 100.0), 3
 BOTTOM_SHARES = (0.9, 1.0)
 """How deep a blind hole is, of the plate's thickness: a peg that goes as deep as it should does not touch it."""
 BLURS_PX, NOISES_GREY = (0.4, 1.2), (0.5, 4.0)
@@ -113,7 +113,7 @@ class Appearance:
             shine=_given_or(config.shine, rng, SHINES[finish]),
             face_gradient=_towards(rng, config.face_gradient, FACE_GRADIENTS),
             edge_glints=_given_or(config.edge_glints, rng, EDGE_GLINTS),
-            face_glints=_given_or_count(config.face_glints, rng, FACE_GLINTS_MOST),
+            face_glints=_given_or_count(config.face_glints, rng, MAX_FACE_GLINTS),
             background=background,
             bottom_share=bottom if blind else None,
             bottom_grey=bore * rng.uniform(0.2, 0.7),

@@ -14,7 +14,7 @@ FacetFilter = Callable[[Array, float], bool]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class RenderMesh:
     """Triangles for a renderer: vertices (n, 3) m, unit normals (n, 3), indices (3 k,), anticlockwise from outside."""
 
     vertices_m: Array
@@ -22,7 +22,7 @@ class Mesh:
     indices: list[int]
 
     @classmethod
-    def merged(cls, parts: Sequence[Mesh]) -> Mesh:
+    def merged(cls, parts: Sequence[RenderMesh]) -> RenderMesh:
         """One mesh of several."""
         indices: list[int] = []
         start = 0
@@ -42,7 +42,7 @@ class Mesh:
         return np.asarray(low + grid * (high - low), dtype=float)
 
 
-def convex_mesh(pieces: Sequence[ConvexPiece], keep: FacetFilter | None = None) -> Mesh:
+def convex_mesh(pieces: Sequence[ConvexPiece], keep: FacetFilter | None = None) -> RenderMesh:
     """The faces of convex pieces as flat-shaded fans; `keep(normal, offset_m)` picks the faces to draw."""
     parts = []
     for piece in pieces:
@@ -53,10 +53,10 @@ def convex_mesh(pieces: Sequence[ConvexPiece], keep: FacetFilter | None = None) 
             ring = corners[np.abs(corners @ normal - offset) < 1e-9]
             if len(ring) >= 3:
                 parts.append(_fan(ring, normal))
-    return Mesh.merged(parts)
+    return RenderMesh.merged(parts)
 
 
-def box_mesh(half_sizes_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
+def box_mesh(half_sizes_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> RenderMesh:
     """A box about a centre, m."""
     half, centre = np.asarray(half_sizes_m, float), np.asarray(centre_m, float)
     planes = [((axis == 0) * sign, (axis == 1) * sign, (axis == 2) * sign) for axis in range(3) for sign in (1.0, -1.0)]
@@ -64,7 +64,7 @@ def box_mesh(half_sizes_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.
     return convex_mesh([ConvexPiece(normals, np.abs(normals) @ half + normals @ centre)])
 
 
-def capsule_mesh(start_m: Array, end_m: Array, radius_m: float, sides: int = 20) -> Mesh:
+def capsule_mesh(start_m: Array, end_m: Array, radius_m: float, sides: int = 20) -> RenderMesh:
     """A smooth-shaded capsule between two points (each (3,), m); a ball when they coincide."""
     axis = np.asarray(end_m, float) - np.asarray(start_m, float)
     length = float(np.linalg.norm(axis))
@@ -87,13 +87,13 @@ def capsule_mesh(start_m: Array, end_m: Array, radius_m: float, sides: int = 20)
         for column in range(sides):
             a, b = row * sides + column, row * sides + (column + 1) % sides
             indices.extend([a, b, b + sides, a, b + sides, a + sides])
-    return Mesh(np.concatenate(vertices), np.concatenate(normals), indices)
+    return RenderMesh(np.concatenate(vertices), np.concatenate(normals), indices)
 
 
-def _fan(ring: Array, normal: Array) -> Mesh:
+def _fan(ring: Array, normal: Array) -> RenderMesh:
     centre = ring.mean(axis=0)
     first = (ring[0] - centre) / np.linalg.norm(ring[0] - centre)
     angles = np.arctan2((ring - centre) @ np.cross(normal, first), (ring - centre) @ first)
     ordered = ring[np.argsort(angles)]
     indices = [index for k in range(1, len(ring) - 1) for index in (0, k, k + 1)]
-    return Mesh(ordered, np.repeat(np.asarray(normal, float)[None], len(ring), axis=0), indices)
+    return RenderMesh(ordered, np.repeat(np.asarray(normal, float)[None], len(ring), axis=0), indices)

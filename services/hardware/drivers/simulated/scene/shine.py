@@ -29,7 +29,7 @@ from services.hardware.drivers.simulated.scene.scene_appearance import Appearanc
 COARSE = 33
 # how far a face scatters what it mirrors, tangents: all ways; along grooves and across them
 ALL_WAYS, ALONG, ACROSS = 0.45, 0.35, 0.8
-METAL_SHARE, MOST_GAIN = 0.65, 2.5
+METAL_SHARE, MAX_GAIN = 0.65, 2.5
 EDGE_SPREAD, EDGE_STEP_M, EDGE_TEXELS = 0.12, 1e-3, 2
 # a broken edge has every normal between the face's and the chamfer's, and a little more, rad
 EDGE_FIRST, EDGE_LAST, EDGE_SOFT = 0.0, np.pi / 4, 0.12
@@ -82,7 +82,7 @@ class Plate:
 
     def _lit(self, shine: Array, level: float, light: Array, eye_m: Array, side: int) -> Lit:
         metal = METAL_SHARE * self._look.shine
-        factor = self._even * _fine(np.minimum(1.0 - metal + metal * shine, MOST_GAIN))
+        factor = self._even * _fine(np.minimum(1.0 - metal + metal * shine, MAX_GAIN))
         added = np.zeros((SIZE, SIZE), dtype=np.float32)
         if self._edges is not None:
             added += self._edges.seen(light, eye_m)
@@ -95,7 +95,7 @@ class Plate:
             half_way = _half_way(np.zeros(3), light, eye_m)
             up = max(float(half_way @ normal), 1e-3)
             mirrored = np.exp(-0.5 * (1.0 / up**2 - 1.0) / spread**2) / spread**2 / level
-            chamfer.append(float(min(1.0 - metal + metal * mirrored, MOST_GAIN)))
+            chamfer.append(float(min(1.0 - metal + metal * mirrored, MAX_GAIN)))
         return Lit(np.stack([factor, added], axis=-1), tuple(chamfer))
 
     def _shine(self, points_m: Array, light: Array, eye_m: Array) -> Array:

@@ -7,7 +7,7 @@ import pybullet
 
 from crosspih_common.geometry import Pose
 from services.hardware.drivers.simulated.scene.renderer import Drawn, Rgb, View
-from services.hardware.drivers.simulated.scene.scene_mesh import Mesh
+from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh
 
 
 class TinyRenderer:
@@ -22,7 +22,7 @@ class TinyRenderer:
             pybullet.disconnect(physicsClientId=self._client)
             self._client = -1
 
-    def add(self, mesh: Mesh) -> int:
+    def add(self, mesh: RenderMesh) -> int:
         """A new body; its number."""
         shape = pybullet.createVisualShape(
             pybullet.GEOM_MESH,

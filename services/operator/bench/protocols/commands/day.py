@@ -16,8 +16,8 @@ from services.operator.bench.options import AsJson, told
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.commands.practise import HOLE_SEED
 from services.operator.bench.protocols.day import BEFORE, PAGE, Walk, table_of
-from services.operator.bench.protocols.page import Step, steps_of
-from services.operator.bench.protocols.plants import ADDRESSES, Way, open_plant
+from services.operator.bench.protocols.page import PageStep, steps_of
+from services.operator.bench.protocols.plants import ADDRESSES, ProtocolWay, open_plant
 from services.operator.bench.protocols.walked import check_walk, note_walk
 
 
@@ -49,7 +49,7 @@ def day(
         private_network(ADDRESSES)
         with (
             tempfile.TemporaryDirectory(prefix="crosspih-day-") as logs,
-            open_plant(Way.UR, seed, Path(logs), hidden) as plant,
+            open_plant(ProtocolWay.UR, seed, Path(logs), hidden) as plant,
         ):
             walk = Walk(plant, folder.resolve(), console)
             try:
@@ -72,7 +72,7 @@ def day(
             raise typer.Exit(1)
 
 
-def _walk(walk: Walk, steps: list[Step], first: int, last: int) -> None:
+def _walk(walk: Walk, steps: list[PageStep], first: int, last: int) -> None:
     for step in steps:
         if step.section > last:
             break

@@ -25,7 +25,7 @@ from services.operator.bench.protocols.plants import (
     LEFT,
     RIGHT,
     SENSOR,
-    Way,
+    ProtocolWay,
     open_plant,
 )
 from services.operator.bench.protocols.scoring_day import truth_lines
@@ -56,7 +56,7 @@ def practise(
     with told(console), tempfile.TemporaryDirectory(prefix="crosspih-practise-") as folder:
         private_network(ADDRESSES)
         console.print("starting the devices' other ends", highlight=False)
-        with _Stopping() as stop, open_plant(Way.UR, seed, Path(folder), hidden) as plant:
+        with _Stopping() as stop, open_plant(ProtocolWay.UR, seed, Path(folder), hidden) as plant:
             console.print("\n".join(TOLD), highlight=False, markup=False, soft_wrap=True)
             shell = [os.environ.get("SHELL") or "sh"] if sys.stdin.isatty() else []
             status = _run([*(command or shell)], stop)

@@ -14,15 +14,15 @@ from crosspih_common.messages import Strategy
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.assembling import ProtocolResult, assembled, calibrated_cell, line_of, table_of
-from services.operator.bench.protocols.plants import ADDRESSES, Way, needs_private_network
+from services.operator.bench.protocols.plants import ADDRESSES, ProtocolWay, needs_private_network
 from services.operator.bench.protocols.walked import check_walk
 
 
 def protocols(
     way: Annotated[
-        Way,
+        ProtocolWay,
         typer.Option(help="ur: RTDE, Net F/T and GigE Vision; ros2: ros2_control, WrenchStamped and Image topics."),
-    ] = Way.UR,
+    ] = ProtocolWay.UR,
     trials: Annotated[int, typer.Option(min=1, help="One after the other, each with the next seed.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1000,
     strategy: Annotated[Strategy, typer.Option(help="How to get the peg in.")] = Strategy.FUSED,

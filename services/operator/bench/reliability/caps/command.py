@@ -20,7 +20,7 @@ from services.operator.bench.cells.pool import ExecutorName, open_executor, run_
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import AsJson, told
-from services.operator.bench.reliability.caps.presses import Pressed, press_all, presses
+from services.operator.bench.reliability.caps.presses import CapPressResult, press_all, presses
 
 ENGINES = ("pybullet", "mujoco")
 DELAYS_S = (0.001, 0.008)
@@ -34,7 +34,7 @@ class Cap(BaseModel):
 
     engine: str
     delay_s: float
-    pressed: Pressed
+    pressed: CapPressResult
 
     def holds(self, cap_n: float) -> bool:
         """Whether the true peak stays under the cap and its tolerance."""
@@ -101,7 +101,7 @@ def caps(
 
         def on_result(index: int, result: Any) -> None:
             name, delay_s, _ = planned[index]
-            rows.extend(Cap(engine=name, delay_s=delay_s, pressed=Pressed.model_validate(one)) for one in result)
+            rows.extend(Cap(engine=name, delay_s=delay_s, pressed=CapPressResult.model_validate(one)) for one in result)
 
         pool = open_executor(ExecutorName.LOCAL, cells or usable_cores(), len(planned))
         progress = CellsProgress(console, "presses")

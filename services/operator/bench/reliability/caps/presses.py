@@ -37,7 +37,7 @@ BEYOND_M = 0.006  # into the plate, where the plate is not felt
 DEADLINE_S = 120.0
 
 
-class Kind(str, Enum):
+class PressCommand(str, Enum):
     """Which command presses."""
 
     GUARDED = "guarded"
@@ -48,32 +48,32 @@ class Kind(str, Enum):
 
 # up to the limits of the messages; a followed trajectory has none but the joints' own
 SPEEDS_M_S = {
-    Kind.GUARDED: (0.005, 0.01, 0.05, 0.1, 0.25),
-    Kind.ADMITTANCE: (0.005, 0.01, 0.05, 0.1),
-    Kind.LINEAR: (0.005, 0.02, 0.1, 0.5),
-    Kind.FOLLOW: (0.005, 0.02, 0.1, 0.3),
+    PressCommand.GUARDED: (0.005, 0.01, 0.05, 0.1, 0.25),
+    PressCommand.ADMITTANCE: (0.005, 0.01, 0.05, 0.1),
+    PressCommand.LINEAR: (0.005, 0.02, 0.1, 0.5),
+    PressCommand.FOLLOW: (0.005, 0.02, 0.1, 0.3),
 }
 OBLIQUE_RAD = (0.0, 0.5, 1.0)
 
 
-class Press(BaseModel):
+class CapPress(BaseModel):
     """One press: `oblique_rad` between the direction and the plate's inward normal, `tilt_rad` of the peg itself."""
 
     model_config = ConfigDict(frozen=True)
 
-    kind: Kind
+    kind: PressCommand
     speed_m_s: float
     oblique_rad: float
     tilt_rad: float = 0.0
     seed: int = 0
 
 
-class Pressed(BaseModel):
+class CapPressResult(BaseModel):
     """What came of it; `refused` instead of a stop where the command was."""
 
     model_config = ConfigDict(frozen=True)
 
-    press: Press
+    press: CapPress
     peak_contact_n: float
     peak_sensed_n: float = 0.0
     stop: str = ""
@@ -81,22 +81,22 @@ class Pressed(BaseModel):
     notes: tuple[str, ...] = ()
 
 
-def presses(oblique_rad: tuple[float, ...] = OBLIQUE_RAD) -> Iterator[Press]:
+def presses(oblique_rad: tuple[float, ...] = OBLIQUE_RAD) -> Iterator[CapPress]:
     """All of them, in the order of the table."""
     for kind, speeds in SPEEDS_M_S.items():
         for speed in speeds:
             for oblique in oblique_rad:
-                yield Press(kind=kind, speed_m_s=speed, oblique_rad=oblique)
-            yield Press(kind=kind, speed_m_s=speed, oblique_rad=0.0, tilt_rad=0.1)
+                yield CapPress(kind=kind, speed_m_s=speed, oblique_rad=oblique)
+            yield CapPress(kind=kind, speed_m_s=speed, oblique_rad=0.0, tilt_rad=0.1)
 
 
 def press_all(session: Session, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Each in turn, on the session's cell."""
     with hold_arm(session.bus, "bench caps") as lease:
-        return [press_once(session, lease, Press.model_validate(row)).model_dump(mode="json") for row in rows]
+        return [press_once(session, lease, CapPress.model_validate(row)).model_dump(mode="json") for row in rows]
 
 
-def press_once(session: Session, lease: ArmLease, press: Press) -> Pressed:
+def press_once(session: Session, lease: ArmLease, press: CapPress) -> CapPressResult:
     """Put the peg before the plate, send the motion, read the largest force that the engine's contacts had."""
     workcell = session.cell.workcell
     across = np.tan(press.oblique_rad) * BEFORE_M
@@ -123,22 +123,22 @@ def press_once(session: Session, lease: ArmLease, press: Press) -> Pressed:
     truth = session.bus.latest(TRUTH).wait_for(lambda sample: sample.stamp_ns >= now_ns, 5.0)
     if truth is None or truth.peak_contact_n is None:
         raise CommandRefused("truth", "the cell does not tell its true contact force: hardware.simulated.watch_contact")
-    return Pressed(
+    return CapPressResult(
         press=press, peak_contact_n=truth.peak_contact_n, peak_sensed_n=sensed, stop=stop, refused=refused, notes=notes
     )
 
 
 def _send(
-    lease: ArmLease, press: Press, workcell: Workcell, peg: Pose, goal: Pose, direction: Array, way_m: float
+    lease: ArmLease, press: CapPress, workcell: Workcell, peg: Pose, goal: Pose, direction: Array, way_m: float
 ) -> MotionOutcome:
     towards = floats(direction)
-    if press.kind is Kind.GUARDED:
+    if press.kind is PressCommand.GUARDED:
         guarded = GuardedMove(direction_base=towards, speed_m_s=press.speed_m_s, travel_limit_m=way_m, retreat_m=0.005)
         return lease.ask(GUARDED_MOVE, guarded, DEADLINE_S)
-    if press.kind is Kind.ADMITTANCE:
+    if press.kind is PressCommand.ADMITTANCE:
         push = AdmittanceMove(direction_base=towards, speed_m_s=press.speed_m_s, travel_m=way_m, timeout_s=20.0)
         return lease.ask(ADMITTANCE_MOVE, push, DEADLINE_S)
-    if press.kind is Kind.LINEAR:
+    if press.kind is PressCommand.LINEAR:
         linear = MoveLinear(pose_base_peg=PoseData.of(goal), speed_m_s=press.speed_m_s)
         return lease.ask(MOVE_LINEAR, linear, DEADLINE_S)
     return lease.ask(FOLLOW, _trajectory(workcell, peg, goal, press.speed_m_s, way_m), DEADLINE_S)

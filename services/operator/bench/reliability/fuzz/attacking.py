@@ -52,7 +52,7 @@ NOTHING = "no answer"
 AFTERWARDS = "an assembly afterwards"
 
 
-class Part(BaseModel):
+class AttackedPart(BaseModel):
     """One command's payloads, one topic's, or the assembly afterwards: what was answered, and how the services fared.
 
     `answers`: how often each refusal's code, `accepted` or `no answer`; `defects`: examples of what must not be.
@@ -103,9 +103,9 @@ def attack(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     return part.model_dump(mode="json")
 
 
-def _assemble(session: Session) -> Part:
+def _assemble(session: Session) -> AttackedPart:
     """Whatever was asked may have left another calibration or payload: both are made anew, as after any doubt."""
-    part = Part(what=AFTERWARDS)
+    part = AttackedPart(what=AFTERWARDS)
     try:
         session.wait_for_services(DEADLINE_S, NEEDED)
         session.new_trial(ResetCell(seed=0))
@@ -118,9 +118,9 @@ def _assemble(session: Session) -> Part:
     return part
 
 
-def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int, until: float) -> Part:
+def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int, until: float) -> AttackedPart:
     maker = PayloadMaker(command.request.model_json_schema(), f"{seed} {command.path}")
-    row = Part(what=command.path)
+    row = AttackedPart(what=command.path)
     enough = LONG.get(command.path, count)
     with open_zenoh(endpoint()) as transport, contextlib.ExitStack() as held:
         # a command that changes a calibration answers nobody else
@@ -167,9 +167,9 @@ def _needs_holder(command: Command[Any, Any]) -> bool:
     return issubclass(command.request, Held)
 
 
-def _put_all(session: Session, topic: Topic[Any], count: int, seed: int, until: float) -> Part:
+def _put_all(session: Session, topic: Topic[Any], count: int, seed: int, until: float) -> AttackedPart:
     """Put on a topic what does not fit it: of the right label and others, from a stranger's session."""
-    part, maker = Part(what=topic.path), PayloadMaker(topic.type.model_json_schema(), f"{seed} {topic.path}")
+    part, maker = AttackedPart(what=topic.path), PayloadMaker(topic.type.model_json_schema(), f"{seed} {topic.path}")
     with open_zenoh(endpoint()) as transport:
         sender = transport.sender(topic.key(session.cell.workcell.name, "planning"), recover=False, history=0)
         for index in range(count):

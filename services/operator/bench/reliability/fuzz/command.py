@@ -21,12 +21,12 @@ from services.operator.bench.cells.pool import ExecutorName, open_executor, run_
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import AsJson, Store, told
-from services.operator.bench.reliability.fuzz.attacking import Part, attack, parts
+from services.operator.bench.reliability.fuzz.attacking import AttackedPart, attack, parts
 from services.operator.bench.reliability.fuzz.decoding_all import AllDecoded, decode_every_key
 from services.operator.bench.reliability.fuzz.rests_on import part_key
 from services.operator.bench.reliability.fuzz.tables import Attacked, decoded_table, markdown, parts_table, summary
 
-MOST_SHOWN = 50
+MAX_SHOWN = 50
 # a sound motion of two minutes would keep all that come after it waiting
 SHORT_MOTIONS = {"hardware": {"limits": {"motion_s": 15.0}}}
 
@@ -77,7 +77,7 @@ def fuzz(
             table.write_text(markdown(decoded, attacked, payloads, asked, seed), encoding="utf-8")
         defects = [f"{row.key}: {what}" for row in decoded.rows.values() for what in row.escaped] + attacked.defects
         defects += [decoded.failure] if decoded.failure else []
-        for line in defects[:MOST_SHOWN]:
+        for line in defects[:MAX_SHOWN]:
             console.print(line, highlight=False, markup=False, soft_wrap=True)
         console.print(summary(decoded, attacked, len(defects)), highlight=False, soft_wrap=True)
         if interrupted:
@@ -94,7 +94,7 @@ def _attack(
     content = merged(cell_content(base_cell_text(), Condition()), SHORT_MOTIONS)
     keys = {part: part_key(part, asked, seed, content) for part in wanted}
     known = {part: row for part in wanted if store is not None and (row := store.get(keys[part])) is not None}
-    attacked.parts += [Part.model_validate(row) for row in known.values()]
+    attacked.parts += [AttackedPart.model_validate(row) for row in known.values()]
     left = [part for part in wanted if part not in known]
     tasks = [
         CellTask(
@@ -106,7 +106,7 @@ def _attack(
         return False
 
     def on_result(index: int, result: Any) -> None:
-        part = Part.model_validate(result)
+        part = AttackedPart.model_validate(result)
         attacked.parts.append(part)
         if part.told:
             progress.say(f"{part.told[0][:300]} ({len(part.told)} defects)", "red")

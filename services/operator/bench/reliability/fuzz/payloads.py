@@ -9,7 +9,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from crosspih_common.messages.base import MOST_PLACE_M
+from crosspih_common.messages.base import MAX_PLACE_M
 
 # numbers that arithmetic does not like, each of which JSON can say
 EXTREMES = (0.0, -0.0, 5e-324, 1e-30, -1e-9, 1.0, -1.0, 1e3, -1e6, 1e12, -1e30, 1e154, 1.7e308, -1.7e308)
@@ -20,7 +20,7 @@ WILD = (0.0, 0.03, 0.3, 1.0)
 # how often a field that may be left out is there
 FILLED = (0.1, 0.5, 0.9)
 DEPTH = 3000
-MOST_ITEMS = 12
+MAX_ITEMS = 12
 NEAR = 50.0  # newtons, radians, metres: beyond it hardly anything of a cell is
 
 
@@ -93,7 +93,7 @@ class PayloadMaker:
 
     def _array(self, schema: dict[str, Any]) -> list[Any]:
         least = schema.get("minItems", 0)
-        most = min(schema.get("maxItems", least + MOST_ITEMS), least + MOST_ITEMS)
+        most = min(schema.get("maxItems", least + MAX_ITEMS), least + MAX_ITEMS)
         # six or seven joints: as many in every field
         count = least if most == least + 1 else least + int((most + 1 - least) * self._rng.random() ** 2)
         of = schema.get("items", {})
@@ -106,9 +106,9 @@ class PayloadMaker:
             if meant == "unit_quaternion":
                 self._quaternion = self._near(self._quaternion, [self._rng.gauss(0.0, 1.0) for _ in range(count)])
                 return [one / math.hypot(*self._quaternion) for one in self._quaternion]
-            if count == 3 and of.get("maximum") == MOST_PLACE_M:
+            if count == 3 and of.get("maximum") == MAX_PLACE_M:
                 self._position = self._near(self._position, [self._value(of) for _ in range(count)])
-                return [min(max(one, -MOST_PLACE_M), MOST_PLACE_M) for one in self._position]
+                return [min(max(one, -MAX_PLACE_M), MAX_PLACE_M) for one in self._position]
         return [self._value(of) for _ in range(count)]
 
     def _near(self, last: list[float] | None, other: list[float]) -> list[float]:

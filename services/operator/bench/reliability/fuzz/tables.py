@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from rich.table import Table
 
-from services.operator.bench.reliability.fuzz.attacking import AFTERWARDS, INTERNAL, NOTHING, Part
+from services.operator.bench.reliability.fuzz.attacking import AFTERWARDS, INTERNAL, NOTHING, AttackedPart
 from services.operator.bench.reliability.fuzz.decoding_all import AllDecoded
 
 DECODED = ("key", "accepted", "rejected", "any other error")
@@ -17,7 +17,7 @@ ASKED = ("command or topic", "sent", "accepted", "refused by name", "internal", 
 class Attacked:
     """The parts of an attack that were done, and those whose cell was lost."""
 
-    parts: list[Part] = field(default_factory=list)
+    parts: list[AttackedPart] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
 
     @property

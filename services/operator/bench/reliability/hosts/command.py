@@ -18,7 +18,7 @@ from crosspih_common.errors import ConfigError
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.reliability.hosts.network import NoNetwork, why_not
 from services.operator.bench.reliability.hosts.plan import TRIALS, Chosen
-from services.operator.bench.reliability.hosts.running import Row, run_on_one_stack
+from services.operator.bench.reliability.hosts.running import HostTrial, run_on_one_stack
 
 WIDTH = 160
 
@@ -29,14 +29,14 @@ def _ms(values_s: list[float]) -> str:
     return f"{median(values_s) * 1e3:.0f} / {quantiles(values_s, n=20)[-1] * 1e3:.0f}"
 
 
-def _ahead(row: Row) -> str:
+def _ahead(row: HostTrial) -> str:
     seen = row.seen
     if seen.wall_ahead_s is None or seen.wall_bound_s is None:
         return ""
     return f"{seen.wall_ahead_s * 1e3:+.0f} ± {seen.wall_bound_s * 1e3:.0f}"
 
 
-def table_of(rows: list[Row]) -> Table:
+def table_of(rows: list[HostTrial]) -> Table:
     """A line a trial."""
     table = Table(title="the stack on hosts of its own, the cell in real time")
     for name in ("", "ends as", "vision"):
@@ -76,12 +76,12 @@ def hosts(
         if why := why_not():
             raise NoNetwork(f"no hosts can be made here: {why}")
         chosen = Chosen([one for name, one in TRIALS.items() if not trial or name in trial])
-        rows: list[Row] = []
+        rows: list[HostTrial] = []
 
         def say(text: str) -> None:
             console.print(text, highlight=False)
 
-        def done(row: Row) -> None:
+        def done(row: HostTrial) -> None:
             rows.append(row)
             say(f"{row.trial}: {'inserted' if row.seen.inserted else f'{row.seen.failure} {row.seen.detail}'}")
             for code, text in row.seen.texts.items():

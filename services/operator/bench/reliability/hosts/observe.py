@@ -30,7 +30,7 @@ CALIBRATION_SEED, CALIBRATION_DWELL_S = 0, 0.25
 CALIBRATED_S = 1.0  # a calibration of before is told to whoever comes late within this
 
 
-class Seen(BaseModel):
+class HostObservation(BaseModel):
     """What an assembly came to, as seen from the host that asked for it. Latencies in s."""
 
     inserted: bool = False
@@ -74,7 +74,7 @@ class Asking:
         self._thread.join()
 
 
-def observe(seed: int) -> Seen:
+def observe(seed: int) -> HostObservation:
     """Reset, assemble, record, ask. What fails is in what was seen."""
     events: Counter[str] = Counter()
     texts: dict[str, str] = {}
@@ -96,17 +96,17 @@ def observe(seed: int) -> Seen:
         session.follow_events(on_phase, lambda touch: None, on_event)
         wall = measured(session.bus)
         asking = Asking(session.bus)
-        seen = Seen()
+        seen = HostObservation()
         began_s = time.monotonic()
         try:
             figures, _ = session.trial(seed, Strategy.FUSED, True)
-            seen = Seen(
+            seen = HostObservation(
                 inserted=figures.inserted, failure=figures.failure or "", detail=figures.failure_detail,
                 vision=seen_in_words(figures),
                 duration_s=figures.duration_s, recording=figures.recording, warnings=list(figures.recording_warnings),
             )  # fmt: skip
         except CrosspihError as error:
-            seen = Seen(failure=type(error).__name__, detail=str(error))
+            seen = HostObservation(failure=type(error).__name__, detail=str(error))
         finally:
             asking.close()
     return seen.model_copy(
@@ -127,7 +127,7 @@ def main(seed: int) -> int:
     try:
         seen = observe(seed)
     except CrosspihError as error:  # it did not even begin
-        seen = Seen(failure=type(error).__name__, detail=str(error))
+        seen = HostObservation(failure=type(error).__name__, detail=str(error))
     print(json.dumps({"seen": seen.model_dump(mode="json")}), flush=True)
     return 0 if seen.inserted else 1
 

@@ -16,7 +16,7 @@ AT_REST_RAD_S = 1e-3
 HOLDER = "planning"
 
 
-class Kept(BaseModel):
+class RecordingFigures(BaseModel):
     """Of one recording. `rest_s`: from the last beat of the holder before the arm let go of it to the arm at rest, by
     log times; None where the holder was not lost."""
 
@@ -26,16 +26,16 @@ class Kept(BaseModel):
     wall_ahead_s: float | None = None  # the recorder's wall clock, of the cell's
 
 
-def kept(path: str | None) -> Kept:
+def kept(path: str | None) -> RecordingFigures:
     """Nothing where there is no recording that can be read."""
     if path is None or not Path(path).exists():
-        return Kept()
+        return RecordingFigures()
     try:
         recording = read_recording(path)
     except RecordingError:
-        return Kept()
+        return RecordingFigures()
     ahead = recording.metadata.get("wall_clock", {}).get("ahead_s", "")
-    return Kept(
+    return RecordingFigures(
         samples=sum(len(samples) for samples in recording.samples.values()),
         missing=sum(recording.seq_gaps().values()),
         rest_s=_rest_s(recording),

@@ -17,21 +17,21 @@ from services.operator.bench.cells.conditions import Condition, cell_content
 from services.operator.bench.cells.own_cell import content_for
 from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.reliability.hosts.network import Network
-from services.operator.bench.reliability.hosts.observe import Seen
+from services.operator.bench.reliability.hosts.observe import HostObservation
 from services.operator.bench.reliability.hosts.plan import CUT_AFTER_S, CUT_AT, Trial
-from services.operator.bench.reliability.hosts.recorded import Kept, kept
+from services.operator.bench.reliability.hosts.recorded import RecordingFigures, kept
 from services.operator.bench.reliability.hosts.stacks import COMPUTE, Stacks, stacks_up
 
 OBSERVE = "services.operator.bench.reliability.hosts.observe"
 
 
-class Row(BaseModel):
+class HostTrial(BaseModel):
     """One trial: what was seen of it, what its recording tells, and packets passed, lost and cut off meanwhile."""
 
     trial: str
     hosts: int
-    seen: Seen
-    kept: Kept
+    seen: HostObservation
+    kept: RecordingFigures
     packets: dict[str, int]
 
 
@@ -50,7 +50,7 @@ def run_on_one_stack(
     seed: int,
     speed: str,
     say: Callable[[str], None],
-    done: Callable[[Row], None],
+    done: Callable[[HostTrial], None],
 ) -> None:
     """Each trial's row to `done`. Raises NoNetwork, NoService."""
     hosts = trials[0].hosts
@@ -71,11 +71,11 @@ def _cut(network: Network, host: str, cut_s: float) -> None:
     network.become()
 
 
-def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> Row:
+def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> HostTrial:
     before = network.become(trial.delay_s, trial.loss)
     asker = COMPUTE.name if len(trial.hosts) > 1 else trial.hosts[0].name
     process = stacks.start(asker, OBSERVE, str(seed))
-    seen: Seen | None = None
+    seen: HostObservation | None = None
     cutting: threading.Thread | None = None
     assert process.stdout is not None and process.stderr is not None
     # read on a thread of its own: a full pipe would hold the process up
@@ -85,7 +85,7 @@ def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> Row:
     for line in process.stdout:
         said: dict[str, Any] = json.loads(line)
         if "seen" in said:
-            seen = Seen.model_validate(said["seen"])
+            seen = HostObservation.model_validate(said["seen"])
         elif said.get("step") == CUT_AT and trial.cut_s and cutting is None:
             cutting = threading.Thread(target=_cut, args=(network, asker, trial.cut_s), name="cutting")
             cutting.start()
@@ -99,4 +99,4 @@ def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> Row:
     if seen is None:
         raise CrosspihError(f"{trial.name}: the assembly could not even be asked for: {''.join(wrong)[-1000:]}")
     packets = {name: after[name] - before[name] for name in after}
-    return Row(trial=trial.name, hosts=len(trial.hosts), seen=seen, kept=kept(seen.recording), packets=packets)
+    return HostTrial(trial=trial.name, hosts=len(trial.hosts), seen=seen, kept=kept(seen.recording), packets=packets)

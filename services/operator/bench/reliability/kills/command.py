@@ -23,16 +23,16 @@ from services.operator.bench.options import AsJson, Cells, told
 from services.operator.bench.reliability.kills.ending import end_service
 from services.operator.bench.reliability.kills.judging import Limits, Observed, complaints
 from services.operator.bench.reliability.kills.options import Phases, Seed, Speed, chosen
-from services.operator.bench.reliability.kills.plan import PHASES, SERVICES, Case, Ending, cases
+from services.operator.bench.reliability.kills.plan import PHASES, SERVICES, KillCase, ServiceEnding, cases
 
 WIDTH = 170
 
 
-class Row(BaseModel):
+class KillResult(BaseModel):
     """One case, what was seen, and what is not as it must be."""
 
     speed: str
-    case: Case
+    case: KillCase
     observed: Observed
     complaints: list[str]
 
@@ -65,7 +65,7 @@ def _peg(seen: Observed) -> str:
     )
 
 
-def table_of(rows: Sequence[Row], speed: str) -> Table:
+def table_of(rows: Sequence[KillResult], speed: str) -> Table:
     """A line a case."""
     table = Table(title=f"a service ended in the middle of an assembly; the cell at {speed}")
     for name, justify in (
@@ -92,7 +92,8 @@ def kills(
     service: Annotated[list[str] | None, typer.Option(help=f"{', '.join(SERVICES)}; all when left out.")] = None,
     phase: Phases = None,
     ending: Annotated[
-        list[Ending] | None, typer.Option("--signal", help="SIGKILL: it is gone; SIGSTOP: it hangs. Both without it.")
+        list[ServiceEnding] | None,
+        typer.Option("--signal", help="SIGKILL: it is gone; SIGSTOP: it hangs. Both without it."),
     ] = None,
     speed: Speed = "realtime",
     seed: Seed = 1000,
@@ -106,7 +107,7 @@ def kills(
     with told(console), tempfile.TemporaryDirectory(prefix="crosspih-kills-") as recordings:
         services, phases = chosen("--service", service, SERVICES), chosen("--phase", phase, PHASES)
         (speed,) = chosen("--speed", [speed], SPEEDS)
-        planned = list(cases(services, phases, chosen("--signal", ending, Ending), seed))
+        planned = list(cases(services, phases, chosen("--signal", ending, ServiceEnding), seed))
         tasks, limits = [], []
         for case in planned:
             overrides = {**case.overrides, "recorder": {"directory": recordings}}
@@ -117,14 +118,14 @@ def kills(
                     case.name, content, end_service, case.model_dump(mode="json"), (*NEEDED, "recorder"), speed=speed
                 )
             )
-        found: dict[int, Row] = {}
+        found: dict[int, KillResult] = {}
         progress = CellsProgress(console, "cases")
         progress.taken_over(len(tasks), 0)
 
         def on_result(index: int, result: Any) -> None:
             seen, case = Observed.model_validate(result), planned[index]
             wrong = complaints(case, seen, limits[index])
-            found[index] = Row(speed=speed, case=case, observed=seen, complaints=wrong)
+            found[index] = KillResult(speed=speed, case=case, observed=seen, complaints=wrong)
             progress.say(f"{case.name}: {'; '.join([_ended(seen), *wrong])}", "red" if wrong else "")
 
         pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))

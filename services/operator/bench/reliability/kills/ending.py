@@ -15,7 +15,7 @@ from crosspih_common.keys import ASSEMBLE, RECORD_START
 from crosspih_common.messages import Assemble, AssemblyResult, ResetCell, StartRecording
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.reliability.kills.judging import NAMED_S, Observed, stopped_after_s
-from services.operator.bench.reliability.kills.plan import Case, Ending
+from services.operator.bench.reliability.kills.plan import KillCase, ServiceEnding
 from services.operator.bench.reliability.kills.victim import Victim
 from services.operator.bench.reliability.kills.watching import Watch
 
@@ -28,7 +28,7 @@ NAMED_LATE_S = 1.0  # waited on, so that a late word is told from none
 
 def end_service(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """The work of a CellTask: `payload` is a Case, the result an Observed, both as plain data."""
-    case = Case.model_validate(payload)
+    case = KillCase.model_validate(payload)
     session.new_trial(ResetCell(seed=case.seed))
     # what is heard of this case, and of no other
     with _hearing_in_time(), Session() as own:
@@ -56,7 +56,7 @@ def _hearing_in_time() -> Iterator[None]:
 
 
 class _Run:
-    def __init__(self, session: Session, case: Case) -> None:
+    def __init__(self, session: Session, case: KillCase) -> None:
         self._session, self._case = session, case
         self._watch = Watch(session)
         self._victim = Victim(session, self._watch, case.service)
@@ -79,7 +79,7 @@ class _Run:
         try:
             if self._case.service == "planning":
                 watch.wait(lambda: watch.let_go_ns is not None and watch.outcome is not None, STOPPED_FOR_S)
-                if ending is Ending.STOP:
+                if ending is ServiceEnding.STOP:
                     victim.then(signal.SIGCONT)
             asker.join(END_DEADLINE_S)
             ended_s = watch.since_signal_s()
@@ -87,7 +87,7 @@ class _Run:
             watch.wait(lambda: watch.named is not None, max(NAMED_S + NAMED_LATE_S - ended_s, 0.0))
             return self._observed(ended_s, moving, force_n)
         finally:
-            if ending is Ending.STOP:
+            if ending is ServiceEnding.STOP:
                 # the next case wants one that has nothing left to do
                 victim.then(signal.SIGKILL)
             if not victim.wait_healthy(RESTART_DEADLINE_S):

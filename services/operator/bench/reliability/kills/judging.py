@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Failure
-from services.operator.bench.reliability.kills.plan import COMPUTING, Case, Ending
+from services.operator.bench.reliability.kills.plan import COMPUTING, KillCase, ServiceEnding
 
 LOOK_BACK_S = 0.02
 AT_END_RAD = 2e-5
@@ -76,7 +76,7 @@ def stopped_after_s(stamps_ns: Array, joints_rad: Array, signal_ns: int) -> floa
     return float(seconds[after][int(np.argmax(along >= farthest - AT_END_RAD))])
 
 
-def complaints(case: Case, seen: Observed, limits: Limits) -> list[str]:
+def complaints(case: KillCase, seen: Observed, limits: Limits) -> list[str]:
     """What is not as it must be; nothing when all holds."""
     if not seen.signalled:
         return [f"the assembly never came to where {case.service} was to be ended: {seen.detail or seen.asker_told}"]
@@ -100,13 +100,13 @@ def complaints(case: Case, seen: Observed, limits: Limits) -> list[str]:
     return found
 
 
-def _planner_gone(case: Case, seen: Observed, limits: Limits) -> list[str]:
+def _planner_gone(case: KillCase, seen: Observed, limits: Limits) -> list[str]:
     found = []
     allowed_s = limits.holder_timeout_s + STOP_S
     went_on_s = None if seen.stop_s is None else seen.stop_s - (seen.beats_s or 0.0)
     if went_on_s is not None and went_on_s > allowed_s:
         found.append(f"the arm went on for {went_on_s:.2f} s without a beat of its holder, want {allowed_s:g} s")
-    if case.ending is Ending.KILL:
+    if case.ending is ServiceEnding.KILL:
         if not seen.asker_told:
             found.append("whoever asked for the assembly was not told")
     elif not seen.inserted and not seen.asker_told:

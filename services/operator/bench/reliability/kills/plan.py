@@ -22,7 +22,7 @@ MOVING_RAD_S = 0.05
 CONTACT_N = {Phase.PUSHING: 5.0, Phase.TOUCHING: 2.0, Phase.SEATED: 2.0}
 
 
-class Ending(str, Enum):
+class ServiceEnding(str, Enum):
     """How a service is ended."""
 
     KILL = "SIGKILL"  # it is gone; the launcher starts it again, as it always does
@@ -34,14 +34,14 @@ class Ending(str, Enum):
         return signal.Signals[self.value]
 
 
-class Case(BaseModel):
+class KillCase(BaseModel):
     """One service ended in one phase. `seed` draws the hole."""
 
     model_config = ConfigDict(frozen=True)
 
     service: str
     phase: Phase
-    ending: Ending
+    ending: ServiceEnding
     seed: int
 
     @property
@@ -61,16 +61,18 @@ class Case(BaseModel):
         return {**off, "hardware": {"simulated": {"watch_contact": True}}}
 
 
-def cases(services: Iterable[str], phases: Iterable[Phase], endings: Iterable[Ending], seed: int) -> Iterator[Case]:
+def cases(
+    services: Iterable[str], phases: Iterable[Phase], endings: Iterable[ServiceEnding], seed: int
+) -> Iterator[KillCase]:
     """All of them, in the order of the table."""
     phases, endings = tuple(phases), tuple(endings)
     for service in services:
         for ending in endings:
             for phase in phases:
-                yield Case(service=service, phase=phase, ending=ending, seed=seed)
+                yield KillCase(service=service, phase=phase, ending=ending, seed=seed)
 
 
-def begins(case: Case, told: AssemblyPhase) -> bool:
+def begins(case: KillCase, told: AssemblyPhase) -> bool:
     """Whether this step of the assembly is the one in which the service is to be ended, once it moves or touches."""
     if told.phase is not case.phase:
         return False
@@ -83,7 +85,7 @@ def begins(case: Case, told: AssemblyPhase) -> bool:
     return True
 
 
-def ripe(case: Case, speed_rad_s: float, force_n: float) -> bool:
+def ripe(case: KillCase, speed_rad_s: float, force_n: float) -> bool:
     """Whether the moment has come: the arm moves, or presses, as the phase has it."""
     if case.phase is Phase.LOCATING:
         return True

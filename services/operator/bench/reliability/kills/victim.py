@@ -9,10 +9,10 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from crosspih_common.errors import NoService
-from deploy.launcher import ServiceState, StateDirectory
+from deploy.launcher import ServiceRow, StateDirectory
 from deploy.launcher.health import Health
 from services.operator.assembly.session import Session
-from services.operator.bench.reliability.kills.plan import ROUTER, Case, begins, ripe
+from services.operator.bench.reliability.kills.plan import ROUTER, KillCase, begins, ripe
 from services.operator.bench.reliability.kills.watching import Watch
 
 _POLL_S = 0.05
@@ -26,7 +26,7 @@ class Victim:
         self._stack = StateDirectory(session.cell.workcell.name)
         self._pid: int | None = None
 
-    def wait_ripe(self, moment: Case, over: Callable[[], bool], deadline_s: float) -> bool:
+    def wait_ripe(self, moment: KillCase, over: Callable[[], bool], deadline_s: float) -> bool:
         """Whether the moment of a case comes, within the deadline and before the assembly is `over`."""
         watch = self._watch
 
@@ -40,7 +40,7 @@ class Victim:
                 return True
         return False
 
-    def _row(self) -> ServiceState:
+    def _row(self) -> ServiceRow:
         state = self._stack.read()
         if state is None:
             raise NoService("the launcher's state cannot be read: is the stack still up?")

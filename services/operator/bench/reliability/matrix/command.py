@@ -23,16 +23,16 @@ from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import AsJson, Cells, told
 from services.operator.bench.reliability.kills.options import Phases, Seed, Speed, chosen
 from services.operator.bench.reliability.matrix.ending import end_process
-from services.operator.bench.reliability.matrix.judging import Seen, outcome
-from services.operator.bench.reliability.matrix.page import COLUMNS, Row, section, write_section
-from services.operator.bench.reliability.matrix.plan import PHASES, VICTIMS, Case, Ending, cases
+from services.operator.bench.reliability.matrix.judging import MatrixObservation, outcome
+from services.operator.bench.reliability.matrix.page import COLUMNS, MatrixResult, section, write_section
+from services.operator.bench.reliability.matrix.plan import PHASES, VICTIMS, MatrixCase, ProcessEnding, cases
 
 WIDTH = 170
 # a death concerns who starts services, records and asks, beside the cell's own code
 MADE_BY = ("services", "deploy")
 
 
-def case_key(case: Case, speed: str) -> str:
+def case_key(case: MatrixCase, speed: str) -> str:
     """Under what a case is kept: itself, the cell and the code."""
     cell = cell_identity(cell_content(base_cell_text(), Condition()))
     identity = {"case": case.model_dump(mode="json"), "speed": speed, "cell": cell, "code": code_version(*MADE_BY)}
@@ -43,7 +43,7 @@ def matrix(
     victim: Annotated[list[str] | None, typer.Option(help=f"{', '.join(VICTIMS)}; all when left out.")] = None,
     phase: Phases = None,
     ending: Annotated[
-        list[Ending] | None, typer.Option("--signal", help="SIGSTOP lasts 7 s. All three when left out.")
+        list[ProcessEnding] | None, typer.Option("--signal", help="SIGSTOP lasts 7 s. All three when left out.")
     ] = None,
     speed: Speed = "realtime",
     seed: Seed = 1000,
@@ -63,7 +63,7 @@ def matrix(
     with told(console), tempfile.TemporaryDirectory(prefix="crosspih-matrix-") as folder, ResultStore(store) as results:
         victims, phases = chosen("--victim", victim, VICTIMS), chosen("--phase", phase, PHASES)
         (speed,) = chosen("--speed", [speed], SPEEDS)
-        planned = list(cases(victims, phases, chosen("--signal", ending, Ending), seed))
+        planned = list(cases(victims, phases, chosen("--signal", ending, ProcessEnding), seed))
         keys = [case_key(case, speed) for case in planned]
         missing = [index for index, key in enumerate(keys) if results.get(key) is None]
         tasks = []
@@ -81,10 +81,10 @@ def matrix(
 
         def on_result(number: int, result: Any) -> None:
             index = missing[number]
-            case, seen = planned[index], Seen.model_validate(result)
+            case, seen = planned[index], MatrixObservation.model_validate(result)
             code = code_version(*MADE_BY)
             results.put(keys[index], seen.model_dump(mode="json"), code=code, case=case.name, speed=speed)
-            wrong = Row(case=case, seen=seen).complaints
+            wrong = MatrixResult(case=case, seen=seen).complaints
             progress.say(f"{case.name}: {'; '.join([outcome(case, seen), *wrong])}", "red" if wrong else "")
 
         lost: dict[int, str] = {}
@@ -97,9 +97,9 @@ def matrix(
                 console.print("interrupted: the same command goes on from here")
             finally:
                 pool.close()
-        rows = _rows(list(cases(VICTIMS, PHASES, Ending, seed)) if page else planned, results, speed)
+        rows = _rows(list(cases(VICTIMS, PHASES, ProcessEnding, seed)) if page else planned, results, speed)
         if page is not None:
-            every = len(VICTIMS) * len(PHASES) * len(Ending)
+            every = len(VICTIMS) * len(PHASES) * len(ProcessEnding)
             write_section(page, section(rows, f"crosspih bench matrix --speed {speed} --seed {seed}", every))
         if as_json:
             told_rows = [{**row.model_dump(mode="json"), "complaints": row.complaints} for row in rows]
@@ -116,7 +116,7 @@ def matrix(
             raise typer.Exit(1)
 
 
-def table_of(rows: Sequence[Row]) -> Table:
+def table_of(rows: Sequence[MatrixResult]) -> Table:
     """A line a case."""
     table = Table()
     for name in COLUMNS:
@@ -126,10 +126,10 @@ def table_of(rows: Sequence[Row]) -> Table:
     return table
 
 
-def _rows(planned: Sequence[Case], results: ResultStore, speed: str) -> list[Row]:
+def _rows(planned: Sequence[MatrixCase], results: ResultStore, speed: str) -> list[MatrixResult]:
     rows = []
     for case in planned:
         seen = results.get(case_key(case, speed))
         if seen is not None:
-            rows.append(Row(case=case, seen=Seen.model_validate(seen)))
+            rows.append(MatrixResult(case=case, seen=MatrixObservation.model_validate(seen)))
     return rows

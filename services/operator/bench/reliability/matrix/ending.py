@@ -24,8 +24,8 @@ from deploy.launcher.health import Health
 from services.operator.assembly.session import NEEDED, Session
 from services.operator.bench.reliability.kills.victim import Victim
 from services.operator.bench.reliability.kills.watching import Watch
-from services.operator.bench.reliability.matrix.judging import HEALTHY_S, RESULT_S, Seen, Tape, gone
-from services.operator.bench.reliability.matrix.plan import OPERATOR, STOPPED_S, Case, Ending
+from services.operator.bench.reliability.matrix.judging import HEALTHY_S, RESULT_S, MatrixObservation, TapeFigures, gone
+from services.operator.bench.reliability.matrix.plan import OPERATOR, STOPPED_S, MatrixCase, ProcessEnding
 
 RIPE_DEADLINE_S = 240.0
 WHOLE_DEADLINE_S = 180.0
@@ -35,7 +35,7 @@ _POLL_S = 0.05
 
 def end_process(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """The work of a CellTask: `payload` is a Case and the recordings' folder, the result a Seen, as plain data."""
-    case, folder = Case.model_validate(payload["case"]), Path(payload["folder"])
+    case, folder = MatrixCase.model_validate(payload["case"]), Path(payload["folder"])
     with Session() as own:  # what is heard of this case, and of no other
         own.wait_for_services(WHOLE_DEADLINE_S, (*NEEDED, "recorder"))
         run = _Run(own, case, folder)
@@ -46,7 +46,7 @@ def end_process(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
 
 
 class _Run:
-    def __init__(self, session: Session, case: Case, folder: Path) -> None:
+    def __init__(self, session: Session, case: MatrixCase, folder: Path) -> None:
         self._session, self._case, self._folder = session, case, folder
         self._stack = StateDirectory(session.cell.workcell.name)
         self._watch = Watch(session)
@@ -57,7 +57,7 @@ class _Run:
         self._said: tuple[str, str] = ("", "")
         self._begun_wall_ns = time.time_ns()
 
-    def run(self) -> Seen:
+    def run(self) -> MatrixObservation:
         """One case. Raises NoService when the stack cannot be seen."""
         case, watch, victim = self._case, self._watch, self._victim
         strategy = case.moment.strategy.value
@@ -72,7 +72,7 @@ class _Run:
         if not victim.wait_ripe(case.moment, lambda: operator.poll() is not None, RIPE_DEADLINE_S):
             operator.terminate()
             reader.join(RESULT_S)
-            return Seen(signalled=False, detail=self._said[1].strip()[-400:])
+            return MatrixObservation(signalled=False, detail=self._said[1].strip()[-400:])
         victim.end(case.ending.number, operator.pid if case.victim == OPERATOR else None)
         recovery = threading.Thread(target=self._recover, name="recovery", daemon=True)
         recovery.start()
@@ -91,7 +91,7 @@ class _Run:
 
     def _recover(self) -> None:
         """Let one that was stopped go on, and see when it is healthy again."""
-        stopped = self._case.ending is Ending.STOP
+        stopped = self._case.ending is ProcessEnding.STOP
         if stopped:
             time.sleep(STOPPED_S)
             self._victim.then(signal.SIGCONT)
@@ -100,7 +100,7 @@ class _Run:
 
     # ----------------------------------------------------------------------------------------------------- the end
 
-    def _seen(self, result_s: float | None) -> Seen:
+    def _seen(self, result_s: float | None) -> MatrixObservation:
         operator, (said, shown) = self._operator, self._said
         assert operator is not None
         figures: dict[str, Any] = {}
@@ -108,7 +108,7 @@ class _Run:
             figures = json.loads(said)
         done = [phase for phase in self._watch.since() if phase.phase is Phase.DONE]
         told = done[-1].text if done else shown.strip()[-400:]
-        return Seen(
+        return MatrixObservation(
             signalled=True,
             result_s=result_s,
             inserted=bool(figures["inserted"]) if figures else bool(done) and done[-1].text == "inserted",
@@ -121,7 +121,7 @@ class _Run:
             tip_before_m=self._victim.tip_before_m(),
         )
 
-    def _tape(self, warnings: tuple[str, ...]) -> Tape | None:
+    def _tape(self, warnings: tuple[str, ...]) -> TapeFigures | None:
         if gone(self._case):
             with suppress(CrosspihError):  # nobody else ends it
                 self._session.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)
@@ -137,11 +137,15 @@ class _Run:
                 recording = found
         if recording is None:
             said = () if trouble is None else (trouble,)
-            return Tape(parts=1, gap_s=0.0, missing=0, finished=False, warnings=(*warnings, *said)) if said else None
+            return (
+                TapeFigures(parts=1, gap_s=0.0, missing=0, finished=False, warnings=(*warnings, *said))
+                if said
+                else None
+            )
         # without the states that were there already: each comes once more at the recording's begin, as old as it is
         stamps = np.sort([sample.wall_ns for samples in recording.samples.values() for sample in samples])
         stamps = stamps[stamps >= self._begun_wall_ns]
-        return Tape(
+        return TapeFigures(
             parts=len(recording.parts),
             gap_s=float(np.diff(stamps).max(initial=0)) * 1e-9,
             missing=sum(recording.gaps_that_matter().values()),

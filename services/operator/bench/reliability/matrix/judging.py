@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
-from services.operator.bench.reliability.matrix.plan import OPERATOR, RECORDER, Case, Ending
+from services.operator.bench.reliability.matrix.plan import OPERATOR, RECORDER, MatrixCase, ProcessEnding
 
 RESULT_S = 300.0  # a named result comes at all within this, wall time
 HEALTHY_S = 120.0
 SILENT_S = 0.5  # more than a recorder's flush, and nothing said of it, is a loss in silence
 
 
-class Tape(BaseModel):
+class TapeFigures(BaseModel):
     """What is in the recording: `gap_s` is the longest wall time in which nothing at all was recorded, `missing` how
     many samples never came, without those that a stream drops now and then."""
 
@@ -24,7 +24,7 @@ class Tape(BaseModel):
     warnings: tuple[str, ...] = ()
 
 
-class Seen(BaseModel):
+class MatrixObservation(BaseModel):
     """One case, times in s of the wall's clock from the signal on.
 
     `result_s` is when the operator's command had printed its result, or, where the operator itself was ended for good,
@@ -42,11 +42,11 @@ class Seen(BaseModel):
     backed_off: bool = False
     status: int | None = None
     healthy_s: float | None = None
-    tape: Tape | None = None
+    tape: TapeFigures | None = None
     tip_before_m: float | None = None
 
 
-def outcome(case: Case, seen: Seen) -> str:
+def outcome(case: MatrixCase, seen: MatrixObservation) -> str:
     """How it ended."""
     if not seen.signalled:
         return "never got there"
@@ -61,12 +61,12 @@ def outcome(case: Case, seen: Seen) -> str:
     return seen.failure + (", peg out" if seen.backed_off else "")
 
 
-def gone(case: Case) -> bool:
+def gone(case: MatrixCase) -> bool:
     """Whether nobody is left to be told."""
-    return case.victim == OPERATOR and case.ending is not Ending.STOP
+    return case.victim == OPERATOR and case.ending is not ProcessEnding.STOP
 
 
-def lost(seen: Seen) -> str:
+def lost(seen: MatrixObservation) -> str:
     """What the recording misses."""
     tape = seen.tape
     if tape is None:
@@ -83,13 +83,13 @@ def lost(seen: Seen) -> str:
     return ", ".join(said) or "nothing"
 
 
-def _misses(case: Case, tape: Tape) -> bool:
+def _misses(case: MatrixCase, tape: TapeFigures) -> bool:
     """Numbers tell what never came. A time without any sample is a loss only of a recorder that was away: the others'
     samples may come late on a busy machine, and come whole."""
     return tape.missing > 0 or (case.victim == RECORDER and tape.gap_s > SILENT_S)
 
 
-def complaints(case: Case, seen: Seen) -> list[str]:
+def complaints(case: MatrixCase, seen: MatrixObservation) -> list[str]:
     """What is not as it must be; nothing when all holds."""
     if not seen.signalled:
         return [f"the assembly never came to where {case.victim} was to be ended: {seen.detail}"]

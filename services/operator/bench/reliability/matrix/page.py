@@ -8,18 +8,18 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from crosspih_common.errors import ConfigError
-from services.operator.bench.reliability.matrix.judging import Seen, complaints, lost, outcome
-from services.operator.bench.reliability.matrix.plan import Case
+from services.operator.bench.reliability.matrix.judging import MatrixObservation, complaints, lost, outcome
+from services.operator.bench.reliability.matrix.plan import MatrixCase
 
 BEGIN, END = "<!-- made by `crosspih bench matrix`: begin -->", "<!-- end -->"
 COLUMNS = ("ended", "by", "in", "outcome", "result, s", "healthy, s", "recording lost", "holds")
 
 
-class Row(BaseModel):
+class MatrixResult(BaseModel):
     """One case, what was seen, and what is not as it must be."""
 
-    case: Case
-    seen: Seen
+    case: MatrixCase
+    seen: MatrixObservation
 
     @property
     def complaints(self) -> list[str]:
@@ -45,7 +45,7 @@ def _figure(value: float | None) -> str:
     return "" if value is None else f"{value:.1f}"
 
 
-def section(rows: Sequence[Row], command: str, planned: int) -> str:
+def section(rows: Sequence[MatrixResult], command: str, planned: int) -> str:
     """Markdown: what was run, how much of it holds, and a line a case."""
     held = sum(1 for row in rows if not row.complaints)
     lines = [f"`{command}`: {held} of {len(rows)} cases hold; {planned} are planned, {len(rows)} were run.", ""]

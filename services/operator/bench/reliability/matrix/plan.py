@@ -18,7 +18,7 @@ PHASES = kills.PHASES
 STOPPED_S = 7.0
 
 
-class Ending(str, Enum):
+class ProcessEnding(str, Enum):
     """How a process is ended."""
 
     KILL = "SIGKILL"  # it is gone
@@ -33,17 +33,17 @@ class Ending(str, Enum):
     @property
     def text(self) -> str:
         """For people."""
-        return f"{self.value} {STOPPED_S:g} s" if self is Ending.STOP else self.value
+        return f"{self.value} {STOPPED_S:g} s" if self is ProcessEnding.STOP else self.value
 
 
-class Case(BaseModel):
+class MatrixCase(BaseModel):
     """One process ended in one phase. `seed` draws the hole."""
 
     model_config = ConfigDict(frozen=True)
 
     victim: str
     phase: Phase
-    ending: Ending
+    ending: ProcessEnding
     seed: int
 
     @property
@@ -52,9 +52,9 @@ class Case(BaseModel):
         return f"{self.victim} {self.ending.text} {self.phase.value}"
 
     @property
-    def moment(self) -> kills.Case:
+    def moment(self) -> kills.KillCase:
         """When: as in `crosspih bench kills`."""
-        return kills.Case(service=self.victim, phase=self.phase, ending=kills.Ending.KILL, seed=self.seed)
+        return kills.KillCase(service=self.victim, phase=self.phase, ending=kills.ServiceEnding.KILL, seed=self.seed)
 
     @property
     def overrides(self) -> dict[str, Any]:
@@ -62,10 +62,12 @@ class Case(BaseModel):
         return self.moment.overrides
 
 
-def cases(victims: Iterable[str], phases: Iterable[Phase], endings: Iterable[Ending], seed: int) -> Iterator[Case]:
+def cases(
+    victims: Iterable[str], phases: Iterable[Phase], endings: Iterable[ProcessEnding], seed: int
+) -> Iterator[MatrixCase]:
     """All of them, in the order of the table."""
     phases, endings = tuple(phases), tuple(endings)
     for victim in victims:
         for ending in endings:
             for phase in phases:
-                yield Case(victim=victim, phase=phase, ending=ending, seed=seed)
+                yield MatrixCase(victim=victim, phase=phase, ending=ending, seed=seed)

@@ -16,7 +16,7 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import STATUS, WALL_CLOCK
 from crosspih_common.messages import AskWallClock, ServiceStatus, Strategy
 from services.operator.assembly.session import Session
-from services.operator.bench.cells.processes import Held, held_by_services, restarts_of
+from services.operator.bench.cells.processes import ProcessResources, held_by_services, restarts_of
 from services.operator.bench.reliability.soak.trend import WARM_UP_SHARE, Growth, growth
 from services.operator.scoring.score import seen_in_words
 
@@ -42,7 +42,7 @@ class Figures(BaseModel):
     vision: str = ""  # what it had to do with it
     wall_s: float
     latency_ms: tuple[float, float]  # of a command that does nothing: median, 95 %
-    services: dict[str, Held]
+    services: dict[str, ProcessResources]
     restarts: dict[str, int]
     dropped: dict[str, int]
     rejected: dict[str, int]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 WARM_UP_SHARE = 0.2  # of the figures, the first: what is loaded and allocated once is no leak
-LEAST_FIGURES = 6  # below that nothing can be said
+MIN_FIGURES = 6  # below that nothing can be said
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ def growth(at_s: Sequence[float], figures: Sequence[float], warm_up: float = WAR
 
     skipped = int(len(figures) * warm_up)
     times, values = np.asarray(at_s, float)[skipped:], np.asarray(figures, float)[skipped:]
-    if len(values) < LEAST_FIGURES or np.ptp(times) <= 0.0:
+    if len(values) < MIN_FIGURES or np.ptp(times) <= 0.0:
         return None
     found = theilslopes(values, times, 0.95)
     span_s = float(np.ptp(times))

@@ -15,7 +15,7 @@ from rich.table import Table
 from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import AsJson, told
 from services.operator.bench.speed.bus import others
-from services.operator.bench.speed.bus.figures import Turn, WayFigures, figures_of
+from services.operator.bench.speed.bus.figures import BusRound, WayFigures, figures_of
 from services.operator.bench.speed.bus.processes import opened
 from services.operator.bench.speed.bus.ways import PAYLOAD_BYTES, PYDANTIC, RAW
 
@@ -34,7 +34,7 @@ class BusResult(BaseModel):
 
 def measured(rounds: int, steady: int, burst: int, rate_hz: float, console: Console | None = None) -> BusResult:
     """All ways in turn, every second round in the opposite order. Raises CrosspihError."""
-    taken: list[dict[str, Turn]] = []
+    taken: list[dict[str, BusRound]] = []
     with (
         tempfile.TemporaryDirectory(prefix="crosspih-bus-") as folder,
         opened(Path(folder)) as (take_turn, ways),
@@ -42,7 +42,7 @@ def measured(rounds: int, steady: int, burst: int, rate_hz: float, console: Cons
     ):
         bar = progress.add_task("bus", total=rounds * len(ways))
         for index in range(rounds):
-            turns: dict[str, Turn] = {}
+            turns: dict[str, BusRound] = {}
             for name in list(ways)[:: -1 if index % 2 else 1]:
                 progress.update(bar, description=name)
                 turns[name] = take_turn(ways[name], steady, burst, rate_hz)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 
-class Turn(BaseModel):
+class BusRound(BaseModel):
     """One way's turn of one round: delays at a steady rate, and a burst as fast as it goes."""
 
     model_config = ConfigDict(frozen=True)
@@ -46,28 +46,28 @@ def delays_us(sent_ns: Mapping[int, int], heard_ns: Mapping[int, int]) -> tuple[
 def turn_of(
     steady_sent_ns: Mapping[int, int], burst_sent_ns: Mapping[int, int], heard_ns: Mapping[int, int],
     cpu_s: tuple[float, float],
-) -> Turn:  # fmt: skip
+) -> BusRound:  # fmt: skip
     """A turn from the times of all its samples, by number; the burst lasts from its first sending to its last hearing.
 
     `cpu_s`: of the sending and of the listening process, in the burst.
     """
     burst = [heard_ns[number] for number in burst_sent_ns if number in heard_ns]
     began_ns = min(burst_sent_ns.values())
-    return Turn(
+    return BusRound(
         delays_us=delays_us(steady_sent_ns, heard_ns), burst_sent=len(burst_sent_ns), burst_heard=len(burst),
         send_cpu_s=cpu_s[0], hear_cpu_s=cpu_s[1], burst_s=(max(burst) - began_ns) * 1e-9 if burst else float("inf"),
     )  # fmt: skip
 
 
-def _rate(turn: Turn) -> float:
+def _rate(turn: BusRound) -> float:
     return turn.burst_heard / turn.burst_s
 
 
-def _p50(turn: Turn) -> float:
+def _p50(turn: BusRound) -> float:
     return float(np.median(turn.delays_us)) if turn.delays_us else float("nan")
 
 
-def figures_of(rounds: Sequence[Mapping[str, Turn]], bare: str, dumped: str) -> list[WayFigures]:
+def figures_of(rounds: Sequence[Mapping[str, BusRound]], bare: str, dumped: str) -> list[WayFigures]:
     """A row a way; `bare` is the way that ratios are against, `dumped` the bare one with pydantic-core's own work."""
     rows = []
     for way in rounds[0]:

@@ -19,8 +19,8 @@ from crosspih_common.modules import module_command
 from services.operator.bench.cells.own_cell import free_port
 from services.operator.bench.cells.stopping import end_with_parent
 from services.operator.bench.speed.bus import others
-from services.operator.bench.speed.bus.figures import Turn, turn_of
-from services.operator.bench.speed.bus.ways import Way, installed_ways
+from services.operator.bench.speed.bus.figures import BusRound, turn_of
+from services.operator.bench.speed.bus.ways import BusWay, installed_ways
 
 READY_S = 120.0  # it reads its imports for half a minute on a busy machine
 PROBE_S = 0.01
@@ -60,7 +60,7 @@ def _noted(times: dict[int, int]) -> Callable[[int], None]:
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[tuple[Callable[[Way, int, int, float], Turn], dict[str, Way]]]:
+def opened(folder: Path) -> Iterator[tuple[Callable[[BusWay, int, int, float], BusRound], dict[str, BusWay]]]:
     """A router of its own, a forwarder for ZeroMQ where that is installed, and the listener: (take a turn, the ways).
 
     Raises CrosspihError where the listener does not come up.
@@ -93,13 +93,13 @@ def opened(folder: Path) -> Iterator[tuple[Callable[[Way, int, int, float], Turn
         for name, way in ways.items():
             _reaches(ours, way, senders[name])
 
-        def take_turn(way: Way, steady: int, burst: int, rate_hz: float) -> Turn:
+        def take_turn(way: BusWay, steady: int, burst: int, rate_hz: float) -> BusRound:
             return _take_turn(ours, way, senders[way.name], steady, burst, rate_hz)
 
         yield take_turn, ways
 
 
-def _reaches(ours: Connection, way: Way, send: Callable[[Any], object]) -> None:
+def _reaches(ours: Connection, way: BusWay, send: Callable[[Any], object]) -> None:
     until = time.monotonic() + READY_S
     while time.monotonic() < until:
         for number in range(1, 4):
@@ -111,8 +111,8 @@ def _reaches(ours: Connection, way: Way, send: Callable[[Any], object]) -> None:
 
 
 def _take_turn(
-    ours: Connection, way: Way, send: Callable[[Any], object], steady: int, burst: int, rate_hz: float
-) -> Turn:
+    ours: Connection, way: BusWay, send: Callable[[Any], object], steady: int, burst: int, rate_hz: float
+) -> BusRound:
     monotonic_ns = time.monotonic_ns
     steady_ns: dict[int, int] = {}
     begun = time.monotonic()

@@ -29,7 +29,7 @@ Heard = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
+class BusWay:
     """`listen(endpoint, heard, stack)` calls `heard` with each sample's number; `send(endpoint, stack)` gives what
     sends one sample, and `sample(number)` makes it. `heard` is called on the transport's own thread."""
 
@@ -120,15 +120,15 @@ PYDANTIC = "raw Zenoh with pydantic-core"
 TYPED = "crosspih, hear"
 PUMPED = "crosspih, subscribe"
 
-HOUSE: Sequence[Way] = (
-    Way(RAW, _raw_listen("bench/raw"), _raw_send("bench/raw"), plain),
-    Way(PYDANTIC, _raw_listen("bench/pydantic"), _raw_send("bench/pydantic"), message),
-    Way(TYPED, _typed_listen(CELL, own_thread=False), _typed_send(CELL), message),
-    Way(PUMPED, _typed_listen(f"{CELL}-2", own_thread=True), _typed_send(f"{CELL}-2"), message),
+HOUSE: Sequence[BusWay] = (
+    BusWay(RAW, _raw_listen("bench/raw"), _raw_send("bench/raw"), plain),
+    BusWay(PYDANTIC, _raw_listen("bench/pydantic"), _raw_send("bench/pydantic"), message),
+    BusWay(TYPED, _typed_listen(CELL, own_thread=False), _typed_send(CELL), message),
+    BusWay(PUMPED, _typed_listen(f"{CELL}-2", own_thread=True), _typed_send(f"{CELL}-2"), message),
 )
 
 
-def installed_ways() -> dict[str, Way]:
+def installed_ways() -> dict[str, BusWay]:
     """Those above, and the other buses whose packages are installed, by name."""
-    found = [*HOUSE, *(Way(name, listen, send, plain) for name, listen, send in others.installed(number_of))]
+    found = [*HOUSE, *(BusWay(name, listen, send, plain) for name, listen, send in others.installed(number_of))]
     return {way.name: way for way in found}

@@ -15,7 +15,7 @@ from services.operator.bench.cells.pool import ExecutorName, open_executor, run_
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
 from services.operator.bench.options import AsJson, told
-from services.operator.bench.speed.where_time_goes import Account, accounted_trial, result_of, table_of
+from services.operator.bench.speed.where_time_goes import TrialTime, accounted_trial, result_of, table_of
 
 
 def trials(
@@ -35,14 +35,14 @@ def trials(
             )
             for number in range(seed, seed + trials)
         ]
-        accounts: dict[int, Account] = {}
+        accounts: dict[int, TrialTime] = {}
         pool = open_executor(ExecutorName.LOCAL, 1, len(tasks), None, True)
         progress = CellsProgress(console, "trials")
         progress.taken_over(len(tasks), 0)
         try:
             with progress:
                 lost = run_in_cells(
-                    tasks, pool, lambda at, found: accounts.update({at: Account.model_validate(found)}), progress
+                    tasks, pool, lambda at, found: accounts.update({at: TrialTime.model_validate(found)}), progress
                 )
         finally:
             pool.close()

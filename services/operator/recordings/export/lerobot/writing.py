@@ -16,7 +16,7 @@ from services.operator.recordings.export.lerobot.video import write_video
 
 VERSION = "v3.0"
 FILES = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-MOST_FILES = 1000  # a chunk
+MAX_FILES = 1000  # a chunk
 INDICES = ("frame_index", "episode_index", "index", "task_index", "subtask_index")
 AXES = ("x", "y", "z")
 
@@ -84,7 +84,7 @@ class Dataset:
         about: dict[str, Any],
     ) -> str:  # fmt: skip
         key = f"observation.images.{side}"
-        chunk, file = divmod(number, MOST_FILES)
+        chunk, file = divmod(number, MAX_FILES)
         path = self._root / "videos" / key / f"{FILES.format(chunk_index=chunk, file_index=file)}.mp4"
         codec = write_video(path, pictures, numbers, self._fps)
         height, width = pictures[0].shape[:2]
@@ -124,7 +124,7 @@ class Dataset:
         count = len(self._episodes)
         _write_json(self._root / "meta" / "info.json", {
             "codebase_version": VERSION, "robot_type": self._robot, "total_episodes": count,
-            "total_frames": self._frames, "total_tasks": len(self._tasks), "chunks_size": MOST_FILES,
+            "total_frames": self._frames, "total_tasks": len(self._tasks), "chunks_size": MAX_FILES,
             "data_files_size_in_mb": 100, "video_files_size_in_mb": 200, "fps": self._fps,
             "splits": {"train": f"0:{count}"}, "data_path": f"data/{FILES}.parquet",
             "video_path": "videos/{video_key}/" + f"{FILES}.mp4" if videos else None, "features": self._features,

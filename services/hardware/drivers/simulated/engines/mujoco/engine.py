@@ -12,15 +12,15 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
 from services.hardware.drivers.simulated.engines.mujoco.world import HOLE, PEG, soften, world_xml
 from services.hardware.drivers.simulated.engines.protocol import CONTACT_DAMPING_S, ContactPoint
-from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_pieces, true_stiffness_nm_rad
+from services.hardware.drivers.simulated.truth import TrueSensorMounting, true_hole, true_pieces, true_stiffness_nm_rad
 
 
-class Physics:
+class MujocoPhysics:
     """Implements the Physics protocol by one MuJoCo model. One thread at a time."""
 
     def __init__(self, workcell: Workcell, config: SimulatedConfig) -> None:
         self._workcell = workcell
-        self._mounting = SensorMounting(config.truth)
+        self._mounting = TrueSensorMounting(config.truth)
         self._stiffness = true_stiffness_nm_rad(workcell, config.truth)
         peg = [piece.vertices_m() for piece in true_pieces(workcell, config.truth)]
         hole = [piece.vertices_m() for piece in true_hole(workcell, config.truth).pieces()]
@@ -106,3 +106,6 @@ class Physics:
         )  # fmt: skip
         mujoco.mj_fwdPosition(self._model, data)
         return max((-float(data.contact[index].dist) for index in range(data.ncon)), default=0.0)
+
+
+ENGINE = MujocoPhysics

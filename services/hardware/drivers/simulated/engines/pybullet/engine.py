@@ -13,10 +13,10 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies, nominal_joints_rad
 from services.hardware.drivers.simulated.engines.protocol import CONTACT_DAMPING_S, STEP_S, ContactPoint
 from services.hardware.drivers.simulated.engines.pybullet import bodies
-from services.hardware.drivers.simulated.truth import SensorMounting, true_hole, true_pieces, true_stiffness_nm_rad
+from services.hardware.drivers.simulated.truth import TrueSensorMounting, true_hole, true_pieces, true_stiffness_nm_rad
 
 
-class Physics:
+class PybulletPhysics:
     """Implements the Physics protocol by one PyBullet client. One thread at a time."""
 
     def __init__(self, workcell: Workcell, config: SimulatedConfig) -> None:
@@ -29,7 +29,7 @@ class Physics:
         self._pieces = bodies.corners(peg_pieces)
         self._blocks = bodies.corners(true_hole(workcell, config.truth).pieces())
         self._lever_m: list[float] = self._bodies.sensor_middle_m.tolist()
-        self._mounting = SensorMounting(config.truth)
+        self._mounting = TrueSensorMounting(config.truth)
         self._stiffness: list[float] = true_stiffness_nm_rad(workcell, config.truth).tolist()
         self._client = int(pybullet.connect(pybullet.DIRECT))
         if self._client < 0:
@@ -138,3 +138,6 @@ class Physics:
         pybullet.performCollisionDetection(physicsClientId=self._client)
         contacts = pybullet.getContactPoints(bodyA=self._arm, physicsClientId=self._client)
         return max((-float(contact[8]) for contact in contacts), default=0.0)
+
+
+ENGINE = PybulletPhysics

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class Turn:
+class StepLock:
     """A lock that the idle loop cannot keep from those who want it: Python's own are not fair."""
 
     def __init__(self) -> None:

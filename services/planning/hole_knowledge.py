@@ -12,7 +12,7 @@ IN_RANGE = 2.0  # times the half ranges of the drawing
 IN_RANGE_RAD = 0.5
 
 
-class HoleBelief:
+class HoleKnowledge:
     """As vision saw it, as it was told with the request, and as it is believed now."""
 
     def __init__(self, workcell: Workcell) -> None:
