@@ -199,8 +199,8 @@ def test_an_estimator_stands_beside_ours_on_the_same_recorded_touches(tmp_path: 
     made.add(ESTIMATE.reply_echo, estimate(1.1, 0.0002, 1))
     made.finish()
     rows = errors_mm(Recording(tmp_path / "a.mcap"), Workcell())
-    ((counted, ours_mm, own_mm),) = rows
-    assert counted == 1 and (ours_mm, own_mm) == pytest.approx((0.2, 0.6 / 1.64))
+    ((count, ours_mm, own_mm),) = rows
+    assert count == 1 and (ours_mm, own_mm) == pytest.approx((0.2, 0.6 / 1.64))
 
 
 # ------------------------------------------------------------------------------------------------------------- benches

@@ -51,8 +51,8 @@ def outputs(notebook: Any) -> dict[str, set[str]]:
 
 
 def test_the_notebook_runs_and_shows_what_it_shows(cell: RunningCell) -> None:
-    written = nbformat.read(NOTEBOOK, 4)  # type: ignore[no-untyped-call]
-    notebook = nbformat.read(NOTEBOOK, 4)  # type: ignore[no-untyped-call]
+    written: Any = nbformat.read(NOTEBOOK, 4)  # type: ignore[no-untyped-call]
+    notebook: Any = nbformat.read(NOTEBOOK, 4)  # type: ignore[no-untyped-call]
     NotebookClient(notebook, timeout=DEADLINE_S, resources={"metadata": {"path": str(ROOT)}}).execute()
     assert outputs(notebook) == outputs(written)
     assert "image/png" in outputs(written)["recording.plot()"]
