@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from typer import Typer
 from typer.testing import CliRunner
 
 from crosspih_common.config import Workcell
 from crosspih_common.recording import read_recording
-from services.operator.recordings.animating.command import animate
+from services.operator.cli.commands import app
 from services.operator.recordings.animating.timing import frame_times
 from services.operator.report.model import facts_of
 from services.operator.scene3d import Viewpoint, can_draw, draw
@@ -64,15 +63,15 @@ def test_a_moving_picture(tmp_path: Path) -> None:
     before = sum(1 for time_s in times if 2.0 <= time_s <= 4.6)
     assert pressed > 3 * before  # what touches is shown slowly, free air quickly
 
-    app = Typer()
-    app.command()(animate)
-    made = tmp_path / "a.gif"
-    done = CliRunner().invoke(app, [str(tmp_path / "a.mcap"), "-o", str(made), "--seconds", "4", "--fps", "2"])
+    command, made = ["recording", "animate"], tmp_path / "a.gif"
+    done = CliRunner().invoke(
+        app, [*command, str(tmp_path / "a.mcap"), "-o", str(made), "--seconds", "4", "--fps", "2"]
+    )
     assert done.exit_code == 0 and "8 frames" in done.output
     with Image.open(made) as film:
         assert film.size == (880, 540) and 2 <= getattr(film, "n_frames", 1) <= 8
     SyntheticRecording(tmp_path / "e.mcap").finish()
     for file, out, said in (("a.mcap", "a.avi", ".webp"), ("e.mcap", "e.gif", "no encoders"), ("no.mcap", "n.gif", "")):
-        failed = CliRunner().invoke(app, [str(tmp_path / file), "-o", str(tmp_path / out)])
+        failed = CliRunner().invoke(app, [*command, str(tmp_path / file), "-o", str(tmp_path / out)])
         assert failed.exit_code == 1 and said in failed.output
         assert not (tmp_path / out).exists()
