@@ -168,9 +168,9 @@ def test_an_independent_reader_finds_every_sample(endpoint: str, spawn: Callable
         channels = {channel.topic: channel for channel in summary.channels.values()}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
             if for_viewers(channel.topic):
-                shown[channel.topic].append(
-                    (message.log_time, factory.decoder_for(channel.message_encoding, schema)(message.data))
-                )
+                decoder = factory.decoder_for(channel.message_encoding, schema)
+                assert decoder is not None
+                shown[channel.topic].append((message.log_time, decoder(message.data)))
                 continue
             if message.log_time > started_ns:  # the last tick from before the start may still be in it
                 counts[channel.topic] += 1
