@@ -89,7 +89,18 @@ from crosspih_common.messages import (
     WithdrawResult,
 )
 
-ALL = ("hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2", "foxglove")
+ALL = (
+    "hardware",
+    "vision",
+    "force_torque",
+    "inference",
+    "planning",
+    "recorder",
+    "operator",
+    "ros2",
+    "foxglove",
+    "viewer",
+)
 
 # hardware -------------------------------------------------------------------------------------------------------------
 CLOCK = Topic("clock", CellClock, Kind.STATE, "hardware", ALL, "the cell's clock", 50.0)
@@ -106,7 +117,7 @@ JOINT_STATE = Topic(
     JointState,
     Kind.STREAM,
     "hardware",
-    ("force_torque", "planning", "operator", "ros2", "foxglove", *RECORDED),
+    ("force_torque", "planning", "operator", "ros2", "foxglove", "viewer", *RECORDED),
     "the encoders",
     250.0,
 )
@@ -124,7 +135,7 @@ CAMERA_CALIBRATION = Topic(
     CameraCalibration,
     Kind.STATE,
     "hardware",
-    ("operator", "ros2", "foxglove", *RECORDED),
+    ("operator", "ros2", "foxglove", "viewer", *RECORDED),
     "what the cameras are",
 )
 IMAGE_LEFT = Topic(
@@ -132,7 +143,7 @@ IMAGE_LEFT = Topic(
     Image,
     Kind.EVENT,
     "hardware",
-    ("vision", "operator", "ros2", "foxglove", *RECORDED),
+    ("vision", "operator", "ros2", "foxglove", "viewer", *RECORDED),
     "left picture",
 )
 IMAGE_RIGHT = Topic(
@@ -140,7 +151,7 @@ IMAGE_RIGHT = Topic(
     Image,
     Kind.EVENT,
     "hardware",
-    ("vision", "operator", "ros2", "foxglove", *RECORDED),
+    ("vision", "operator", "ros2", "foxglove", "viewer", *RECORDED),
     "right picture",
 )
 TRUTH = Topic(
@@ -187,17 +198,29 @@ LEASE_BEAT = Topic(
     "the holder lives",
     50.0,
 )
-LEASE = Topic("arm/lease", LeaseState, Kind.STATE, "hardware", ("planning", "operator", *RECORDED), "who holds the arm")
+LEASE = Topic(
+    "arm/lease", LeaseState, Kind.STATE, "hardware", ("planning", "operator", "viewer", *RECORDED), "who holds the arm"
+)
 CAPTURE = Command("camera/capture", CaptureStereo, StereoPair, "hardware", ("vision", "operator"), "take a pair")
-RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator",), "start a new trial")
+RESET = Command("simulation/reset", ResetCell, SimulationTruth, "hardware", ("operator", "viewer"), "start a new trial")
 
 # vision ---------------------------------------------------------------------------------------------------------------
 LOCATE = Command("vision/locate", LocateHole, HoleEstimate, "vision", ("planning", "operator"), "where is the hole")
 ANNOTATED_LEFT = Topic(
-    "vision/annotated/left", Image, Kind.EVENT, "vision", ("foxglove", *SHOWN), "left picture with what vision saw"
+    "vision/annotated/left",
+    Image,
+    Kind.EVENT,
+    "vision",
+    ("foxglove", "viewer", *SHOWN),
+    "left picture with what vision saw",
 )
 ANNOTATED_RIGHT = Topic(
-    "vision/annotated/right", Image, Kind.EVENT, "vision", ("foxglove", *SHOWN), "right picture with what vision saw"
+    "vision/annotated/right",
+    Image,
+    Kind.EVENT,
+    "vision",
+    ("foxglove", "viewer", *SHOWN),
+    "right picture with what vision saw",
 )
 
 # force_torque ---------------------------------------------------------------------------------------------------------
@@ -206,12 +229,18 @@ CONTACT_WRENCH = Topic(
     ContactWrench,
     Kind.STREAM,
     "force_torque",
-    ("ros2", "foxglove", *SHOWN),
+    ("ros2", "foxglove", "viewer", *SHOWN),
     "contact alone",
     100.0,
 )
 CONTACT_STATE = Topic(
-    "force_torque/state", ContactState, Kind.STREAM, "force_torque", ("foxglove", *SHOWN), "one of the 26", 10.0
+    "force_torque/state",
+    ContactState,
+    Kind.STREAM,
+    "force_torque",
+    ("foxglove", "viewer", *SHOWN),
+    "one of the 26",
+    10.0,
 )
 FT_CALIBRATION = Topic(
     "force_torque/calibration",
@@ -265,12 +294,19 @@ ADVISE_INSERTION = Command(
 )
 
 # planning -------------------------------------------------------------------------------------------------------------
-ASSEMBLE = Command("planning/assemble", Assemble, AssemblyResult, "planning", ("operator", "ros2"), "one assembly")
+ASSEMBLE = Command(
+    "planning/assemble", Assemble, AssemblyResult, "planning", ("operator", "ros2", "viewer"), "one assembly"
+)
 ABORT = Command(
-    "planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator", "ros2"), "end it, peg backed off"
+    "planning/abort", AbortAssembly, AbortAccepted, "planning", ("operator", "ros2", "viewer"), "end it, peg backed off"
 )
 PAUSE = Command(
-    "planning/pause", PauseAssembly, PauseAccepted, "planning", ("operator",), "hold before the next motion, or go on"
+    "planning/pause",
+    PauseAssembly,
+    PauseAccepted,
+    "planning",
+    ("operator", "viewer"),
+    "hold before the next motion, or go on",
 )
 CALIBRATE_FT = Command(
     "planning/calibrate_ft",
@@ -282,25 +318,37 @@ CALIBRATE_FT = Command(
     changes_calibration=True,
 )
 WITHDRAW = Command(
-    "planning/withdraw", Withdraw, WithdrawResult, "planning", ("operator", "ros2"), "a seated peg straight out"
+    "planning/withdraw",
+    Withdraw,
+    WithdrawResult,
+    "planning",
+    ("operator", "ros2", "viewer"),
+    "a seated peg straight out",
 )
 PHASE = Topic(
     "planning/phase",
     AssemblyPhase,
     Kind.EVENT,
     "planning",
-    ("operator", "ros2", "foxglove", *RECORDED),
+    ("operator", "ros2", "foxglove", "viewer", *RECORDED),
     "each step as it happens",
 )
-TOUCH = Topic("planning/touch", Touch, Kind.EVENT, "planning", ("operator", "foxglove", *RECORDED), "each touch")
+TOUCH = Topic(
+    "planning/touch", Touch, Kind.EVENT, "planning", ("operator", "foxglove", "viewer", *RECORDED), "each touch"
+)
 
 # recorder -------------------------------------------------------------------------------------------------------------
-RECORD_START = Command("recorder/start", StartRecording, RecordingStatus, "recorder", ("operator",), "begin a file")
-RECORD_STOP = Command("recorder/stop", StopRecording, RecordingStatus, "recorder", ("operator",), "finish the file")
+RECORD_START = Command(
+    "recorder/start", StartRecording, RecordingStatus, "recorder", ("operator", "viewer"), "begin a file"
+)
+RECORD_STOP = Command(
+    "recorder/stop", StopRecording, RecordingStatus, "recorder", ("operator", "viewer"), "finish the file"
+)
 
 # every service --------------------------------------------------------------------------------------------------------
 STATUS = Topic(
-    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}", ("operator", "ros2", "foxglove", *RECORDED),
+    "service/{service}/status", ServiceStatus, Kind.STREAM, "{service}",
+    ("operator", "ros2", "foxglove", "viewer", *RECORDED),
     "how it is", 1.0,
 )  # fmt: skip
 EVENTS = Topic(
@@ -308,7 +356,7 @@ EVENTS = Topic(
     Event,
     Kind.EVENT,
     "{service}",
-    ("operator", "ros2", "foxglove", *RECORDED),
+    ("operator", "ros2", "foxglove", "viewer", *RECORDED),
     "what people should know",
 )
 REFUSAL = Topic(

@@ -78,6 +78,8 @@ WITH_PROCESSES = frozenset([
     "tests/system/test_rejected.py",
     "tests/system/test_stop.py",
     "tests/system/test_without_simulator.py",
+    "tests/viewer/test_in_a_browser.py",
+    "tests/viewer/test_page_over_loopback.py",
 ])  # fmt: skip
 BEHIND = 10  # nice: a tenth of a core where what was started wants it
 STARTERS = frozenset(["bare", "router", "sdk", "secured", "spawn", "stacks", "sdk_arm"])

@@ -19,7 +19,18 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.plain_yaml import MAX_BYTES, text_of_file, yaml_of
 from crosspih_common.shapes.importing import FILE_SUFFIXES
 
-SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2")
+SERVICES = (
+    "router",
+    "hardware",
+    "vision",
+    "force_torque",
+    "inference",
+    "planning",
+    "recorder",
+    "operator",
+    "ros2",
+    "viewer",
+)
 
 SectionT = TypeVar("SectionT", bound=Section)
 

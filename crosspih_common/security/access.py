@@ -27,6 +27,7 @@ from crosspih_common.keys import (
     ROOT,
     SEATED,
     SEQUENCE_NETWORK,
+    WITHDRAW,
     Command,
     Qos,
     Topic,
@@ -46,6 +47,8 @@ ANSWERS_TO_ROS2 = (ASSEMBLE, LOCATE)
 # What Foxglove shows besides: what commands were asked and answered.
 REQUESTS_TO_FOXGLOVE = (ASSEMBLE, FOLLOW)
 ANSWERS_TO_FOXGLOVE = (ADVISE_INSERTION, ASSEMBLE, CAPTURE, ESTIMATE, LOCATE, NETWORK, SEATED, SEQUENCE_NETWORK)
+# The page shows besides what the planner was told of the hole, by whomever.
+ANSWERS_TO_VIEWER = (ASSEMBLE, WITHDRAW, LOCATE, ESTIMATE, SEATED, NETWORK, SEQUENCE_NETWORK)
 # ROS 2's own keys: its domains and its tokens, for the services that speak it
 ROS2_SPEAKERS = ("ros2", "hardware")
 ROS2_KEYS = ("@ros2_lv/**", *(f"{domain}/**" for domain in range(102)))  # the domains that ROS 2 allows on every system
@@ -131,7 +134,8 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
             table.serve(service, command.key(CELL))
         for service in command.callers:
             table.ask(service, command.key(CELL))
-        for service, answers in (("ros2", ANSWERS_TO_ROS2), ("foxglove", ANSWERS_TO_FOXGLOVE)):
+        told = (("ros2", ANSWERS_TO_ROS2), ("foxglove", ANSWERS_TO_FOXGLOVE), ("viewer", ANSWERS_TO_VIEWER))
+        for service, answers in told:
             if command in answers:
                 table.read(service, command.reply_echo.key(CELL), recover=True)
         if command in REQUESTS_TO_FOXGLOVE:

@@ -44,9 +44,13 @@ def up(
             if not is_up(project, run_dir):
                 require_free_port()
         request = StackRequest(project, compose_file, tuple(services or ()), tuple(profile or ()), run_dir, timeout_s)
+        request = request.with_what_comes_by_itself()
         if detach:
             console = TerminalConsole(highlight=False)
-            start_stack(request, wait, wait_timeout_s, on_change=console.print)
+            state = start_stack(request, wait, wait_timeout_s, on_change=console.print)
+            for row in state.services:
+                if row.note:
+                    console.print(f"{row.service}: {row.note}", soft_wrap=True)
             return
         view = LogView(TerminalConsole(highlight=False), request.chosen())
         raise typer.Exit(supervise(request, view.show, whole=True))

@@ -6,6 +6,8 @@ first word is the interpreter that runs the launcher, and ``stop_grace_period`` 
 
     x-notify: true      the service is healthy once it sent ``READY=1`` (see crosspih_common.service.notify)
     x-watchdog_s: 5     and unhealthy when no ``WATCHDOG=1`` came for this many seconds
+    x-up_where_installed: viser   ``crosspih up`` of the whole file starts it, its profile asked for or not, where this
+                        Python module is installed
     x-working_dir: ..   as ``working_dir``, which a container engine would take for a folder in the container
 
 The same file may be for a container engine too: the keys of ENGINE_KEYS and ENGINE_SECTIONS are its alone, and are left
@@ -14,6 +16,7 @@ alone here. So is the ``healthcheck`` of a service with ``x-notify``, whose noti
 
 import re
 import shlex
+from importlib.util import find_spec
 from typing import Annotated, Any
 
 from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
@@ -162,6 +165,14 @@ class Service(_Part):
     profiles: tuple[str, ...] = ()
     notify: bool = Field(default=False, alias="x-notify")
     watchdog_s: float | None = Field(default=None, alias="x-watchdog_s", gt=0.0)
+    up_where_installed: str | None = Field(
+        default=None, alias="x-up_where_installed", pattern=r"^[A-Za-z_][A-Za-z0-9_]*$"
+    )
+
+    @property
+    def comes_by_itself(self) -> bool:
+        """Whether ``crosspih up`` starts it though nobody asked for its profile."""
+        return self.up_where_installed is not None and find_spec(self.up_where_installed) is not None
 
     @model_validator(mode="before")
     @classmethod

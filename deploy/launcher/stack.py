@@ -12,7 +12,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import deploy
@@ -64,6 +64,17 @@ class StackRequest:
     def chosen(self) -> dict[str, Service]:
         """The services to run, with the variables of this process; raises ComposeError."""
         return select(load_compose(self.compose_file, variables()).services, self.services, self.profiles)
+
+    def with_what_comes_by_itself(self) -> "StackRequest":
+        """The same with the profiles of services that are there because what they need is installed.
+
+        Unchanged where services are named. Raises ComposeError.
+        """
+        if self.services:
+            return self
+        services = load_compose(self.compose_file, variables()).services.values()
+        more = {profile for service in services if service.comes_by_itself for profile in service.profiles}
+        return replace(self, profiles=tuple(dict.fromkeys((*self.profiles, *sorted(more)))))
 
     def to_json(self) -> str:
         """For the supervisor's command line."""

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.launcher import DEFAULT_COMPOSE_FILE, ComposeError
+from deploy.launcher import DEFAULT_COMPOSE_FILE, ComposeError, StackRequest
 from deploy.launcher.compose import ComposeFile, parse_duration_s
 from deploy.launcher.conditions import StartCondition
 from deploy.launcher.interpolation import interpolate
@@ -224,11 +224,24 @@ def test_selection_brings_what_is_needed_and_respects_profiles() -> None:
         select(services, ("z",), ())
 
 
+def test_what_is_installed_comes_by_itself_and_what_is_not_is_left_out(tmp_path: Path) -> None:
+    file = tmp_path / "compose.yaml"
+    file.write_text(
+        "services:\n  a: {command: x}\n  b: {command: x, profiles: [b], x-up_where_installed: json}\n"
+        "  c: {command: x, profiles: [c], x-up_where_installed: no_such_module}\n"
+    )
+    request = StackRequest(compose_file=file)
+    assert list(request.chosen()) == ["a"]
+    assert list(request.with_what_comes_by_itself().chosen()) == ["a", "b"]
+    named = StackRequest(compose_file=file, services=("a",))
+    assert named.with_what_comes_by_itself() == named
+
+
 def test_shipped_file_starts_the_router_first_and_every_service_exists() -> None:
     services = load_compose(DEFAULT_COMPOSE_FILE, {}).services
     others = {"hardware", "vision", "force_torque", "inference", "planning", "recorder"}
     assert [set(level) for level in start_levels(select(services, (), ()))] == [{"router"}, others]
-    optional = {"ros2", "foxglove"}  # where their profiles are asked for
+    optional = {"ros2", "foxglove", "viewer"}  # where their profiles are asked for
     assert set(services) - {"router"} - others == optional
     assert set(select(services, (), tuple(optional))) == set(services)
     for name, service in services.items():

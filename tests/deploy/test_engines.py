@@ -69,7 +69,8 @@ def test_the_launcher_goes_by_the_notification_and_leaves_the_check_to_an_engine
 @pytest.mark.skipif(shutil.which("podman") is None, reason="podman-compose asks for a program podman")
 @pytest.mark.skipif(find_spec("podman_compose") is None, reason="no podman-compose: pip install 'crosspih[dev]'")
 def test_podman_compose_reads_what_the_launcher_reads() -> None:
-    words = ["--file", str(DEFAULT_COMPOSE_FILE), "--profile", "ros2", "--profile", "foxglove", "config"]
+    profiles = [word for name in ("ros2", "foxglove", "viewer") for word in ("--profile", name)]
+    words = ["--file", str(DEFAULT_COMPOSE_FILE), *profiles, "config"]
     done = subprocess.run(
         [sys.executable, "-m", "podman_compose", *words], capture_output=True, text=True, check=True, timeout=60.0
     )

@@ -52,7 +52,7 @@ def test_an_assembly_is_set_up_with_these_packages_and_no_other(version: str, ma
 def test_what_an_assembly_leaves_out_comes_with_the_whole() -> None:
     here = {"python_version": "3.11", "sys_platform": "linux", "platform_machine": "x86_64"}
     more = _asked("all", here) - _asked("run", here)
-    assert more == {"cryptography", "ezdxf", "mujoco", "pandas", "pin", "pyarrow", "safetensors", "torch"}
+    assert more == {"cryptography", "ezdxf", "mujoco", "pandas", "pin", "pyarrow", "safetensors", "torch", "viser"}
 
 
 def test_every_package_is_pinned() -> None:

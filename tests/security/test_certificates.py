@@ -36,6 +36,10 @@ from services.router.refusals_log import ACCESS_REFUSED, LINK_REFUSED, RefusalEv
 
 RUNNER = CliRunner()
 TOLD_TO_ROS2 = ("planning/assemble", "vision/locate")
+TOLD_TO_VIEWER = (
+    *TOLD_TO_ROS2, "planning/withdraw", "inference/estimate", "inference/seated", "inference/network",
+    "inference/sequence_network",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -159,8 +163,10 @@ def test_only_its_publisher_writes_a_topic_and_only_its_readers_are_sent_it() ->
             beside = {"camera"} if topic.path.startswith("camera/") else set[str]()
             assert may("ingress", "put", topic.key("cell1")) == {topic.publisher} | beside, topic.path
             readers = set(SERVICES) if topic is CLOCK else set(topic.readers)
-            if topic.path.endswith("/reply"):  # the operator's benches hear every answer, ROS 2 two
-                readers |= {"operator"} | ({"ros2"} if topic.path[: -len("/reply")] in TOLD_TO_ROS2 else set())
+            if topic.path.endswith("/reply"):  # the operator's benches hear every answer, ROS 2 and the page some
+                command = topic.path[: -len("/reply")]
+                readers |= {"operator"} | ({"ros2"} if command in TOLD_TO_ROS2 else set())
+                readers |= {"viewer"} if command in TOLD_TO_VIEWER else set()
             assert may("egress", "put", topic.key("cell1")) == readers, topic.path
             assert may("ingress", "declare_subscriber", topic.key("cell1")) == readers, topic.path
     assert may("ingress", "put", CLOCK.key("cell1")) == {"hardware"}

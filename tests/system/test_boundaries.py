@@ -81,9 +81,8 @@ def test_what_is_measured_and_shown_needs_no_command_line() -> None:
 
 
 def test_the_services_are_found() -> None:
-    assert {"hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2"} <= set(
-        SERVICES
-    )
+    known = {"hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator", "ros2", "viewer"}
+    assert known <= set(SERVICES)
 
 
 @pytest.mark.parametrize("service", [name for name in SERVICES if name not in KNOW_THE_TRUTH])
@@ -136,6 +135,15 @@ def test_the_bridge_holds_no_lease_and_commands_no_motion() -> None:
     """What ROS asks of the bridge goes to planning as a command of ours, or nowhere."""
     motions = {"LEASE_TAKE", "FOLLOW", "MOVE_LINEAR", "GUARDED_MOVE", "ADMITTANCE_MOVE", "DWELL", "SET_PAYLOAD"}
     for path in files_of("ros2"):
+        tree = parsed(path)
+        assert not motions & set(names_of(tree)), path
+        assert not [name for name in imported(tree, path) if name.startswith("crosspih_common.holding")], path
+
+
+def test_the_page_holds_no_lease_and_commands_no_motion() -> None:
+    """What its buttons ask goes to planning, which holds the arm meanwhile, or is refused."""
+    motions = {"LEASE_TAKE", "FOLLOW", "MOVE_LINEAR", "GUARDED_MOVE", "ADMITTANCE_MOVE", "DWELL", "SET_PAYLOAD", "STOP"}
+    for path in files_of("viewer"):
         tree = parsed(path)
         assert not motions & set(names_of(tree)), path
         assert not [name for name in imported(tree, path) if name.startswith("crosspih_common.holding")], path

@@ -37,6 +37,7 @@ NOT_SPELLED = {
     "services/operator/recordings/replay/answers.py": "asked.command",
     "services/ros2/shell.py": "command.reply_echo",
     "services/foxglove/shell.py": "topic",
+    "services/viewer/live.py": "command.reply_echo",
 }
 HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the services that import it
 CLIENT = "crosspih_common.client"  # asks and hears for the services that import it

@@ -8,7 +8,9 @@ import sys
 
 import pytest
 
-SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "ros2", "foxglove")
+SERVICES = (
+    "router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "ros2", "foxglove", "viewer",
+)  # fmt: skip
 # No service needs these before it is up; torch only where a network is asked, and nobody's pages in a service.
 OF_NO_SERVICE = (
     "torch", "safetensors", "matplotlib", "jinja2", "pyarrow", "pinocchio", "pybullet", "mujoco", "typer", "rich",

@@ -96,6 +96,13 @@ COMMANDS = {
         example="recordings/assembly-fused-seed7.mcap",
         panel="Look",
     ),
+    "view": OnDemand(
+        f"{_HERE}.recordings.view.command:view",
+        "A recording in the browser, with a time slider: the cell in 3-D, forces, touches, pictures; or two side by "
+        "side.",
+        example="recordings/assembly-fused-seed7.mcap",
+        panel="Look",
+    ),
     "replay": OnDemand(
         f"{_HERE}.recordings.replay.command:replay",
         "Have vision, inference, force/torque and planning answer and decide again on what a recording holds, and "

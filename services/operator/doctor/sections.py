@@ -15,7 +15,8 @@ from services.operator.config import OperatorConfig
 from services.operator.other_services.beside import Said, module_says
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning", "recorder")
-BRIDGE = "ros2"  # not needed for an assembly
+# not needed for an assembly: what is missing without them
+OPTIONAL = {"ros2": "the cell does not appear in ROS 2", "viewer": "there is no page in the browser"}
 MEND = "mend what it names, or leave it out for its default"
 
 
@@ -33,7 +34,7 @@ class ReadSections:
 
 def read_sections(path: Path, cell: CellFile) -> ReadSections:
     """Every section of the file at `path`, in processes beside, as many at once as there are cores."""
-    names = (*NEEDED, BRIDGE) if cell.sections[BRIDGE] else NEEDED
+    names = (*NEEDED, *(name for name in OPTIONAL if cell.sections[name]))
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         said = list(
             pool.map(lambda name: module_says(f"services.{name}", "--check-config", "--cell", str(path)), names)
@@ -64,6 +65,6 @@ def _refused(name: str, answer: Said) -> Row:
     else:
         extra = f"pip install 'crosspih[{name}]'"
         found, mend = f"the service does not start: {answer.words}", f"mend what it names; {extra} for what it needs"
-    if name == BRIDGE:
-        return warning(where, f"{found}: the cell does not appear in ROS 2", mend)
+    if name in OPTIONAL:
+        return warning(where, f"{found}: {OPTIONAL[name]}", mend)
     return wrong(where, found, mend)

@@ -1,0 +1,163 @@
+"""What the page asks of the cell: commands as anybody else sends them, each with its answer or refusal in words.
+
+The page never holds the arm: the planner does, while it carries out what is asked. Where somebody else holds it nothing
+is asked at all.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from crosspih_common.bus import Bus
+from crosspih_common.errors import CommandRefused, CrosspihError
+from crosspih_common.keys import ABORT, ASSEMBLE, PAUSE, RECORD_START, RECORD_STOP, RESET, WITHDRAW
+from crosspih_common.messages import (
+    AbortAssembly,
+    Assemble,
+    AssemblyResult,
+    LeaseState,
+    PauseAssembly,
+    RecordingStatus,
+    ResetCell,
+    StartRecording,
+    StopRecording,
+    Strategy,
+    Withdraw,
+)
+
+ASSEMBLY_DEADLINE_S = 900.0
+WITHDRAW_DEADLINE_S = 300.0
+RESET_DEADLINE_S = 120.0
+NOW_DEADLINE_S = 5.0
+RECORDER_DEADLINE_S, RECORDER_WAIT_S = 60.0, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came of it, in words; `good` is False where it was refused or failed."""
+
+    good: bool
+    text: str
+
+
+def who_holds(lease: LeaseState | None) -> str:
+    """Why nothing may be asked of the arm now; empty where it is free."""
+    if lease is None:
+        return "nobody has told yet who holds the arm"
+    if not lease.holder:
+        return ""
+    purpose = f" for {lease.purpose}" if lease.purpose else ""
+    return f"{lease.holder} holds the arm{purpose}: this page leaves it alone until it is free"
+
+
+class Asking:
+    """Commands of the page, one at a time but for those that must pass the others: stop and pause."""
+
+    def __init__(self, bus: Bus, lease: Callable[[], LeaseState | None], simulated: Callable[[], bool]) -> None:
+        self._bus, self._lease, self._simulated = bus, lease, simulated
+        self._busy = threading.Lock()
+
+    @property
+    def busy(self) -> str:
+        """Why nothing may be asked of the arm now; empty where it may."""
+        return "what this page asked before is still under way" if self._busy.locked() else who_holds(self._lease())
+
+    def assemble(self, strategy: Strategy, seed: int | None) -> Answer:
+        """One assembly, recorded, and before it a new trial where there is a seed and the cell is simulated."""
+        return self._one_at_a_time(lambda: self._assemble(strategy, seed))
+
+    def reset(self, seed: int) -> Answer:
+        """A new trial in the simulated cell."""
+        return self._one_at_a_time(lambda: self._reset(seed))
+
+    def withdraw(self) -> Answer:
+        """The seated peg straight out."""
+        return self._one_at_a_time(self._withdraw)
+
+    def stop(self) -> Answer:
+        """End the assembly that runs, whoever asked for it: the planner backs the peg off."""
+        return _told(lambda: self._stop())
+
+    def pause(self, paused: bool) -> Answer:
+        """Hold the assembly that runs before its next motion, or let it go on."""
+        return _told(lambda: self._pause(paused))
+
+    def _one_at_a_time(self, ask: Callable[[], Answer]) -> Answer:
+        if not self._busy.acquire(blocking=False):
+            return Answer(False, "what this page asked before is still under way")
+        try:
+            if held := who_holds(self._lease()):
+                return Answer(False, held)
+            return _told(ask)
+        finally:
+            self._busy.release()
+
+    def _assemble(self, strategy: Strategy, seed: int | None) -> Answer:
+        name = f"assembly-{strategy.value}"
+        if seed is not None and self._simulated():
+            self._bus.call(RESET, ResetCell(seed=seed), RESET_DEADLINE_S)
+            name += f"-seed{seed}"
+        recorded = self._record(name)
+        try:
+            request = Assemble(strategy=strategy, assembly_id=name)
+            result = self._bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
+        finally:
+            kept = self._end_recording(recorded)
+        return Answer(result.inserted, f"{_how(result)}; {kept}")
+
+    def _record(self, name: str) -> RecordingStatus | str:
+        try:
+            status = self._bus.call(RECORD_START, StartRecording(name=name), RECORDER_DEADLINE_S, RECORDER_WAIT_S)
+        except CrosspihError as error:
+            return str(error)
+        return status if status.recording else status.trouble
+
+    def _end_recording(self, recorded: RecordingStatus | str) -> str:
+        if isinstance(recorded, str):
+            return f"not recorded: {recorded}"
+        try:
+            status = self._bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S, RECORDER_WAIT_S)
+        except CrosspihError as error:
+            return f"recorded in {recorded.path}, whose end is missing: {error}"
+        return "; ".join((f"recorded in {status.path}", *status.warnings))
+
+    def _reset(self, seed: int) -> Answer:
+        if not self._simulated():
+            return Answer(False, "this cell is not simulated: it has no trials to start anew")
+        self._bus.call(RESET, ResetCell(seed=seed), RESET_DEADLINE_S)
+        return Answer(True, f"a new trial, seed {seed}")
+
+    def _withdraw(self) -> Answer:
+        out = self._bus.call(WITHDRAW, Withdraw(), WITHDRAW_DEADLINE_S)
+        if out.failure is not None:
+            return Answer(False, f"not withdrawn: {out.failure.value} {out.failure_detail}")
+        return Answer(True, f"withdrawn, {out.distance_m * 1e3:.0f} mm, peak {out.peak_force_n:.1f} N")
+
+    def _stop(self) -> Answer:
+        was_running = self._bus.call(ABORT, AbortAssembly(), NOW_DEADLINE_S).was_running
+        said = "stopped: the peg is being backed off" if was_running else "no assembly runs: nothing to stop"
+        return Answer(was_running, said)
+
+    def _pause(self, paused: bool) -> Answer:
+        accepted = self._bus.call(PAUSE, PauseAssembly(paused=paused), NOW_DEADLINE_S)
+        if not accepted.was_running:
+            return Answer(False, "no assembly runs: nothing to hold")
+        return Answer(True, "held before its next motion" if accepted.paused else "going on")
+
+
+def _how(result: AssemblyResult) -> str:
+    if result.inserted:
+        return f"inserted, {result.insertion_depth_m * 1e3:.1f} mm deep, {result.motion_s:.1f} s of motion"
+    failed = "" if result.failure is None else f"{result.failure.value}: "
+    return f"not inserted: {failed}{result.failure_detail}"
+
+
+def _told(ask: Callable[[], Answer]) -> Answer:
+    try:
+        return ask()
+    except CommandRefused as error:
+        return Answer(False, f"refused ({error.code}): {error.text}")
+    except CrosspihError as error:
+        return Answer(False, str(error))
