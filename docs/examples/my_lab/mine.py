@@ -11,7 +11,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import PosePrior
 from crosspih_common.strategy import Tools
 
-RADIUS_M = 0.0008
+RADIUS_M = 0.003
 PLACES = 8
 
 
