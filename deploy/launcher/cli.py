@@ -12,7 +12,6 @@ from typing import Annotated
 
 import typer
 
-from crosspih_common.config import load_cell
 from crosspih_common.modules import DEFAULT_CELL
 from deploy.launcher.display import LogView, TerminalConsole, stopped_lines
 from deploy.launcher.foreground import supervise
@@ -40,6 +39,8 @@ def up(
     with one_line_errors():
         if compose_file == DEFAULT_COMPOSE_FILE:
             # what is wrong in what all services share is said once, and before any of them starts
+            from crosspih_common.config import load_cell  # it loads NumPy, which ps and down do without
+
             load_cell(os.environ.get("CROSSPIH_CELL") or DEFAULT_CELL)
             if not is_up(project, run_dir):
                 require_free_port()
