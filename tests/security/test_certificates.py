@@ -36,6 +36,11 @@ from services.router.refusals_log import ACCESS_REFUSED, LINK_REFUSED, RefusalEv
 
 RUNNER = CliRunner()
 TOLD_TO_ROS2 = ("planning/assemble", "vision/locate")
+TOLD_TO_FOXGLOVE = (
+    "camera/capture", "inference/advise_insertion", "inference/estimate", "inference/network", "inference/seated",
+    "inference/sequence_network", *TOLD_TO_ROS2,
+)  # fmt: skip
+ASKED_SHOWN_BY_FOXGLOVE = ("arm/follow/request", "planning/assemble/request")
 TOLD_TO_VIEWER = (
     *TOLD_TO_ROS2, "planning/withdraw", "inference/estimate", "inference/seated", "inference/network",
     "inference/sequence_network",
@@ -167,6 +172,9 @@ def test_only_its_publisher_writes_a_topic_and_only_its_readers_are_sent_it() ->
                 command = topic.path[: -len("/reply")]
                 readers |= {"operator"} | ({"ros2"} if command in TOLD_TO_ROS2 else set())
                 readers |= {"viewer"} if command in TOLD_TO_VIEWER else set()
+                readers |= {"foxglove"} if command in TOLD_TO_FOXGLOVE else set()
+            if topic.path in ASKED_SHOWN_BY_FOXGLOVE:
+                readers |= {"foxglove"}
             assert may("egress", "put", topic.key("cell1")) == readers, topic.path
             assert may("ingress", "declare_subscriber", topic.key("cell1")) == readers, topic.path
     assert may("ingress", "put", CLOCK.key("cell1")) == {"hardware"}
