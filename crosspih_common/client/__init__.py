@@ -10,21 +10,23 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from crosspih_common.client.asynchronous import AsyncCell, AsyncStream, connect_async
-    from crosspih_common.client.cell import Assembly, Cell, CellStatus, connect
+    from crosspih_common.client.cell import Cell
+    from crosspih_common.client.connecting import connect
+    from crosspih_common.client.outcomes import Assembly, CellStatus
     from crosspih_common.client.streaming import Stream
     from crosspih_common.recording import Recording
 else:
     from importlib import import_module
 
     _MODULES = {
-        "Assembly": "client.cell",
+        "Assembly": "client.outcomes",
         "AsyncCell": "client.asynchronous",
         "AsyncStream": "client.asynchronous",
         "Cell": "client.cell",
-        "CellStatus": "client.cell",
+        "CellStatus": "client.outcomes",
         "Recording": "recording",
         "Stream": "client.streaming",
-        "connect": "client.cell",
+        "connect": "client.connecting",
         "connect_async": "client.asynchronous",
     }
 

@@ -14,7 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
-from crosspih_common.client.cell import CONNECT_S, NEEDED, Cell, connect
+from crosspih_common.client.cell import NEEDED, Cell
+from crosspih_common.client.connecting import CONNECT_S, connect
 from crosspih_common.client.streaming import DEPTH, Stream
 from crosspih_common.config import CellFile, Workcell
 from crosspih_common.errors import CrosspihError

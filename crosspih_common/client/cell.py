@@ -5,20 +5,19 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar, overload
 
-from crosspih_common.bus import Bus, Latest, open_zenoh
+from crosspih_common.bus import Bus, Latest
 from crosspih_common.bus.workers import Pump
-from crosspih_common.client import defaults
 from crosspih_common.client.assembly_request import ask_assembly
 from crosspih_common.client.checked import require_checked
 from crosspih_common.client.new_events import only_new
+from crosspih_common.client.outcomes import Assembly, CellStatus
 from crosspih_common.client.running_recording import FinishedRecording, RunningRecording
 from crosspih_common.client.streaming import DEPTH, Stream
-from crosspih_common.config import CellFile, Workcell, load_cell
+from crosspih_common.config import CellFile, Workcell
 from crosspih_common.errors import ConfigError, NoService
 from crosspih_common.holding.soundness import require_one_clock
 from crosspih_common.keys import (
@@ -70,9 +69,7 @@ from crosspih_common.topic_names import topic_named
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 
-OPERATOR = "operator"  # a client is an operator: it may do what the CLI may, and no more
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning")
-CONNECT_S = 5.0
 ASSEMBLY_DEADLINE_S = 900.0
 WITHDRAW_DEADLINE_S = 300.0
 CALIBRATE_DEADLINE_S = 300.0
@@ -87,43 +84,6 @@ LOST = {
     "planning": "planning is gone: no sign of life from it (its liveliness token went)",
     "recorder": "the recorder is gone: nothing is recorded until it is back",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Assembly:
-    """An assembly that came to an end.
-
-    `result` is the planner's own account: T2 and every count, with units in the names of its fields. `seed` is what the
-    trial was drawn from, None where nothing was drawn; `wall_s` the wall time of the whole. `recording` is the first
-    file of the recording, `recording_parts` all of them, `recording_warnings` what is missing from it.
-    """
-
-    result: AssemblyResult
-    seed: int | None
-    wall_s: float
-    recording: Path | None
-    recording_parts: tuple[Path, ...]
-    recording_warnings: tuple[str, ...]
-
-    @property
-    def inserted(self) -> bool:
-        """Whether the peg is in, by the planner's word."""
-        return self.result.inserted
-
-
-@dataclass(frozen=True, slots=True)
-class CellStatus:
-    """How a cell is. `alive` are the services with a sign of life, `services` what each said last (once a second);
-    `holder` is who holds the arm, empty where nobody does."""
-
-    cell: str
-    endpoint: str
-    simulated: bool
-    speed: str
-    alive: frozenset[str]
-    services: dict[str, ServiceStatus]
-    holder: str
-    holding_for: str
 
 
 class Cell:
@@ -426,41 +386,4 @@ def _newest(latest: Latest[PayloadT], topic: Topic[PayloadT], timeout_s: float) 
     return found
 
 
-def connect(
-    endpoint: str | None = None,
-    cell: str | Path | None = None,
-    *,
-    timeout_s: float = CONNECT_S,
-    needed: tuple[str, ...] = NEEDED,
-) -> Cell:
-    """A place on the bus of the running cell, to be left at the end: use it in a `with` block.
-
-    `endpoint` is the router, such as "tcp/127.0.0.1:7447" (CROSSPIH_ENDPOINT, or the one of this machine, where left
-    out); `cell` the cell's file (CROSSPIH_CELL, or the default cell's); `timeout_s` the wall time that the router and
-    the `needed` services have to answer. Where CROSSPIH_CERTIFICATES names a folder the operator's certificate is used.
-
-    Raises BusUnreachable where no router answers and NoService where a service is missing, each in one line that says
-    what to do; ConfigError where the cell's file is wrong; CommandRefused `cell_unfit` where two cells tick.
-    """
-    opened = open_cell(endpoint, cell, timeout_s=timeout_s, readings=True)
-    try:
-        opened.wait_for_services(timeout_s, needed)
-        opened.require_sound_cell()
-    except BaseException:
-        opened.close()
-        raise
-    return opened
-
-
-def open_cell(endpoint: str | None, cell: str | Path | None, *, timeout_s: float, readings: bool) -> Cell:
-    """A place on the bus, whoever else is there. Raises BusUnreachable, ConfigError."""
-    return Cell(*open_bus(endpoint, cell, timeout_s), readings=readings)
-
-
-def open_bus(endpoint: str | None, cell: str | Path | None, timeout_s: float) -> tuple[Bus, CellFile]:
-    """The bus of an operator, and the cell's file. Raises BusUnreachable, ConfigError."""
-    file = load_cell(cell or defaults.cell_path())
-    return Bus(open_zenoh(endpoint or defaults.endpoint(), timeout_s, OPERATOR), file.workcell.name, OPERATOR), file
-
-
-__all__ = ["NEEDED", "Assembly", "Cell", "CellStatus", "connect"]
+__all__ = ["NEEDED", "Cell"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from crosspih_common.client.cell import NEEDED, Cell, open_bus
+from crosspih_common.client.cell import NEEDED, Cell
+from crosspih_common.client.connecting import open_bus
 from crosspih_common.config import CellFile
 from crosspih_common.keys import RESET, TRUTH
 from crosspih_common.messages import AssemblyResult, PosePrior, ResetCell, SimulationTruth

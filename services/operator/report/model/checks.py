@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crosspih_common.messages import AssemblyResult
+from services.operator.report.model.forces import Forces
+from services.operator.report.model.motion import AnsweredMotion
 from services.operator.report.numbers import Quantity
-
-if TYPE_CHECKING:
-    from services.operator.report.model.facts import Facts
 
 # of two reckonings of one force: the arm takes the orientation of its cycle, a report that of the encoder sample
 NEAR_N, NEAR_NM, NEAR_SHARE = 0.3, 0.03, 0.02
@@ -29,19 +28,28 @@ class Check:
     agrees: bool
 
 
-def checks_of(facts: Facts) -> list[Check]:
-    """Those that this recording allows; without a result there are none."""
-    result = facts.window.result
+def checks_of(
+    result: AssemblyResult | None,
+    touches: int,
+    presses: int,
+    forces: Forces,
+    motions: list[AnsweredMotion],
+    true_depth_mm: float | None,
+) -> list[Check]:
+    """Those that this recording allows; without a result there are none.
+
+    `touches` and `presses` are how many were told, `true_depth_mm` how deep the peg truly is, where that is known.
+    """
     if result is None:
         return []
     checks = [
-        _count("touches", result.touches, len(facts.touches)),
-        _count("presses", result.presses, len(facts.presses)),
+        _count("touches", result.touches, touches),
+        _count("presses", result.presses, presses),
     ]
-    unfiltered = facts.forces.unfiltered
+    unfiltered = forces.unfiltered
     if unfiltered is not None:
         in_motion = np.zeros(len(unfiltered.time_s), dtype=bool)
-        for motion in facts.motions:
+        for motion in motions:
             in_motion |= (unfiltered.time_s >= motion.start_s) & (unfiltered.time_s <= motion.end_s)
         if in_motion.any():
             pairs = (
@@ -58,16 +66,16 @@ def checks_of(facts: Facts) -> list[Check]:
                         abs(ours - arms) <= near + NEAR_SHARE * arms,
                     )
                 )  # fmt: skip
-    moved_s = sum(motion.end_s - motion.start_s for motion in facts.motions)
+    moved_s = sum(motion.end_s - motion.start_s for motion in motions)
     checks.append(
         Check(
             "time in motions", Quantity(result.motion_s, "s"), "as planning added it up",
-            Quantity(moved_s, "s"), f"of the {len(facts.motions)} motions that were answered",
+            Quantity(moved_s, "s"), f"of the {len(motions)} motions that were answered",
             abs(moved_s - result.motion_s) <= NEAR_S,
         )
     )  # fmt: skip
-    if result.inserted and facts.truth is not None and facts.figures is not None:
-        truly = facts.figures.insertion_depth_mm
+    if result.inserted and true_depth_mm is not None:
+        truly = true_depth_mm
         own = result.insertion_depth_m * 1e3
         checks.append(
             Check(

@@ -114,7 +114,8 @@ def facts_of(recording: Recording) -> Facts:
         poses=poses_of(workcell, result, truth),
         health=health_of(recording, window),
     )
-    facts.checks = checks_of(facts)
+    true_depth_mm = None if truth is None or figures is None else figures.insertion_depth_mm
+    facts.checks = checks_of(result, len(touches), len(presses), forces, motions, true_depth_mm)
     facts.missing = [lacks] if lacks else []
     _name_what_is_missing(facts)
     return facts
