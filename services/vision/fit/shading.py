@@ -24,7 +24,7 @@ def shade_belief(rim: Rim) -> Array:
     first = np.unique(rim.facing, return_index=True)[1]
     present = rim.facing[first]
     belief = np.zeros((int(present[-1]) + 1,) * 2)
-    belief[np.ix_(present, present)] = _belief_of(rim.outward[first].mean(axis=1)[:, :2].tobytes())
+    belief[present[:, None], present] = _belief_of(rim.outward[first].mean(axis=1)[:, :2].tobytes())
     return belief
 
 
