@@ -21,9 +21,10 @@ UNEVEN_SHADE = 0.1
 def shade_belief(rim: Rim) -> Array:
     """(F, F): one over the variance of the chamfers' greys, over the face's, by where they face: none for what is a
     constant or linear in the direction, UNEVEN_SHADE for the rest. Zero where too few ways tell a rest."""
-    present, first = np.unique(np.asarray(rim.facing, dtype=int), return_index=True)
+    first = np.unique(rim.facing, return_index=True)[1]
+    present = rim.facing[first]
     belief = np.zeros((int(present[-1]) + 1,) * 2)
-    belief[np.ix_(present, present)] = _belief_of(rim.outward[first].mean(axis=1)[:, :2].tobytes())
+    belief[present[:, None], present] = _belief_of(rim.outward[first].mean(axis=1)[:, :2].tobytes())
     return belief
 
 
