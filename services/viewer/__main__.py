@@ -16,7 +16,7 @@ from crosspih_common.modules import not_installed
 from crosspih_common.service.ending import end_process
 
 if TYPE_CHECKING:
-    from crosspih_common.service.lifecycle import Closeable
+    from crosspih_common.service.lifecycle import ServiceResource
 
 HOST, PORT, TOKEN = "CROSSPIH_VIEWER_HOST", "CROSSPIH_VIEWER_PORT", "CROSSPIH_VIEWER_TOKEN"
 
@@ -68,7 +68,7 @@ def serve_cell(arguments: argparse.Namespace, rest: list[str]) -> int:
     from crosspih_common.service import ServiceContext, run_service
     from services.viewer.config import ViewerConfig
 
-    def build(context: ServiceContext, config: ViewerConfig) -> Closeable:
+    def build(context: ServiceContext, config: ViewerConfig) -> ServiceResource:
         try:
             from services.viewer.browser import open_browser
             from services.viewer.live import ViewerShell
