@@ -35,7 +35,7 @@ RECORDER_DEADLINE_S, RECORDER_WAIT_S = 60.0, 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class PageAnswer:
     """What came of it, in words; `good` is False where it was refused or failed."""
 
     good: bool
@@ -52,7 +52,7 @@ def who_holds(lease: LeaseState | None) -> str:
     return f"{lease.holder} holds the arm{purpose}: this page leaves it alone until it is free"
 
 
-class Asking:
+class PageCommands:
     """Commands of the page, one at a time but for those that must pass the others: stop and pause."""
 
     def __init__(self, bus: Bus, lease: Callable[[], LeaseState | None], simulated: Callable[[], bool]) -> None:
@@ -64,37 +64,37 @@ class Asking:
         """Why nothing may be asked of the arm now; empty where it may."""
         return "what this page asked before is still under way" if self._busy.locked() else who_holds(self._lease())
 
-    def assemble(self, strategy: Strategy, seed: int | None) -> Answer:
+    def assemble(self, strategy: Strategy, seed: int | None) -> PageAnswer:
         """One assembly, recorded, and before it a new trial where there is a seed and the cell is simulated."""
         return self._one_at_a_time(lambda: self._assemble(strategy, seed))
 
-    def reset(self, seed: int) -> Answer:
+    def reset(self, seed: int) -> PageAnswer:
         """A new trial in the simulated cell."""
         return self._one_at_a_time(lambda: self._reset(seed))
 
-    def withdraw(self) -> Answer:
+    def withdraw(self) -> PageAnswer:
         """The seated peg straight out."""
         return self._one_at_a_time(self._withdraw)
 
-    def stop(self) -> Answer:
+    def stop(self) -> PageAnswer:
         """End the assembly that runs, whoever asked for it: the planner backs the peg off."""
         return _told(lambda: self._stop())
 
-    def pause(self, paused: bool) -> Answer:
+    def pause(self, paused: bool) -> PageAnswer:
         """Hold the assembly that runs before its next motion, or let it go on."""
         return _told(lambda: self._pause(paused))
 
-    def _one_at_a_time(self, ask: Callable[[], Answer]) -> Answer:
+    def _one_at_a_time(self, ask: Callable[[], PageAnswer]) -> PageAnswer:
         if not self._busy.acquire(blocking=False):
-            return Answer(False, "what this page asked before is still under way")
+            return PageAnswer(False, "what this page asked before is still under way")
         try:
             if held := who_holds(self._lease()):
-                return Answer(False, held)
+                return PageAnswer(False, held)
             return _told(ask)
         finally:
             self._busy.release()
 
-    def _assemble(self, strategy: Strategy, seed: int | None) -> Answer:
+    def _assemble(self, strategy: Strategy, seed: int | None) -> PageAnswer:
         name = f"assembly-{strategy.value}"
         if seed is not None and self._simulated():
             self._bus.call(RESET, ResetCell(seed=seed), RESET_DEADLINE_S)
@@ -105,7 +105,7 @@ class Asking:
             result = self._bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
         finally:
             kept = self._end_recording(recorded)
-        return Answer(result.inserted, f"{_how(result)}; {kept}")
+        return PageAnswer(result.inserted, f"{_how(result)}; {kept}")
 
     def _record(self, name: str) -> RecordingStatus | str:
         try:
@@ -123,28 +123,28 @@ class Asking:
             return f"recorded in {recorded.path}, whose end is missing: {error}"
         return "; ".join((f"recorded in {status.path}", *status.warnings))
 
-    def _reset(self, seed: int) -> Answer:
+    def _reset(self, seed: int) -> PageAnswer:
         if not self._simulated():
-            return Answer(False, "this cell is not simulated: it has no trials to start anew")
+            return PageAnswer(False, "this cell is not simulated: it has no trials to start anew")
         self._bus.call(RESET, ResetCell(seed=seed), RESET_DEADLINE_S)
-        return Answer(True, f"a new trial, seed {seed}")
+        return PageAnswer(True, f"a new trial, seed {seed}")
 
-    def _withdraw(self) -> Answer:
+    def _withdraw(self) -> PageAnswer:
         out = self._bus.call(WITHDRAW, Withdraw(), WITHDRAW_DEADLINE_S)
         if out.failure is not None:
-            return Answer(False, f"not withdrawn: {out.failure.value} {out.failure_detail}")
-        return Answer(True, f"withdrawn, {out.distance_m * 1e3:.0f} mm, peak {out.peak_force_n:.1f} N")
+            return PageAnswer(False, f"not withdrawn: {out.failure.value} {out.failure_detail}")
+        return PageAnswer(True, f"withdrawn, {out.distance_m * 1e3:.0f} mm, peak {out.peak_force_n:.1f} N")
 
-    def _stop(self) -> Answer:
+    def _stop(self) -> PageAnswer:
         was_running = self._bus.call(ABORT, AbortAssembly(), NOW_DEADLINE_S).was_running
         said = "stopped: the peg is being backed off" if was_running else "no assembly runs: nothing to stop"
-        return Answer(was_running, said)
+        return PageAnswer(was_running, said)
 
-    def _pause(self, paused: bool) -> Answer:
+    def _pause(self, paused: bool) -> PageAnswer:
         accepted = self._bus.call(PAUSE, PauseAssembly(paused=paused), NOW_DEADLINE_S)
         if not accepted.was_running:
-            return Answer(False, "no assembly runs: nothing to hold")
-        return Answer(True, "held before its next motion" if accepted.paused else "going on")
+            return PageAnswer(False, "no assembly runs: nothing to hold")
+        return PageAnswer(True, "held before its next motion" if accepted.paused else "going on")
 
 
 def _how(result: AssemblyResult) -> str:
@@ -154,10 +154,10 @@ def _how(result: AssemblyResult) -> str:
     return f"not inserted: {failed}{result.failure_detail}"
 
 
-def _told(ask: Callable[[], Answer]) -> Answer:
+def _told(ask: Callable[[], PageAnswer]) -> PageAnswer:
     try:
         return ask()
     except CommandRefused as error:
-        return Answer(False, f"refused ({error.code}): {error.text}")
+        return PageAnswer(False, f"refused ({error.code}): {error.text}")
     except CrosspihError as error:
-        return Answer(False, str(error))
+        return PageAnswer(False, str(error))

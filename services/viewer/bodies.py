@@ -13,7 +13,7 @@ from crosspih_common.config.surroundings import Mesh as MeshFile
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel, PoseData
-from services.viewer.solids import Mesh, box, capsule, cylinder, joined, peg_mesh, plate_mesh
+from services.viewer.solids import SolidMesh, box, capsule, cylinder, joined, peg_mesh, plate_mesh
 
 Colour = tuple[int, int, int]
 ARM, JOINT, STEEL, SENSOR = (236, 238, 241), (58, 68, 84), (150, 157, 168), (38, 42, 50)
@@ -31,7 +31,7 @@ class Body:
 
     name: str
     frame: str
-    mesh: Mesh
+    mesh: SolidMesh
     colour: Colour
     opacity: float = 1.0
     sharp: bool = False
@@ -154,7 +154,7 @@ def _around(workcell: Workcell) -> list[Body]:
     return bodies
 
 
-def _of_file(placed: MeshFile) -> Mesh | None:
+def _of_file(placed: MeshFile) -> SolidMesh | None:
     """A mesh of the cell's file; None where the file is not here, as that of a recording from elsewhere."""
     import trimesh  # it comes with viser
 
@@ -167,7 +167,7 @@ def _of_file(placed: MeshFile) -> Mesh | None:
     if placed.hull:
         found = found.convex_hull
     corners = np.asarray(found.vertices, float) * placed.scale
-    return Mesh(placed.pose().apply(corners), np.asarray(found.faces, np.uint32))
+    return SolidMesh(placed.pose().apply(corners), np.asarray(found.faces, np.uint32))
 
 
 def cameras_of(workcell: Workcell, told: CameraCalibration | None) -> list[tuple[str, CameraModel, Pose]]:

@@ -10,9 +10,9 @@ import numpy as np
 from crosspih_common.config import Workcell
 from crosspih_common.geometry.pose import Array
 from services.viewer.charts import Chart
-from services.viewer.panels import Forces, Headline, Pictures, Services
+from services.viewer.panels import ForcePanel, Headline, PicturePanel, Services
 from services.viewer.scene_view import CellView
-from services.viewer.timeline import Moment
+from services.viewer.timeline import SceneMoment
 from services.viewer.view_points import ViewPoint, view_points
 
 if TYPE_CHECKING:
@@ -36,9 +36,9 @@ class CellPage:
         self.headline = Headline(server)
         self.panel: Any = server.gui.add_panel()
         with self.panel.add_tab(f"Forces {name}".strip()):
-            self._forces = Forces(server, workcell.peg.shape())
+            self._forces = ForcePanel(server, workcell.peg.shape())
         with self.panel.add_tab("Pictures"):
-            self._pictures = Pictures(server)
+            self._pictures = PicturePanel(server)
         with self.panel.add_tab("Services"):
             self._services = Services(server)
         self.panel.dock_left()
@@ -48,11 +48,13 @@ class CellPage:
         """Peg and plate as glass, or as they are."""
         self._scene.see_through(clear)
 
-    def move(self, moment: Moment) -> None:
+    def move(self, moment: SceneMoment) -> None:
         """What moves in the scene."""
         self._scene.show(moment)
 
-    def tell(self, moment: Moment, chart: Chart | None, before: str = "", alive: frozenset[str] | None = None) -> None:
+    def tell(
+        self, moment: SceneMoment, chart: Chart | None, before: str = "", alive: frozenset[str] | None = None
+    ) -> None:
         """What the panels say; `alive` are the services that live, where that is known."""
         self.headline.show(moment, before)
         self._forces.show(moment, chart)

@@ -10,7 +10,7 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import Phase
 from services.viewer.series import decimated
-from services.viewer.timeline import Moment, Span
+from services.viewer.timeline import PhaseSpan, SceneMoment
 
 BUCKETS = 180
 MARK_SHARE = 0.003  # of the chart's width, a touch
@@ -40,7 +40,7 @@ class Chart:
     moments_nm: Array
 
 
-def chart_of(moment: Moment, times_s: Array, wrenches: Array, now_s: float | None = None) -> Chart:
+def chart_of(moment: SceneMoment, times_s: Array, wrenches: Array, now_s: float | None = None) -> Chart:
     """The chart of wrenches (k, 6), N and Nm, at times (k,), s since the trial of `moment` began.
 
     `now_s` marks a moment, as the one of a recording that is shown.
@@ -61,7 +61,7 @@ def chart_of(moment: Moment, times_s: Array, wrenches: Array, now_s: float | Non
     return Chart(times, np.vstack(shades), columns[:, :3].T, columns[:, 3:].T)
 
 
-def _edges(spans: Sequence[Span], first_ns: int) -> Array:
+def _edges(spans: Sequence[PhaseSpan], first_ns: int) -> Array:
     """Times just before and at each change of phase, so that a shade has upright ends."""
     found = []
     for span in spans:
@@ -71,7 +71,7 @@ def _edges(spans: Sequence[Span], first_ns: int) -> Array:
     return np.array([at for at in found if at >= 0.0])
 
 
-def _shades(spans: Sequence[Span], first_ns: int, times_s: Array) -> Array:
+def _shades(spans: Sequence[PhaseSpan], first_ns: int, times_s: Array) -> Array:
     shades = np.zeros((len(GROUPS), len(times_s)))
     for span in spans:
         if (group := GROUP_OF.get(span.phase)) is not None:

@@ -8,8 +8,8 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from crosspih_common.messages import Phase, Strategy
-from services.viewer.asking import Answer, Asking
-from services.viewer.timeline import Moment
+from services.viewer.asking import PageAnswer, PageCommands
+from services.viewer.timeline import SceneMoment
 from services.viewer.words import holder
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ HOW = "<code>CROSSPIH_SPEED=max crosspih up</code> or <code>CROSSPIH_CELL=FILE c
 class Controls:
     """Buttons in the main panel; what was asked is answered below them, in words."""
 
-    def __init__(self, server: viser.ViserServer, asking: Asking, peg: str, cell: str) -> None:
+    def __init__(self, server: viser.ViserServer, asking: PageCommands, peg: str, cell: str) -> None:
         gui, self._asking = server.gui, asking
         self._fixed = f"peg <b>{escape(peg)}</b>, cell <b>{escape(cell)}</b>"
         self._paused = False
@@ -45,7 +45,7 @@ class Controls:
             "The cell was checked", initial_value=False, visible=False,
             hint="this arm is real: `crosspih cell check` has passed since the cell was started",
         )  # fmt: skip
-        pressed: tuple[tuple[Any, str, Callable[[], Answer]], ...] = (
+        pressed: tuple[tuple[Any, str, Callable[[], PageAnswer]], ...] = (
             (self._assemble, "asked for an assembly", self._ask_assembly),
             (self._stop, "asked to stop", asking.stop),
             (self._pause, "asked", self._ask_pause),
@@ -55,14 +55,14 @@ class Controls:
         for button, doing, ask in pressed:
             button.on_click(self._on_click(doing, ask))
 
-    def _on_click(self, doing: str, ask: Callable[[], Answer]) -> Callable[[Any], None]:
+    def _on_click(self, doing: str, ask: Callable[[], PageAnswer]) -> Callable[[Any], None]:
         def clicked(event: Any) -> None:
             # an assembly takes minutes: a thread of its own leaves the page's own threads free
             threading.Thread(target=self._carry_out, args=(doing, ask), name="asking", daemon=True).start()
 
         return clicked
 
-    def _carry_out(self, doing: str, ask: Callable[[], Answer]) -> None:
+    def _carry_out(self, doing: str, ask: Callable[[], PageAnswer]) -> None:
         self._say(self._answer, f'<div class="cp dim">{doing} ...</div>')
         answer = ask()
         style = "note" if answer.good else "note bad"
@@ -71,19 +71,19 @@ class Controls:
             self._answer, f'<div class="cp"><div class="{style}" style="{colour}">{escape(answer.text)}</div></div>'
         )
 
-    def _ask_assembly(self) -> Answer:
+    def _ask_assembly(self) -> PageAnswer:
         if self._real.visible and not self._real.value:
-            return Answer(False, "this arm is real: run `crosspih cell check` first, and then tick the box")
+            return PageAnswer(False, "this arm is real: run `crosspih cell check` first, and then tick the box")
         seed = int(self._seed.value) if self._fresh.value else None
         return self._asking.assemble(Strategy(self._strategy.value), seed)
 
-    def _ask_pause(self) -> Answer:
+    def _ask_pause(self) -> PageAnswer:
         answer = self._asking.pause(not self._paused)
         if answer.good:
             self._paused = not self._paused
         return answer
 
-    def show(self, moment: Moment, realtime: bool | None, simulated: bool | None) -> None:
+    def show(self, moment: SceneMoment, realtime: bool | None, simulated: bool | None) -> None:
         """Which buttons can be pressed then; `realtime` and `simulated` are None before the clock was heard."""
         busy = self._asking.busy
         running = moment.phase is not None and moment.phase.phase not in (Phase.DONE, Phase.IDLE)

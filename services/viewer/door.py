@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 
 from crosspih_common.errors import ConfigError
-from services.viewer.gate import MOST_HEAD_BYTES, Gate, Verdict, head_of
+from services.viewer.gate import MOST_HEAD_BYTES, Gate, GateVerdict, head_of
 
 FIRST_PORT, PORTS = 8080, 40
 HEAD_S = 10.0  # in which whoever connects must have said what it wants
@@ -91,10 +91,10 @@ class Door:
             except asyncio.TimeoutError:
                 return
             verdict = self._gate.verdict(head_of(first_lines))
-            if verdict is Verdict.PASS:
+            if verdict is GateVerdict.PASS:
                 await self._pass_on(first_lines, reader, writer)
                 return
-            writer.write(self._page if verdict is Verdict.PAGE else self._gate.answer(verdict))
+            writer.write(self._page if verdict is GateVerdict.PAGE else self._gate.answer(verdict))
             await writer.drain()
 
     async def _pass_on(self, first_lines: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -33,7 +33,7 @@ THEME = """<script>(() => {
 })();</script>"""
 
 
-class Verdict(Enum):
+class GateVerdict(Enum):
     """What becomes of a connection."""
 
     PAGE = "page"  # the page itself is sent
@@ -81,35 +81,35 @@ class Gate:
 
     token: str
 
-    def verdict(self, head: Head | None) -> Verdict:
+    def verdict(self, head: Head | None) -> GateVerdict:
         """What becomes of a connection that begins so."""
         if head is None or head.method != "GET" or "host" not in head.headers:
-            return Verdict.MALFORMED
+            return GateVerdict.MALFORMED
         url = urlsplit(head.target)
         upgrade = head.headers.get("upgrade", "").lower() == "websocket"
         if upgrade and _host_of(head.headers.get("origin", "")) != head.headers["host"].lower():
-            return Verdict.ELSEWHERE
+            return GateVerdict.ELSEWHERE
         if self.token:
             brought = parse_qs(url.query).get("token", [""])[0]
             if brought and self._is_token(brought):
-                return Verdict.PASS if upgrade else Verdict.COME_IN
+                return GateVerdict.PASS if upgrade else GateVerdict.COME_IN
             if not self._is_token(_cookie_of(head.headers.get("cookie", ""))):
-                return Verdict.NO_TOKEN
+                return GateVerdict.NO_TOKEN
         elif not is_this_machine(_without_port(head.headers["host"])):
-            return Verdict.ELSEWHERE
-        return Verdict.PAGE if not upgrade and url.path in ("", "/", "/index.html") else Verdict.PASS
+            return GateVerdict.ELSEWHERE
+        return GateVerdict.PAGE if not upgrade and url.path in ("", "/", "/index.html") else GateVerdict.PASS
 
     def _is_token(self, brought: str) -> bool:
         return secrets.compare_digest(brought.encode(), self.token.encode())
 
-    def answer(self, verdict: Verdict) -> bytes:
+    def answer(self, verdict: GateVerdict) -> bytes:
         """The whole answer to whoever is not let through."""
-        if verdict is Verdict.COME_IN:
+        if verdict is GateVerdict.COME_IN:
             cookie = f"{COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Strict; Max-Age=604800"
             return f"HTTP/1.1 303 See Other\r\nLocation: /\r\nSet-Cookie: {cookie}\r\n{SECURE}{_END}\r\n".encode()
         status, text = {
-            Verdict.NO_TOKEN: ("403 Forbidden", "This page wants the token that `crosspih ps` shows: /?token=..."),
-            Verdict.ELSEWHERE: (
+            GateVerdict.NO_TOKEN: ("403 Forbidden", "This page wants the token that `crosspih ps` shows: /?token=..."),
+            GateVerdict.ELSEWHERE: (
                 "403 Forbidden",
                 "Open this page by the address that `crosspih ps` shows; it answers to this machine's own name alone.",
             ),

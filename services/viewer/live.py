@@ -37,13 +37,13 @@ from crosspih_common.keys import (
 )
 from crosspih_common.messages import CellClock, Image, JointState, Severity
 from crosspih_common.service import ServiceContext, notify
-from services.viewer.asking import Asking
+from services.viewer.asking import PageCommands
 from services.viewer.browser import Browser
 from services.viewer.cell_page import RIGHT_PX, CellPage, add_glass, add_view_buttons, look_from
 from services.viewer.charts import chart_of
 from services.viewer.config import ViewerConfig
 from services.viewer.controls import Controls
-from services.viewer.timeline import Picture, Timeline
+from services.viewer.timeline import StampedPicture, Timeline
 from services.viewer.words import STYLE, themes
 
 POLITE = 10  # nice: whoever moves the arm comes first
@@ -68,7 +68,7 @@ class ViewerShell:
         self._page = CellPage(server, workcell)
         self._controls: Controls | None = None
         if config.commands:
-            asking = Asking(bus, self._lease.value, lambda: self._clock is not None and self._clock.simulated)
+            asking = PageCommands(bus, self._lease.value, lambda: self._clock is not None and self._clock.simulated)
             self._controls = Controls(server, asking, workcell.peg.shape().outline.name, context.cell.path.name)
         add_view_buttons(server, self._page.views)
         add_glass(server, [self._page])
@@ -134,7 +134,7 @@ class ViewerShell:
         (self._alive.add if alive else self._alive.discard)(service)
 
     def _picture(self, name: str) -> Callable[[Image], None]:
-        return lambda heard: self._timeline.picture(name, Picture(heard.stamp_ns, lambda: heard))
+        return lambda heard: self._timeline.picture(name, StampedPicture(heard.stamp_ns, lambda: heard))
 
     # ------------------------------------------------------------------------------------------------------- drawing
 

@@ -13,7 +13,7 @@ from crosspih_common.shapes import Peg
 from services.viewer import words
 from services.viewer.charts import GROUPS, TOUCH_COLOUR, Chart
 from services.viewer.section_picture import section_svg
-from services.viewer.timeline import Moment, Picture
+from services.viewer.timeline import SceneMoment, StampedPicture
 
 if TYPE_CHECKING:
     import viser
@@ -29,12 +29,12 @@ class Headline:
     def __init__(self, server: viser.ViserServer) -> None:
         self._html = _Html(server)
 
-    def show(self, moment: Moment, before: str = "") -> None:
+    def show(self, moment: SceneMoment, before: str = "") -> None:
         """At a moment."""
         self._html.say(before + words.headline(moment) + words.warnings(moment))
 
 
-class Forces:
+class ForcePanel:
     """Forces and moments against time, and the section with what touches."""
 
     def __init__(self, server: viser.ViserServer, peg: Peg) -> None:
@@ -46,7 +46,7 @@ class Forces:
         self._contact = _Html(server)
         self._belief = _Html(server)
 
-    def show(self, moment: Moment, chart: Chart | None) -> None:
+    def show(self, moment: SceneMoment, chart: Chart | None) -> None:
         """At a moment; the charts stay as they are without a new one."""
         contact = moment.contact if moment.in_contact else None
         self._section.say(section_svg(self._peg, contact, moment.wrench if moment.in_contact else None))
@@ -59,7 +59,7 @@ class Forces:
             handle.data = (chart.times_s, *chart.shades, *lines)
 
 
-class Pictures:
+class PicturePanel:
     """Both pictures, with what vision found where it says so."""
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -71,7 +71,7 @@ class Pictures:
         for name in ("left", "right"):
             self._handles[name] = server.gui.add_image(empty, label=f"{name} camera", jpeg_quality=80, visible=False)
 
-    def show(self, moment: Moment) -> list[tuple[str, Array | None]]:
+    def show(self, moment: SceneMoment) -> list[tuple[str, Array | None]]:
         """At a moment. Returns the pictures that changed, for whoever else shows them; None: there is none any more."""
         changed: list[tuple[str, Array | None]] = []
         for name, handle in self._handles.items():
@@ -97,12 +97,12 @@ class Services:
     def __init__(self, server: viser.ViserServer) -> None:
         self._html = _Html(server)
 
-    def show(self, moment: Moment, alive: frozenset[str] | None) -> None:
+    def show(self, moment: SceneMoment, alive: frozenset[str] | None) -> None:
         """At a moment; `alive` are those that live, where that is known."""
         self._html.say(words.services(moment, alive))
 
 
-def newest(moment: Moment, camera: str) -> tuple[Picture | None, bool]:
+def newest(moment: SceneMoment, camera: str) -> tuple[StampedPicture | None, bool]:
     """The picture of a camera to show, and whether vision drew into it what it found."""
     raw, drawn = moment.pictures.get(camera), moment.pictures.get(f"annotated {camera}")
     if drawn is not None and (raw is None or drawn.stamp_ns >= raw.stamp_ns):

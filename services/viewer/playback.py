@@ -16,7 +16,7 @@ from services.viewer.browser import Browser, open_browser
 from services.viewer.cell_page import RIGHT_PX, CellPage, add_glass, add_view_buttons, look_from
 from services.viewer.charts import chart_of
 from services.viewer.playhead import SPEEDS, Playhead
-from services.viewer.tape import Tape, read_tape
+from services.viewer.tape import ShownRecording, read_tape
 from services.viewer.view_points import view_points
 from services.viewer.words import STYLE, themes
 
@@ -33,7 +33,7 @@ BEFORE_S = 0.5  # what lies before the assembly by less is left out
 class Shown:
     """A tape on the page, its times counted from where its first assembly begins."""
 
-    def __init__(self, server: viser.ViserServer, tape: Tape, name: str, offset_m: np.ndarray) -> None:
+    def __init__(self, server: viser.ViserServer, tape: ShownRecording, name: str, offset_m: np.ndarray) -> None:
         self._tape, self._timeline = tape, tape.timeline
         trials = self._timeline.trials_ns()
         self.zero_ns = trials[0] if trials else self._timeline.first_ns
@@ -65,10 +65,10 @@ class Shown:
         self.page.tell(moment, chart, named)
 
 
-class Playback:
+class PlaybackPage:
     """The page; `run` shows it until it is told to stop."""
 
-    def __init__(self, browser: Browser, tapes: Sequence[Tape]) -> None:
+    def __init__(self, browser: Browser, tapes: Sequence[ShownRecording]) -> None:
         self.browser = browser
         server = browser.server
         server.gui.add_html(STYLE)
@@ -158,7 +158,7 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     return stems if len(set(stems)) == len(stems) else [f"{chr(65 + index)} {stem}" for index, stem in enumerate(stems)]
 
 
-def play(files: Sequence[Path], cell_file: Path | None, host: str, port: int | None, token: str) -> Playback:
+def play(files: Sequence[Path], cell_file: Path | None, host: str, port: int | None, token: str) -> PlaybackPage:
     """The page of one or two recordings.
 
     Raises RecordingError and ConfigError in one line.
@@ -168,4 +168,4 @@ def play(files: Sequence[Path], cell_file: Path | None, host: str, port: int | N
     tapes = [read_tape(file, cell_file) for file in files]
     title = "crosspih: " + ("recording" if len(files) == 1 else "two recordings")
     browser = open_browser(host, port, title, token)
-    return Playback(browser, tapes)
+    return PlaybackPage(browser, tapes)

@@ -13,7 +13,7 @@ from crosspih_common.messages import CameraCalibration, CameraModel
 from services.viewer.bodies import Body, bodies_of, cameras_of, frames_of, seated_peg, upwards
 from services.viewer.contact_point import contact_point
 from services.viewer.solids import ellipsoid, peg_mesh
-from services.viewer.timeline import Belief, Moment
+from services.viewer.timeline import HoleBelieved, SceneMoment
 
 if TYPE_CHECKING:
     import viser
@@ -56,7 +56,7 @@ class CellView:
         self._camera: CameraCalibration | None = None
         self._frusta: dict[str, Any] = {}
         self._cameras(None)
-        self._belief: Belief | None = None
+        self._belief: HoleBelieved | None = None
         self._touches = (-1, -1)
         self._force = self._scene.add_arrows(
             f"{root}/force", np.zeros((1, 2, 3), np.float32), FORCE, shaft_radius=0.0022, head_radius=0.006,
@@ -87,7 +87,7 @@ class CellView:
 
     # ------------------------------------------------------------------------------------------------------- showing
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: SceneMoment) -> None:
         """Bring everything that moves to where it was at that moment."""
         frames: dict[str, Pose] = {}
         if moment.joints_rad is not None:
@@ -128,7 +128,7 @@ class CellView:
                 cast_shadow=False,
             )  # fmt: skip
 
-    def _believe(self, belief: Belief | None) -> None:
+    def _believe(self, belief: HoleBelieved | None) -> None:
         """The ghost of the peg where it would sit, and how far the hole may be off, much enlarged."""
         self._belief = belief
         for name in ("ghost", "doubt", "rims"):
@@ -166,7 +166,7 @@ class CellView:
             lines.append(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1))
         return np.concatenate(lines).astype(np.float32)
 
-    def _show_touches(self, moment: Moment) -> None:
+    def _show_touches(self, moment: SceneMoment) -> None:
         now = (moment.trial_ns, len(moment.touches))
         if now == self._touches:
             return
@@ -195,7 +195,7 @@ class CellView:
                 head_radius=0.0032, head_length=0.008,
             )  # fmt: skip
 
-    def _show_force(self, moment: Moment, pose_base_peg: Pose | None) -> None:
+    def _show_force(self, moment: SceneMoment, pose_base_peg: Pose | None) -> None:
         point = None
         if moment.wrench is not None and moment.in_contact and pose_base_peg is not None:
             point = contact_point(moment.wrench, self._peg)

@@ -10,7 +10,7 @@ from crosspih_common.geometry.pose import Array
 FIRST_ROWS = 1024
 
 
-class Rows:
+class GrowingRows:
     """Stamps (n,), ns, that never go back, with a row of `width` numbers each; appended in amortised constant time."""
 
     def __init__(self, width: int) -> None:

@@ -18,22 +18,22 @@ BANDS = 7  # of a half sphere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class SolidMesh:
     """Corners (n, 3), m, and triangles (k, 3) of them, counter-clockwise seen from outside."""
 
     corners_m: Array
     faces: Faces
 
-    def moved(self, pose: Pose) -> Mesh:
+    def moved(self, pose: Pose) -> SolidMesh:
         """The same mesh, its frame at `pose`."""
-        return Mesh(pose.apply(self.corners_m), self.faces)
+        return SolidMesh(pose.apply(self.corners_m), self.faces)
 
 
-def joined(meshes: list[Mesh]) -> Mesh:
+def joined(meshes: list[SolidMesh]) -> SolidMesh:
     """Several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.corners_m) for mesh in meshes[:-1])])
     faces = [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=True)]
-    return Mesh(np.vstack([mesh.corners_m for mesh in meshes]), np.vstack(faces))
+    return SolidMesh(np.vstack([mesh.corners_m for mesh in meshes]), np.vstack(faces))
 
 
 def frame_along(start_m: ArrayLike, end_m: ArrayLike) -> tuple[Pose, float]:
@@ -49,7 +49,7 @@ def frame_along(start_m: ArrayLike, end_m: ArrayLike) -> tuple[Pose, float]:
     return Pose(np.column_stack([aside, np.cross(axis, aside), axis]), start + way / 2), length
 
 
-def revolved(profile_m: ArrayLike) -> Mesh:
+def revolved(profile_m: ArrayLike) -> SolidMesh:
     """A profile of (radius, z) rows (k, 2), m, from below to above, turned about z; the ends lie on the axis."""
     profile = np.asarray(profile_m, float)
     angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
@@ -67,10 +67,10 @@ def revolved(profile_m: ArrayLike) -> Mesh:
         low, high = ring * AROUND, (ring + 1) * AROUND
         faces.append(np.column_stack([low + here, low + there, high + there]))
         faces.append(np.column_stack([low + here, high + there, high + here]))
-    return Mesh(rings.reshape(-1, 3), np.vstack(faces).astype(np.uint32))
+    return SolidMesh(rings.reshape(-1, 3), np.vstack(faces).astype(np.uint32))
 
 
-def capsule(start_m: ArrayLike, end_m: ArrayLike, radius_m: float) -> Mesh:
+def capsule(start_m: ArrayLike, end_m: ArrayLike, radius_m: float) -> SolidMesh:
     """A cylinder with round ends about the line from `start_m` to `end_m` (3,), m; a ball where both are one."""
     pose, length = frame_along(start_m, end_m)
     up = np.linspace(0.0, np.pi / 2, BANDS + 1)
@@ -79,7 +79,7 @@ def capsule(start_m: ArrayLike, end_m: ArrayLike, radius_m: float) -> Mesh:
     return revolved(np.vstack([bottom, top])).moved(pose)
 
 
-def cylinder(start_m: ArrayLike, end_m: ArrayLike, radius_m: float, bevel_m: float = 0.0) -> Mesh:
+def cylinder(start_m: ArrayLike, end_m: ArrayLike, radius_m: float, bevel_m: float = 0.0) -> SolidMesh:
     """A cylinder from `start_m` to `end_m` (3,), m, its edges broken by `bevel_m`."""
     pose, length = frame_along(start_m, end_m)
     half, inner = length / 2, radius_m - bevel_m
@@ -88,24 +88,24 @@ def cylinder(start_m: ArrayLike, end_m: ArrayLike, radius_m: float, bevel_m: flo
     return revolved(profile).moved(pose)
 
 
-def box(size_m: ArrayLike) -> Mesh:
+def box(size_m: ArrayLike) -> SolidMesh:
     """A box about the origin; `size_m` (3,) are its whole lengths."""
     square = Outline.of("box", np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]))
     mesh = _prism(shapely.Polygon(square.corners_m), -0.5, 0.5)
-    return Mesh(mesh.corners_m * np.asarray(size_m, float), mesh.faces)
+    return SolidMesh(mesh.corners_m * np.asarray(size_m, float), mesh.faces)
 
 
-def ellipsoid(covariance_m2: ArrayLike, sigmas: float) -> Mesh:
+def ellipsoid(covariance_m2: ArrayLike, sigmas: float) -> SolidMesh:
     """The surface `sigmas` standard deviations about the origin of a covariance (3, 3), m^2."""
     values, axes = np.linalg.eigh(np.asarray(covariance_m2, float))
     up = np.linspace(-np.pi / 2, np.pi / 2, 2 * BANDS + 1)
     ball = revolved(np.column_stack([np.cos(up), np.sin(up)]))
     if np.linalg.det(axes) < 0.0:
         axes = axes * [1.0, 1.0, -1.0]
-    return Mesh(ball.corners_m * (sigmas * np.sqrt(np.maximum(values, 0.0))) @ axes.T, ball.faces)
+    return SolidMesh(ball.corners_m * (sigmas * np.sqrt(np.maximum(values, 0.0))) @ axes.T, ball.faces)
 
 
-def peg_mesh(peg: Peg) -> Mesh:
+def peg_mesh(peg: Peg) -> SolidMesh:
     """The peg in the peg frame: its outline from where the body starts, and the taper."""
     heights = [peg.body_start_m, peg.taper_start_m, peg.tip_m]
     walls = _walls([peg.outline_m(height) for height in heights])
@@ -116,7 +116,7 @@ def peg_mesh(peg: Peg) -> Mesh:
     return joined([*walls, low, tip])
 
 
-def plate_mesh(hole: Hole) -> Mesh:
+def plate_mesh(hole: Hole) -> SolidMesh:
     """The plate in the hole frame, z into it: its opening, the chamfer and the bore."""
     half = hole.plate_half_size_m
     square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
@@ -125,7 +125,7 @@ def plate_mesh(hole: Hole) -> Mesh:
     back = _cap(shapely.Polygon(square, [bore]), hole.depth_m, upwards=True)
     outside = _walls([_at(square, 0.0), _at(square, hole.depth_m)])
     inside = _walls([_at(opening, 0.0), _at(bore, hole.chamfer_m), _at(bore, hole.depth_m)])
-    turned = [Mesh(mesh.corners_m, np.ascontiguousarray(mesh.faces[:, ::-1])) for mesh in inside]
+    turned = [SolidMesh(mesh.corners_m, np.ascontiguousarray(mesh.faces[:, ::-1])) for mesh in inside]
     return joined([face, back, *outside, *turned])
 
 
@@ -133,7 +133,7 @@ def _at(corners_m: Array, z_m: float) -> Array:
     return np.column_stack([corners_m, np.full(len(corners_m), z_m)])
 
 
-def _walls(rings: list[Array]) -> list[Mesh]:
+def _walls(rings: list[Array]) -> list[SolidMesh]:
     """The walls between rings of corners (n, 3), from below to above; each has corners of its own, for sharp edges."""
     meshes = []
     for low, high in pairwise(rings):
@@ -141,11 +141,11 @@ def _walls(rings: list[Array]) -> list[Mesh]:
         corners = np.stack([low, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0), high], axis=1).reshape(-1, 3)
         first = 4 * np.arange(count, dtype=np.uint32)[:, None]
         faces = np.vstack([first + np.array([0, 1, 2], np.uint32), first + np.array([0, 2, 3], np.uint32)])
-        meshes.append(Mesh(corners, faces.astype(np.uint32)))
+        meshes.append(SolidMesh(corners, faces.astype(np.uint32)))
     return meshes
 
 
-def _cap(polygon: shapely.Polygon, z_m: float, upwards: bool) -> Mesh:
+def _cap(polygon: shapely.Polygon, z_m: float, upwards: bool) -> SolidMesh:
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     corners = np.array([np.asarray(triangle.exterior.coords)[:3] for triangle in triangles])
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
@@ -153,10 +153,10 @@ def _cap(polygon: shapely.Polygon, z_m: float, upwards: bool) -> Mesh:
     turn = clockwise if upwards else ~clockwise
     corners[turn] = corners[turn][:, ::-1]
     flat = _at(corners.reshape(-1, 2), z_m)
-    return Mesh(flat, np.arange(len(flat), dtype=np.uint32).reshape(-1, 3))
+    return SolidMesh(flat, np.arange(len(flat), dtype=np.uint32).reshape(-1, 3))
 
 
-def _prism(polygon: shapely.Polygon, low_m: float, high_m: float) -> Mesh:
+def _prism(polygon: shapely.Polygon, low_m: float, high_m: float) -> SolidMesh:
     ring = np.asarray(polygon.exterior.coords)[:-1]
     if not polygon.exterior.is_ccw:
         ring = ring[::-1]

@@ -36,7 +36,7 @@ from crosspih_common.keys import (
 from crosspih_common.messages import Image
 from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.recording.reader import Recorded, RecordingError, read_recording
-from services.viewer.timeline import Picture, Timeline
+from services.viewer.timeline import StampedPicture, Timeline
 
 PICTURES: dict[str, Topic[Image]] = {
     "left": IMAGE_LEFT,
@@ -47,7 +47,7 @@ PICTURES: dict[str, Topic[Image]] = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tape:
+class ShownRecording:
     """A recording that can be shown: of which cell, and what was said."""
 
     path: Path
@@ -77,7 +77,7 @@ def _listeners(timeline: Timeline) -> list[tuple[Topic[Any], Callable[[Any], Non
     ]
 
 
-def read_tape(path: Path, cell_file: Path | None = None) -> Tape:
+def read_tape(path: Path, cell_file: Path | None = None) -> ShownRecording:
     """Read a recording. The cell is the one that the recording carries, unless `cell_file` names another.
 
     Raises RecordingError where the file is none, or has nothing to show; ConfigError where its cell cannot be read.
@@ -104,10 +104,10 @@ def read_tape(path: Path, cell_file: Path | None = None) -> Tape:
     for name, topic in PICTURES.items():
         for key in recording.keys_of(topic):
             for sample in recording.samples[key]:
-                timeline.picture(name, Picture(sample.stamp_ns, _loader(topic, sample)))
+                timeline.picture(name, StampedPicture(sample.stamp_ns, _loader(topic, sample)))
     if not len(timeline.joints):
         raise RecordingError(f"{path}: has no joint angles of an arm of {cell.workcell.arm().joints} joints to show")
-    return Tape(path, cell, timeline, (*notes, *recording.problems[:3]))
+    return ShownRecording(path, cell, timeline, (*notes, *recording.problems[:3]))
 
 
 def _loader(topic: Topic[Image], sample: Recorded) -> Callable[[], Image]:
@@ -117,4 +117,4 @@ def _loader(topic: Topic[Image], sample: Recorded) -> Callable[[], Image]:
     return load
 
 
-__all__ = ["ContractError", "Tape", "read_tape"]
+__all__ = ["ContractError", "ShownRecording", "read_tape"]

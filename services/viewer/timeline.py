@@ -29,7 +29,7 @@ from crosspih_common.messages import (
     Touch,
     WithdrawResult,
 )
-from services.viewer.series import Rows
+from services.viewer.series import GrowingRows
 
 KEPT_NS = 600 * 10**9  # live: so much of the cell's time is kept
 SLACK_NS = 60 * 10**9  # and thrown away in one go when it is so much more
@@ -37,7 +37,7 @@ ItemT = TypeVar("ItemT")
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
+class HoleBelieved:
     """Where the hole is believed to be, with its covariance (6, 6) where there is one, and by what."""
 
     pose_base_hole: PoseData
@@ -46,7 +46,7 @@ class Belief:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class StampedPicture:
     """A picture that can be had: `stamp_ns` tells it from the others of its camera, `load` decodes it."""
 
     stamp_ns: int
@@ -54,7 +54,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class PhaseSpan:
     """A phase of an assembly; `until_ns` is the moment asked about for the one that goes on."""
 
     phase: Phase
@@ -63,7 +63,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
+class SceneMoment:
     """All that is shown of one moment; what was not said until then is None or empty.
 
     `joints_rad` (n,), `wrench` (6,) on the peg in the peg frame, N and Nm. `trial_ns` is when the assembly began that
@@ -77,19 +77,19 @@ class Moment:
     in_contact: bool = False
     contact: ContactState | None = None
     phase: AssemblyPhase | None = None
-    spans: tuple[Span, ...] = ()
+    spans: tuple[PhaseSpan, ...] = ()
     touches: tuple[Touch, ...] = ()
-    belief: Belief | None = None
+    belief: HoleBelieved | None = None
     result: AssemblyResult | None = None
     withdrawn: WithdrawResult | None = None
     camera: CameraCalibration | None = None
     lease: LeaseState | None = None
-    pictures: dict[str, Picture] = field(default_factory=dict)
+    pictures: dict[str, StampedPicture] = field(default_factory=dict)
     services: tuple[ServiceStatus, ...] = ()
     events: tuple[Event, ...] = ()
 
 
-class Said(Generic[ItemT]):
+class StampedItems(Generic[ItemT]):
     """Items by their stamps, in order."""
 
     def __init__(self) -> None:
@@ -128,20 +128,20 @@ class Timeline:
     def clear(self) -> None:
         """Forget everything: the cell was started again, and its clock with it."""
         with self._lock:
-            self.joints, self.wrench = Rows(self._joint_count), Rows(7)
+            self.joints, self.wrench = GrowingRows(self._joint_count), GrowingRows(7)
             self.first_ns, self.last_ns = -1, -1
-            self._contacts: Said[ContactState] = Said()
-            self._phases: Said[AssemblyPhase] = Said()
-            self._touches: Said[Touch] = Said()
-            self._beliefs: Said[Belief] = Said()
-            self._results: Said[AssemblyResult] = Said()
-            self._withdrawn: Said[WithdrawResult] = Said()
-            self._cameras: Said[CameraCalibration] = Said()
-            self._leases: Said[LeaseState] = Said()
-            self._events: Said[Event] = Said()
-            self._pictures: dict[str, Said[Picture]] = {}
-            self._statuses: dict[str, Said[ServiceStatus]] = {}
-            self._trials: Said[int] = Said()
+            self._contacts: StampedItems[ContactState] = StampedItems()
+            self._phases: StampedItems[AssemblyPhase] = StampedItems()
+            self._touches: StampedItems[Touch] = StampedItems()
+            self._beliefs: StampedItems[HoleBelieved] = StampedItems()
+            self._results: StampedItems[AssemblyResult] = StampedItems()
+            self._withdrawn: StampedItems[WithdrawResult] = StampedItems()
+            self._cameras: StampedItems[CameraCalibration] = StampedItems()
+            self._leases: StampedItems[LeaseState] = StampedItems()
+            self._events: StampedItems[Event] = StampedItems()
+            self._pictures: dict[str, StampedItems[StampedPicture]] = {}
+            self._statuses: dict[str, StampedItems[ServiceStatus]] = {}
+            self._trials: StampedItems[int] = StampedItems()
 
     def tick(self, stamp_ns: int) -> None:
         """The cell's clock says so."""
@@ -161,7 +161,7 @@ class Timeline:
             self.first_ns = self.last_ns - KEPT_NS
             for rows in (self.joints, self.wrench):
                 rows.forget_before(self.first_ns)
-            told: tuple[Said[Any], ...] = (
+            told: tuple[StampedItems[Any], ...] = (
                 self._contacts, self._phases, self._touches, self._beliefs, self._results, self._withdrawn,
                 self._cameras, self._leases, self._events, self._trials, *self._pictures.values(),
                 *self._statuses.values(),
@@ -207,12 +207,12 @@ class Timeline:
     def hole(self, heard: HoleEstimate) -> None:
         """Where vision sees the hole."""
         with self._lock:
-            self._beliefs.add(heard.stamp_ns, Belief(heard.pose_base_hole, heard.covariance, "vision"))
+            self._beliefs.add(heard.stamp_ns, HoleBelieved(heard.pose_base_hole, heard.covariance, "vision"))
 
     def estimate(self, heard: PoseErrorEstimate, by: str) -> None:
         """Where touches, or the walls of the bore, say that the hole is."""
         with self._lock:
-            self._beliefs.add(heard.stamp_ns, Belief(heard.pose_base_hole, heard.covariance, by))
+            self._beliefs.add(heard.stamp_ns, HoleBelieved(heard.pose_base_hole, heard.covariance, by))
 
     def result(self, heard: AssemblyResult) -> None:
         """How an assembly ended."""
@@ -220,7 +220,7 @@ class Timeline:
             self._results.add(heard.stamp_ns, heard)
             if heard.pose_base_hole is not None:
                 by = "the seated peg" if heard.inserted else "the last estimate"
-                self._beliefs.add(heard.stamp_ns, Belief(heard.pose_base_hole, heard.covariance, by))
+                self._beliefs.add(heard.stamp_ns, HoleBelieved(heard.pose_base_hole, heard.covariance, by))
 
     def withdraw(self, heard: WithdrawResult) -> None:
         """How a withdrawal ended."""
@@ -240,21 +240,21 @@ class Timeline:
     def status(self, heard: ServiceStatus) -> None:
         """How a service is."""
         with self._lock:
-            self._statuses.setdefault(heard.service, Said()).add(heard.stamp_ns, heard)
+            self._statuses.setdefault(heard.service, StampedItems()).add(heard.stamp_ns, heard)
 
     def event(self, heard: Event) -> None:
         """What people should know."""
         with self._lock:
             self._events.add(heard.stamp_ns, heard)
 
-    def picture(self, name: str, picture: Picture) -> None:
+    def picture(self, name: str, picture: StampedPicture) -> None:
         """A picture of the camera, or an annotated one, by its name."""
         with self._lock:
-            self._pictures.setdefault(name, Said()).add(picture.stamp_ns, picture)
+            self._pictures.setdefault(name, StampedItems()).add(picture.stamp_ns, picture)
 
     # -------------------------------------------------------------------------------------------------------- asking
 
-    def at(self, stamp_ns: int) -> Moment:
+    def at(self, stamp_ns: int) -> SceneMoment:
         """What was true then."""
         with self._lock:
             trial_ns = self._trials.at(stamp_ns)
@@ -266,7 +266,7 @@ class Timeline:
             results = self._results.between(since, stamp_ns)
             withdrawn = self._withdrawn.between(since, stamp_ns)
             joints = self.joints.at(stamp_ns)
-            return Moment(
+            return SceneMoment(
                 stamp_ns=stamp_ns,
                 trial_ns=since,
                 joints_rad=None if joints is None else joints.copy(),
@@ -286,17 +286,17 @@ class Timeline:
                 events=tuple(self._events.between(since, stamp_ns)[-8:]),
             )
 
-    def _spans(self, first_ns: int, last_ns: int) -> tuple[Span, ...]:
+    def _spans(self, first_ns: int, last_ns: int) -> tuple[PhaseSpan, ...]:
         low = bisect_right(self._phases.stamps_ns, first_ns - 1)
         high = bisect_right(self._phases.stamps_ns, last_ns)
-        spans: list[Span] = []
+        spans: list[PhaseSpan] = []
         for index in range(low, high):
             phase, begin = self._phases.items[index].phase, self._phases.stamps_ns[index]
             if spans and spans[-1].phase is phase:
                 continue
             if spans:
-                spans[-1] = Span(spans[-1].phase, spans[-1].from_ns, begin)
-            spans.append(Span(phase, begin, last_ns))
+                spans[-1] = PhaseSpan(spans[-1].phase, spans[-1].from_ns, begin)
+            spans.append(PhaseSpan(phase, begin, last_ns))
         return tuple(spans)
 
     def wrenches(self, first_ns: int, last_ns: int) -> tuple[Array, Array]:

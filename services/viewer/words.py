@@ -9,7 +9,7 @@ import numpy as np
 from crosspih_common.messages import Phase, ServiceState, Severity
 from services.viewer.charts import GROUP_OF, GROUPS, TOUCH_COLOUR
 from services.viewer.section_picture import words_of
-from services.viewer.timeline import Moment
+from services.viewer.timeline import SceneMoment
 
 STYLE = """<style>
 .cp{padding:0 12px 6px;font-size:13px;line-height:1.45;color:var(--mantine-color-text)}
@@ -41,7 +41,7 @@ def colour_of(phase: Phase | None) -> str:
     return "#868e96" if group is None else GROUPS[group][1]
 
 
-def headline(moment: Moment) -> str:
+def headline(moment: SceneMoment) -> str:
     """The phase, what it says, how long it has been, and how the assembly ended."""
     if moment.phase is None:
         idle = '<span class="chip" style="background:#868e96">idle</span> <span class="dim">no assembly yet</span>'
@@ -73,7 +73,7 @@ def headline(moment: Moment) -> str:
     return _block(first + "".join(lines))
 
 
-def shades(moment: Moment) -> str:
+def shades(moment: SceneMoment) -> str:
     """What the colours behind the charts mean: the phases that there were."""
     groups = sorted({GROUP_OF[span.phase] for span in moment.spans if span.phase in GROUP_OF})
     keys = [f'<span class="key"><i style="background:{GROUPS[one][1]}"></i>{GROUPS[one][0]}</span>' for one in groups]
@@ -83,7 +83,7 @@ def shades(moment: Moment) -> str:
     return _block("".join(keys) + touches) if keys else _block('<span class="dim">phases appear here</span>')
 
 
-def contact(moment: Moment) -> str:
+def contact(moment: SceneMoment) -> str:
     """The contact state and the wrench in words."""
     lines = [f"<div>{escape(words_of(moment.contact if moment.in_contact else None))}</div>"]
     if not moment.in_contact:
@@ -101,7 +101,7 @@ def contact(moment: Moment) -> str:
     return _block("".join(lines))
 
 
-def estimate(moment: Moment) -> str:
+def estimate(moment: SceneMoment) -> str:
     """Where the hole is believed to be, by what, and how far off it may be."""
     belief = moment.belief
     if belief is None:
@@ -118,7 +118,7 @@ def estimate(moment: Moment) -> str:
     return _block(said)
 
 
-def services(moment: Moment, alive: frozenset[str] | None = None) -> str:
+def services(moment: SceneMoment, alive: frozenset[str] | None = None) -> str:
     """Each service: its state, rates of what it sends and hears, losses, and its last error.
 
     `alive` are those that live; where that is not known, one counts as silent that has told nothing for a while.
@@ -142,7 +142,7 @@ def services(moment: Moment, alive: frozenset[str] | None = None) -> str:
     return _block(f'<table><thead class="dim">{head}</thead>{"".join(rows)}</table>')
 
 
-def holder(moment: Moment) -> str:
+def holder(moment: SceneMoment) -> str:
     """Who holds the arm."""
     lease = moment.lease
     if lease is None or not lease.holder:
@@ -151,7 +151,7 @@ def holder(moment: Moment) -> str:
     return f"arm: held by <b>{escape(lease.holder)}</b> {escape(lease.purpose)}"
 
 
-def warnings(moment: Moment) -> str:
+def warnings(moment: SceneMoment) -> str:
     """The newest warnings and errors of this assembly."""
     told = [event for event in moment.events if event.severity is not Severity.INFO][-3:]
     if not told:

@@ -24,7 +24,7 @@ from crosspih_common.messages import (
     StopRecording,
     Strategy,
 )
-from services.viewer.asking import Answer, Asking
+from services.viewer.asking import PageAnswer, PageCommands
 from tests.viewer.test_timeline import result
 
 
@@ -83,12 +83,12 @@ def lease() -> list[LeaseState]:
 
 
 @pytest.fixture
-def asking(planner: Planner, lease: list[LeaseState]) -> Iterator[Asking]:
+def asking(planner: Planner, lease: list[LeaseState]) -> Iterator[PageCommands]:
     with Bus(planner.hub.transport(), "cell1", "viewer") as bus:
-        yield Asking(bus, lambda: lease[-1] if lease else None, lambda: False)
+        yield PageCommands(bus, lambda: lease[-1] if lease else None, lambda: False)
 
 
-def test_an_assembly_is_recorded_and_its_end_told(planner: Planner, asking: Asking) -> None:
+def test_an_assembly_is_recorded_and_its_end_told(planner: Planner, asking: PageCommands) -> None:
     answer = asking.assemble(Strategy.SPIRAL, seed=None)
     assert planner.asked == ["record", "assembly-spiral spiral", "end"]
     assert answer.good and "25.0 mm deep" in answer.text and "r/a.mcap; 3 samples are missing" in answer.text
@@ -96,10 +96,10 @@ def test_an_assembly_is_recorded_and_its_end_told(planner: Planner, asking: Aski
 
 @pytest.mark.parametrize("ask", ["assemble", "withdraw", "reset"])
 def test_nothing_is_asked_while_somebody_holds_the_arm(
-    planner: Planner, asking: Asking, lease: list[LeaseState], ask: str
+    planner: Planner, asking: PageCommands, lease: list[LeaseState], ask: str
 ) -> None:
     lease.append(LeaseState(since_ns=0, holder="operator", purpose="hand-eye calibration"))
-    asks: dict[str, Callable[[], Answer]] = {
+    asks: dict[str, Callable[[], PageAnswer]] = {
         "assemble": lambda: asking.assemble(Strategy.FUSED, 7), "withdraw": asking.withdraw,
         "reset": lambda: asking.reset(7),
     }  # fmt: skip
@@ -109,13 +109,13 @@ def test_nothing_is_asked_while_somebody_holds_the_arm(
 
 
 def test_nothing_is_asked_before_it_is_known_who_holds_the_arm(
-    planner: Planner, asking: Asking, lease: list[LeaseState]
+    planner: Planner, asking: PageCommands, lease: list[LeaseState]
 ) -> None:
     lease.clear()
     assert not asking.assemble(Strategy.FUSED, None).good and planner.asked == []
 
 
-def test_one_thing_at_a_time_but_stop_and_pause_pass(planner: Planner, asking: Asking) -> None:
+def test_one_thing_at_a_time_but_stop_and_pause_pass(planner: Planner, asking: PageCommands) -> None:
     planner.go_on.clear()
     answers = []
     running = threading.Thread(target=lambda: answers.append(asking.assemble(Strategy.FUSED, None)))
@@ -136,7 +136,7 @@ def test_one_thing_at_a_time_but_stop_and_pause_pass(planner: Planner, asking: A
     assert not asking.stop().good and not asking.pause(True).good
 
 
-def test_a_refusal_is_told_in_words_and_the_recording_is_ended(planner: Planner, asking: Asking) -> None:
+def test_a_refusal_is_told_in_words_and_the_recording_is_ended(planner: Planner, asking: PageCommands) -> None:
     planner.refuse = True
     answer = asking.assemble(Strategy.FUSED, None)
     assert not answer.good and answer.text == "refused (cell_unfit): the arm stands too near to the floor"

@@ -6,7 +6,7 @@ import gzip
 
 import pytest
 
-from services.viewer.gate import COOKIE, Gate, Verdict, head_of, is_this_machine, page_answer
+from services.viewer.gate import COOKIE, Gate, GateVerdict, head_of, is_this_machine, page_answer
 
 HERE, AWAY = Gate(""), Gate("secret-token")
 LOCAL, REMOTE = "127.0.0.1:8080", "cell.lab:8080"
@@ -24,42 +24,42 @@ def socket_request(host: str, origin: str, **headers: str) -> bytes:
 @pytest.mark.parametrize(
     ("gate", "said", "verdict"),
     [
-        (HERE, request(), Verdict.PAGE),
-        (HERE, request(host="localhost:8080"), Verdict.PAGE),
-        (HERE, request(host="[::1]:8080"), Verdict.PAGE),
-        (HERE, request("/assets/x.js"), Verdict.PASS),
-        (HERE, request(host="evil.example:8080"), Verdict.ELSEWHERE),  # a name that was bound anew to this machine
-        (HERE, socket_request(LOCAL, f"http://{LOCAL}"), Verdict.PASS),
-        (HERE, socket_request(LOCAL, "http://evil.example"), Verdict.ELSEWHERE),  # a page of another site
-        (HERE, socket_request(LOCAL, "null"), Verdict.ELSEWHERE),
-        (HERE, request("/", LOCAL, Upgrade="websocket"), Verdict.ELSEWHERE),
-        (AWAY, request(host=REMOTE), Verdict.NO_TOKEN),
-        (AWAY, request("/?token=wrong", REMOTE), Verdict.NO_TOKEN),
-        (AWAY, request("/?token=", REMOTE), Verdict.NO_TOKEN),
-        (AWAY, request("/?token=secret-token", REMOTE), Verdict.COME_IN),
-        (AWAY, request("/", REMOTE, Cookie=f"a=b; {COOKIE}=secret-token"), Verdict.PAGE),
-        (AWAY, request("/", REMOTE, Cookie=f"{COOKIE}=secret-toke"), Verdict.NO_TOKEN),
-        (AWAY, socket_request(REMOTE, f"http://{REMOTE}"), Verdict.NO_TOKEN),
-        (AWAY, socket_request(REMOTE, f"http://{REMOTE}", Cookie=f"{COOKIE}=secret-token"), Verdict.PASS),
-        (AWAY, socket_request(REMOTE, "http://evil.example", Cookie=f"{COOKIE}=secret-token"), Verdict.ELSEWHERE),
-        (HERE, b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", Verdict.MALFORMED),
-        (HERE, b"GET / HTTP/1.1\r\n\r\n", Verdict.MALFORMED),
-        (HERE, b"\x16\x03\x01\x02\x00\r\n\r\n", Verdict.MALFORMED),
-        (HERE, b"GET / HTTP/1.1\r\nno colon\r\n\r\n", Verdict.MALFORMED),
+        (HERE, request(), GateVerdict.PAGE),
+        (HERE, request(host="localhost:8080"), GateVerdict.PAGE),
+        (HERE, request(host="[::1]:8080"), GateVerdict.PAGE),
+        (HERE, request("/assets/x.js"), GateVerdict.PASS),
+        (HERE, request(host="evil.example:8080"), GateVerdict.ELSEWHERE),  # a name that was bound anew to this machine
+        (HERE, socket_request(LOCAL, f"http://{LOCAL}"), GateVerdict.PASS),
+        (HERE, socket_request(LOCAL, "http://evil.example"), GateVerdict.ELSEWHERE),  # a page of another site
+        (HERE, socket_request(LOCAL, "null"), GateVerdict.ELSEWHERE),
+        (HERE, request("/", LOCAL, Upgrade="websocket"), GateVerdict.ELSEWHERE),
+        (AWAY, request(host=REMOTE), GateVerdict.NO_TOKEN),
+        (AWAY, request("/?token=wrong", REMOTE), GateVerdict.NO_TOKEN),
+        (AWAY, request("/?token=", REMOTE), GateVerdict.NO_TOKEN),
+        (AWAY, request("/?token=secret-token", REMOTE), GateVerdict.COME_IN),
+        (AWAY, request("/", REMOTE, Cookie=f"a=b; {COOKIE}=secret-token"), GateVerdict.PAGE),
+        (AWAY, request("/", REMOTE, Cookie=f"{COOKIE}=secret-toke"), GateVerdict.NO_TOKEN),
+        (AWAY, socket_request(REMOTE, f"http://{REMOTE}"), GateVerdict.NO_TOKEN),
+        (AWAY, socket_request(REMOTE, f"http://{REMOTE}", Cookie=f"{COOKIE}=secret-token"), GateVerdict.PASS),
+        (AWAY, socket_request(REMOTE, "http://evil.example", Cookie=f"{COOKIE}=secret-token"), GateVerdict.ELSEWHERE),
+        (HERE, b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", GateVerdict.MALFORMED),
+        (HERE, b"GET / HTTP/1.1\r\n\r\n", GateVerdict.MALFORMED),
+        (HERE, b"\x16\x03\x01\x02\x00\r\n\r\n", GateVerdict.MALFORMED),
+        (HERE, b"GET / HTTP/1.1\r\nno colon\r\n\r\n", GateVerdict.MALFORMED),
     ],
 )
-def test_who_is_let_in(gate: Gate, said: bytes, verdict: Verdict) -> None:
+def test_who_is_let_in(gate: Gate, said: bytes, verdict: GateVerdict) -> None:
     assert gate.verdict(head_of(said)) is verdict
 
 
 def test_whoever_brings_the_token_gets_a_cookie_that_no_other_site_can_use() -> None:
-    answer = AWAY.answer(Verdict.COME_IN).decode()
+    answer = AWAY.answer(GateVerdict.COME_IN).decode()
     assert answer.startswith("HTTP/1.1 303") and "Location: /\r\n" in answer
     assert "HttpOnly; SameSite=Strict" in answer and f"{COOKIE}=secret-token" in answer
 
 
-@pytest.mark.parametrize("verdict", [Verdict.NO_TOKEN, Verdict.ELSEWHERE, Verdict.MALFORMED])
-def test_a_refusal_says_what_to_do_and_not_the_token(verdict: Verdict) -> None:
+@pytest.mark.parametrize("verdict", [GateVerdict.NO_TOKEN, GateVerdict.ELSEWHERE, GateVerdict.MALFORMED])
+def test_a_refusal_says_what_to_do_and_not_the_token(verdict: GateVerdict) -> None:
     answer = AWAY.answer(verdict)
     head, _, body = answer.partition(b"\r\n\r\n")
     assert head.startswith(b"HTTP/1.1 40") and body and b"secret" not in answer

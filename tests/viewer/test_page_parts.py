@@ -15,7 +15,7 @@ from services.viewer import words
 from services.viewer.contact_point import contact_point
 from services.viewer.playhead import Playhead
 from services.viewer.section_picture import arms_of, section_svg
-from services.viewer.timeline import Moment
+from services.viewer.timeline import SceneMoment
 from services.viewer.view_points import view_points
 
 PEG = Workcell().peg.shape()
@@ -61,7 +61,7 @@ def test_what_comes_from_the_bus_is_text_and_no_html() -> None:
         stamp_ns=0, service=evil, state=ServiceState.READY, pid=1, uptime_s=1.0, reason=evil, last_error=evil
     )
     event = Event(stamp_ns=0, service="vision", severity=Severity.ERROR, code="x", text=evil)
-    moment = Moment(stamp_ns=0, trial_ns=0, services=(status,), events=(event,))
+    moment = SceneMoment(stamp_ns=0, trial_ns=0, services=(status,), events=(event,))
     assert "<img" not in words.services(moment) + words.warnings(moment)
     assert "gone" in words.services(moment, frozenset()) and "ready" in words.services(moment, frozenset([evil]))
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.viewer.series import Rows, decimated
+from services.viewer.series import GrowingRows, decimated
 
 
 @given(st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=400), st.integers(1, 30))
@@ -22,7 +22,7 @@ def test_few_points_reach_every_extreme_and_span_the_same_time(values: list[floa
 
 @given(st.lists(st.integers(0, 50), min_size=1, max_size=3000), st.integers(-1, 60))
 def test_the_row_of_a_moment_is_the_newest_that_was_there(stamps: list[int], moment: int) -> None:
-    rows = Rows(1)
+    rows = GrowingRows(1)
     kept: list[tuple[int, int]] = []
     for index, stamp in enumerate(stamps):
         rows.append(stamp, [index])

@@ -10,18 +10,18 @@ import pytest
 from crosspih_common.config import Workcell
 from crosspih_common.config.drawing import PegDrawing
 from services.viewer.bodies import bodies_of, frames_of, seated_peg
-from services.viewer.solids import Mesh, box, capsule, cylinder, ellipsoid, peg_mesh, plate_mesh
+from services.viewer.solids import SolidMesh, box, capsule, cylinder, ellipsoid, peg_mesh, plate_mesh
 
 ROUND = 0.03  # a circle of 28 corners has so much less area, and a ball less volume
 
 
-def volume_m3(mesh: Mesh) -> float:
+def volume_m3(mesh: SolidMesh) -> float:
     """By the divergence theorem: right only where the mesh is closed and faces outwards."""
     a, b, c = (mesh.corners_m[mesh.faces[:, index]] for index in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def is_closed(mesh: Mesh) -> bool:
+def is_closed(mesh: SolidMesh) -> bool:
     """Every edge is passed as often one way as the other."""
     _, which = np.unique(np.round(mesh.corners_m, 7), axis=0, return_inverse=True)
     edges: Counter[tuple[int, int]] = Counter()

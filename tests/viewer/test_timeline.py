@@ -19,7 +19,7 @@ from crosspih_common.messages import (
     Touch,
 )
 from services.viewer.charts import GROUP_OF, GROUPS, chart_of
-from services.viewer.timeline import KEPT_NS, SLACK_NS, Span, Timeline
+from services.viewer.timeline import KEPT_NS, SLACK_NS, PhaseSpan, Timeline
 
 POSE = PoseData(position_m=(0.4, -0.3, 0.2), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))
 FREE = ContactState(case=None, n_z0=0.0, confidence=0.0)
@@ -90,7 +90,8 @@ def test_a_moment_holds_what_was_said_until_then_and_of_its_own_assembly(told: T
 
 def test_phases_are_spans_and_one_said_twice_is_one(told: Timeline) -> None:
     assert told.at(4 * S).spans == (
-        Span(Phase.LOCATING, S, 2 * S), Span(Phase.APPROACHING, 2 * S, 3 * S), Span(Phase.PUSHING, 3 * S, 4 * S),
+        PhaseSpan(Phase.LOCATING, S, 2 * S), PhaseSpan(Phase.APPROACHING, 2 * S, 3 * S),
+        PhaseSpan(Phase.PUSHING, 3 * S, 4 * S),
     )  # fmt: skip
 
 

@@ -71,7 +71,7 @@ def _told_by(note: Callable[[], None]) -> Callable[[Any], None]:
     return lambda said: note()
 
 
-class Pictures:
+class PictureTime:
     """The hardware's CPU time, s, between each request for pictures and its answer, as both are heard on the bus."""
 
     def __init__(self, bus: Bus, project: str, run_root: Path) -> None:
@@ -98,9 +98,9 @@ class Pictures:
 
 
 @lru_cache(maxsize=8)
-def pictures_of(bus: Bus, project: str, run_root: Path) -> Pictures:
+def pictures_of(bus: Bus, project: str, run_root: Path) -> PictureTime:
     """The one account of a cell's session: it listens for as long as the session lives."""
-    return Pictures(bus, project, run_root)
+    return PictureTime(bus, project, run_root)
 
 
 def accounted_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
