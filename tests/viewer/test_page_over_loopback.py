@@ -21,6 +21,7 @@ import viser
 import zstandard
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.sync.connection import Connection
 from websockets.typing import Origin, Subprotocol
 
 from crosspih_common.bus import Bus, open_zenoh
@@ -86,7 +87,7 @@ def opened(port: int, origin: str = "") -> ClientConnection:
     )  # fmt: skip
 
 
-def messages(page: ClientConnection) -> Iterator[dict[str, object]]:
+def messages(page: Connection) -> Iterator[dict[str, object]]:
     """What viser says: eight bytes of length, eight of the compressed length, and the rest as it says it."""
     while True:
         window = page.recv(timeout=DEADLINE_S)
