@@ -53,6 +53,8 @@ def values(schema: Json, definitions: Json) -> st.SearchStrategy[Json]:
         return st.none()
     if kind == "boolean":
         return st.booleans()
+    if "pattern" in schema:
+        return st.from_regex(schema["pattern"], fullmatch=True).filter(lambda text: len(text) <= schema["maxLength"])
     if kind == "string":
         return st.text(PLAIN, min_size=schema.get("minLength", 0), max_size=min(schema.get("maxLength", 12), 12))
     if kind == "integer":
