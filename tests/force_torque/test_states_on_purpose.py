@@ -120,7 +120,7 @@ class InMemorySession:
 
     bus: Bus
 
-    def reset(self, command: ResetCell) -> SimulationTruth:
+    def new_trial(self, command: ResetCell) -> SimulationTruth:
         return self.bus.call(RESET, command, 30.0)
 
     def __hash__(self) -> int:
