@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,8 +28,13 @@ def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
-def imported(tree: ast.Module, path: Path) -> Iterator[str]:
+@cache
+def imported(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, wherever in it: relative ones in full, and those named "module:function"."""
+    return tuple(imported_in(parsed(path), path))
+
+
+def imported_in(tree: ast.Module, path: Path) -> Iterator[str]:
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -77,7 +83,7 @@ def test_what_is_measured_and_shown_needs_no_command_line() -> None:
         typed = (
             path.stem in ("command", "commands", "options", "app") or {"cli", "commands", "export", "topic"} & folders
         )
-        assert typed or "typer" not in {name.split(".")[0] for name in imported(parsed(path), path)}, path
+        assert typed or "typer" not in {name.split(".")[0] for name in imported(path)}, path
 
 
 def test_the_services_are_found() -> None:
@@ -98,7 +104,7 @@ def test_no_service_imports_another(service: str) -> None:
     allowed = ("crosspih_common", f"services.{service}", *OTHERS_ALLOWED.get(service, ()))
     own = ("crosspih_common", "services", "deploy", "tests")
     for path in files_of(service):
-        for module in imported(parsed(path), path):
+        for module in imported(path):
             if module.split(".")[0] in own:
                 assert any(module == name or module.startswith(f"{name}.") for name in allowed), (path, module)
 
@@ -106,14 +112,14 @@ def test_no_service_imports_another(service: str) -> None:
 def test_what_all_share_imports_no_service() -> None:
     for path in PRODUCT:
         if path.is_relative_to(ROOT / "crosspih_common"):
-            for module in imported(parsed(path), path):
+            for module in imported(path):
                 assert module.split(".")[0] not in ("services", "deploy", "tests"), (path, module)
 
 
 def test_torch_is_imported_by_inference_only() -> None:
     for path in PRODUCT:
         if not path.is_relative_to(ROOT / "services" / "inference"):
-            modules = {module.split(".")[0] for module in imported(parsed(path), path)}
+            modules = {module.split(".")[0] for module in imported(path)}
             assert not modules & {"torch", "safetensors"}, path
 
 
@@ -125,7 +131,7 @@ def test_ros_is_spoken_by_the_bridge_the_driver_and_the_export_only() -> None:
     for path in PRODUCT:
         if any(path.is_relative_to(ROOT / where) for where in speaking):
             continue
-        modules = set(imported(parsed(path), path))
+        modules = set(imported(path))
         assert not [name for name in modules if name.startswith("rosbags")], path
         if path != settings:
             assert not [name for name in modules if name.startswith("crosspih_common.ros2")], path
@@ -137,7 +143,7 @@ def test_the_bridge_holds_no_lease_and_commands_no_motion() -> None:
     for path in files_of("ros2"):
         tree = parsed(path)
         assert not motions & set(names_of(tree)), path
-        assert not [name for name in imported(tree, path) if name.startswith("crosspih_common.holding")], path
+        assert not [name for name in imported(path) if name.startswith("crosspih_common.holding")], path
 
 
 def test_the_page_holds_no_lease_and_commands_no_motion() -> None:
@@ -146,12 +152,12 @@ def test_the_page_holds_no_lease_and_commands_no_motion() -> None:
     for path in files_of("viewer"):
         tree = parsed(path)
         assert not motions & set(names_of(tree)), path
-        assert not [name for name in imported(tree, path) if name.startswith("crosspih_common.holding")], path
+        assert not [name for name in imported(path) if name.startswith("crosspih_common.holding")], path
 
 
 def test_coal_is_imported_where_a_collision_model_is_made_only() -> None:
     for path in PRODUCT:
-        modules = {module.split(".")[0] for module in imported(parsed(path), path)}
+        modules = {module.split(".")[0] for module in imported(path)}
         assert "coal" not in modules or path == ROOT / "crosspih_common" / "collision" / "shapes.py", path
 
 
@@ -160,7 +166,7 @@ def test_collisions_are_checked_where_motions_are_made_only(service: str) -> Non
     for path in files_of(service):
         if path.is_relative_to(ROOT / "services" / "operator" / "calibrate"):
             continue  # it drives the arm itself, and looks for postures that are clear
-        modules = set(imported(parsed(path), path))
+        modules = set(imported(path))
         assert not [name for name in modules if name.startswith("crosspih_common.collision")], path
 
 
@@ -171,7 +177,7 @@ def test_a_physics_engine_is_imported_by_its_own_folder_only() -> None:
         for path in PRODUCT:
             drawn = engine == "pybullet" and path == simulated / "scene" / "tiny_renderer.py"
             if not path.is_relative_to(own) and not drawn:
-                assert engine not in {module.split(".")[0] for module in imported(parsed(path), path)}, path
+                assert engine not in {module.split(".")[0] for module in imported(path)}, path
 
 
 def test_keys_are_spelled_in_the_table_only() -> None:
@@ -191,7 +197,7 @@ def test_no_path_of_the_table_is_spelled_elsewhere() -> None:
 def test_the_control_layer_knows_no_driver_and_no_engine() -> None:
     control = ROOT / "services" / "hardware" / "control"
     for path in sorted(control.rglob("*.py")):
-        modules = set(imported(parsed(path), path))
+        modules = set(imported(path))
         assert not [name for name in modules if name.startswith("services.hardware.drivers")], path
         assert not {name.split(".")[0] for name in modules} & {"pybullet", "mujoco", "cv2"}, path
 
@@ -200,7 +206,7 @@ def test_no_service_but_the_simulated_driver_imports_an_engine() -> None:
     simulated = ROOT / "services" / "hardware" / "drivers" / "simulated"
     for path in PRODUCT:
         if not path.is_relative_to(simulated):
-            modules = {module.split(".")[0] for module in imported(parsed(path), path)}
+            modules = {module.split(".")[0] for module in imported(path)}
             assert not modules & {"pybullet", "mujoco"}, path
 
 

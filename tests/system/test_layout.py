@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from tests.system.test_boundaries import PRODUCT, ROOT, imported, parsed
+from tests.system.test_boundaries import PRODUCT, ROOT, imported_in, parsed
 
 MAX_LINES = 400
 
@@ -35,7 +35,7 @@ def at_module_level(tree: ast.Module) -> ast.Module:
 def needed_by(module: str) -> Iterator[str]:
     """Our modules that one imports when it is loaded, or names for the type checker; not the package it is in."""
     path = MODULES[module]
-    for name in imported(at_module_level(parsed(path)), path):
+    for name in imported_in(at_module_level(parsed(path)), path):
         # `from package import name`: both are given, and only the name's module is what is meant where there is one
         if name in MODULES and name != module and not module.startswith(f"{name}."):
             yield name

@@ -20,6 +20,7 @@ from crosspih_common.keys import WALL_CLOCK, commands, topics
 from crosspih_common.messages import AssemblyPhase, AssemblyResult, Phase, Strategy, Touch
 from crosspih_common.recording import read_recording
 from crosspih_common.recording.rerun import Again, Rerun, begun_ns
+from crosspih_common.recording.viewers import for_viewers
 from services.force_torque.again import rerun as force_torque_again
 from services.operator.assembly.session import Session
 from services.operator.bench.cells.trials import WALL_FIGURES
@@ -82,12 +83,16 @@ def read(path: Path, cell: str) -> File:
         summary = reader.get_summary()
         assert summary is not None and summary.statistics is not None
         for index, channel in summary.channels.items():
+            if for_viewers(channel.topic):
+                continue
             below = channel.topic.removeprefix(f"crosspih/{cell}/")
             assert below != channel.topic, f"a key of another cell: {channel.topic}"
             file.counts[below] = summary.statistics.channel_message_counts[index]
             file.encodings[below] = channel.message_encoding
             file.schemas[below] = summary.schemas[channel.schema_id].name
         for _, channel, message in reader.iter_messages():
+            if for_viewers(channel.topic):
+                continue
             below = channel.topic.removeprefix(f"crosspih/{cell}/")
             file.payloads[below].append(message.data)
             file.sequences[below].append(message.sequence)
@@ -239,7 +244,7 @@ def test_the_reports_page_tells_the_result(trial: Trial, tmp_path: Path) -> None
     text = page.read_text(encoding="utf-8")
     assert "inserted" in text.lower()
     assert f"{SEED}" in text
-    assert text.count("data:image/jpeg;base64,") >= 2
+    assert text.count("data:image/webp;base64,") >= 2
     assert "<script src=" not in text and 'href="http' not in text
     assert f"{trial.figures.final_error_mm:.3f}" in text
 
