@@ -86,7 +86,7 @@ def live(browser: Browser) -> None:
     if go_on.is_visible():
         go_on.click(timeout=SLOW_MS)
     page.locator(".chip", has_text="inserted").wait_for(timeout=SLOW_MS)
-    page.locator(".note.good", has_text="recorded").wait_for(timeout=SLOW_MS)
+    page.locator(".note:not(.bad)", has_text="recorded").wait_for(timeout=SLOW_MS)
     press(page, "cell")
     page.get_by_role("tab", name="Pictures").click(timeout=SLOW_MS)
     settle()

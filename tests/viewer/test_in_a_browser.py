@@ -32,7 +32,7 @@ def test_an_assembly_is_started_from_the_page_and_seen_to_end(tmp_path: Path, mo
             page.goto(cell.row("viewer").note)
             page.get_by_role("button", name="Assemble").click(timeout=ENDS_MS)
             page.locator(".chip", has_text="inserted").wait_for(timeout=ENDS_MS)
-            page.locator(".note.good", has_text="recorded in").wait_for(timeout=ENDS_MS)
+            page.locator(".note:not(.bad)", has_text="recorded in").wait_for(timeout=ENDS_MS)
             browser.close()
     finally:
         cell.stop()
