@@ -42,7 +42,9 @@ class Viewer:
 
     def __init__(self, port: int, wants: Callable[[str], bool] = lambda topic: True) -> None:
         self._stack = ExitStack()
-        opened = connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None)
+        opened = connect(
+            f"ws://127.0.0.1:{port}", close_timeout=0.5, subprotocols=[Subprotocol(PROTOCOL)], max_size=None
+        )
         self._socket = self._stack.enter_context(opened)
         self._wants = wants
         self.channels: dict[str, dict[str, Any]] = {}
