@@ -80,6 +80,10 @@ LEFT, RIGHT = Frame.CAMERA_LEFT.value, Frame.CAMERA_RIGHT.value
 Publish = Callable[[ViewerTopic, int, bytes], None]
 
 
+# topics are heard out of order among each other, by so much at most
+OUT_OF_ORDER_NS = 100_000_000
+
+
 class FoxgloveTopics:
     """Takes messages of HEARD, and of TRUTH_HEARD in recordings, one thread at a time; `publish(topic, stamp, bytes)`
     is called with what follows from each. `rate_hz` is of frames, joints and the peg's pose.
@@ -94,6 +98,7 @@ class FoxgloveTopics:
         self._wrench = wrench_encoder(PEG)
         self._period_ns = round(1e9 / rate_hz)
         self._joints_ns = -self._period_ns
+        self._arm_told_ns = 0
         self._drawn_ns: dict[ViewerTopic, int] = {}
         self._last: dict[ViewerTopic, bytes] = {}
         self._stamp_ns = 0
@@ -153,7 +158,7 @@ class FoxgloveTopics:
         self._publish(topic, stamp_ns, data)
 
     def _begin(self, stamp_ns: int) -> None:
-        self._begun = True
+        self._begun, self._arm_told_ns = True, stamp_ns
         self._tell_arm(stamp_ns, self._workcell.home_joints_rad)  # frames before what stands in them
         self._tell(schemas.ARM, stamp_ns, self._scenes.arm(stamp_ns))
         self._tell(schemas.PLATE, stamp_ns, self._scenes.plate(stamp_ns))
@@ -164,6 +169,8 @@ class FoxgloveTopics:
     # ---------------------------------------------------------------------------------------------------- many a second
 
     def _joint_state(self, state: JointState, stamp_ns: int) -> None:
+        if 0 < self._arm_told_ns - stamp_ns < OUT_OF_ORDER_NS:
+            return  # what came first was a little later than it: frames do not go back in time
         self._joints_ns = stamp_ns
         self._tell_arm(stamp_ns, state.joints_rad)
         self._tell(schemas.JOINT_STATES, stamp_ns, self._frames.joint_states(state, stamp_ns))

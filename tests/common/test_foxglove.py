@@ -141,6 +141,19 @@ def volume_m3(mesh: TriangleMesh) -> float:
     return float(np.sum(np.cross(a, b) * c) / 6.0)
 
 
+def test_frames_never_go_back_in_time_where_a_wrench_overtakes_the_joints() -> None:
+    def joints(stamp_ns: int) -> JointState:
+        return JointState(stamp_ns=stamp_ns, joints_rad=(0.1,) * 6, speeds_rad_s=(0.0,) * 6)
+
+    batch = RawWrenchBatch(stamp_ns=504_000_000, period_ns=1_000_000, samples=((0.0,) * 6,))
+    told = told_by(
+        Workcell(), (WRENCH_RAW, batch), (JOINT_STATE, joints(503_000_000)), (JOINT_STATE, joints(524_000_000)),
+        (JOINT_STATE, joints(1_000_000)),
+    )  # fmt: skip
+    # the last one is of a cell that was started again: its time begins anew
+    assert [stamp_ns for stamp_ns, _ in told["/foxglove/transforms"]] == [504_000_000, 524_000_000, 1_000_000]
+
+
 @pytest.mark.parametrize("outline", ["cross", "star", "hexagon", "keyway", "round"])
 def test_peg_and_plate_are_the_solids_of_the_drawing(outline: str) -> None:
     workcell = cell(peg={"outline": outline})
