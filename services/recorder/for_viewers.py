@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from crosspih_common.bus.codec import decoder_of, label_of
 from crosspih_common.config import Workcell
-from crosspih_common.foxglove import HEARD, TRUTH_HEARD, FoxgloveTopics, ViewerTopic, arm_urdf
+from crosspih_common.foxglove import HEARD, OUT_OF_ORDER_NS, TRUTH_HEARD, FoxgloveTopics, ViewerTopic, arm_urdf
 from crosspih_common.recording.viewers import URDF
 from services.recorder.file import RecordingFile
 from services.recorder.sample import Waiting
@@ -16,9 +16,6 @@ from services.recorder.sample import Waiting
 # what waits to be shown, at most: a minute of a cell that runs ten times as fast as real time
 MAX_WAITING = 100_000
 CHECK_EVERY = 16  # samples between two looks at the clock
-# topics reach the recorder out of order among each other, by so much at most: no frame may be told before what holds
-# from the beginning, or a viewer would see time go back
-OUT_OF_ORDER_NS = 100_000_000
 _PATHS = frozenset(topic.path for topic in (*HEARD, *TRUTH_HEARD))
 
 
@@ -39,6 +36,7 @@ class ForViewers:
     def begin(self, file: RecordingFile) -> None:
         """A file begins: the arm, and what is known and stays true. Raises OSError."""
         file.attach(URDF, "application/xml", self._urdf)
+        # no frame may be told before what holds from the beginning, or a viewer would see time go back
         since_ns = max(self._stamp_ns - OUT_OF_ORDER_NS, 0)
         for topic, data in self._topics.known():
             file.show(topic, since_ns, self._wall_ns, data)

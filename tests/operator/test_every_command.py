@@ -124,8 +124,8 @@ def test_a_defect_is_a_line_and_its_traceback_there_for_who_mends_it(
 
 
 def test_what_an_operating_system_refuses_is_named() -> None:
-    failure = failure_of(PermissionError(13, "Permission denied", "/root/x"))
-    assert (failure.code, failure.text, failure.field) == ("file", "/root/x: Permission denied", "/root/x")
+    failure = failure_of(PermissionError(13, "Permission denied", "/a/file"))
+    assert (failure.code, failure.text, failure.field) == ("file", "/a/file: Permission denied", "/a/file")
 
 
 def test_a_choice_that_is_none_is_told_the_nearest() -> None:
