@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crosspih_common.geometry.rotation import rotations
+from crosspih_common.geometry.rotation import rotation_of, rotations
 
 Array = NDArray[np.float64]
 
@@ -76,11 +76,11 @@ class Pose:
 
     def rotvec_rad(self) -> Array:
         """The rotation vector (3,), rad."""
-        return np.asarray(rotations().from_matrix(self.rotation).as_rotvec(), dtype=float)
+        return np.asarray(rotation_of(self.rotation).as_rotvec(), dtype=float)
 
     def quaternion_xyzw(self) -> Array:
         """The quaternion (x, y, z, w), w >= 0."""
-        return np.asarray(rotations().from_matrix(self.rotation).as_quat(canonical=True), dtype=float)
+        return np.asarray(rotation_of(self.rotation).as_quat(canonical=True), dtype=float)
 
     def inverse(self) -> Pose:
         """`pose_b_a` of a `pose_a_b`."""
@@ -99,7 +99,7 @@ class Pose:
 
     def angle_to_rad(self, other: Pose) -> float:
         """The angle between the two rotations, rad."""
-        return float(rotations().from_matrix(self.rotation.T @ other.rotation).magnitude())
+        return float(rotation_of(self.rotation.T @ other.rotation).magnitude())
 
     def distance_to_m(self, other: Pose) -> float:
         """The distance between the two origins, m."""

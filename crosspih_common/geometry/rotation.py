@@ -6,8 +6,12 @@ a key, or prints the table of them, need not wait for it.
 
 from __future__ import annotations
 
+import inspect
 from functools import cache
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -19,3 +23,17 @@ def rotations() -> type[Rotation]:
     from scipy.spatial.transform import Rotation
 
     return Rotation
+
+
+@cache
+def _unchecked() -> dict[str, bool]:
+    known = "assume_valid" in inspect.signature(rotations().from_matrix).parameters
+    return {"assume_valid": True} if known else {}
+
+
+def rotation_of(matrix: NDArray[np.float64]) -> Rotation:
+    """SciPy's rotation of a (3, 3) matrix that is proper orthonormal, as that of a Pose is.
+
+    From SciPy 1.17 on it is not checked again: the check takes four times as long as all else (50 of 65 microseconds).
+    """
+    return rotations().from_matrix(matrix, **_unchecked())

@@ -6,10 +6,10 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rotation import rotation_of
 from services.inference.estimator.fit import SOFT_GAP_M, FitState, descend, evaluate
 from services.inference.estimator.hypotheses import (
     TouchBatch,
@@ -180,7 +180,7 @@ def _distinct(state: FitState, count: int) -> TrialPoses:
         near = False
         for other in kept:
             distance = np.linalg.norm(trials.translation_m[index] - trials.translation_m[other])
-            angle = Rotation.from_matrix(trials.rotation[other].T @ trials.rotation[index]).magnitude()
+            angle = rotation_of(trials.rotation[other].T @ trials.rotation[index]).magnitude()
             near = near or bool(distance < 5e-5 and angle < 1e-3)
         if not near:
             kept.append(int(index))

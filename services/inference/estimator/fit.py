@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rotation import rotation_of
 from services.inference.estimator.hypotheses import (
     ChosenContacts,
     TouchBatch,
@@ -101,7 +101,7 @@ def prior_terms(trials: TrialPoses, prior: HolePosePrior, settings: EstimatorSet
     error = np.concatenate(
         [
             (trials.translation_m - prior.pose_base_hole.translation_m) @ prior.pose_base_hole.rotation,
-            Rotation.from_matrix(relative).as_rotvec(),
+            rotation_of(relative).as_rotvec(),
         ],
         axis=1,
     )

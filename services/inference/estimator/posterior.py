@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rotation import rotation_of
 from services.inference.estimator.fit import FitState, evaluate
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses
 from services.inference.estimator.observation import EstimatorSettings, HolePosePrior
@@ -181,7 +181,7 @@ def step_between(samples: TrialPoses, modes: TrialPoses) -> Array:
     back = np.swapaxes(modes.rotation, -1, -2)[None]
     shift = samples.translation_m[:, None] - modes.translation_m[None]
     turn = back @ samples.rotation[:, None]
-    rotvec = Rotation.from_matrix(turn.reshape(-1, 3, 3)).as_rotvec().reshape(*turn.shape[:2], 3)
+    rotvec = rotation_of(turn.reshape(-1, 3, 3)).as_rotvec().reshape(*turn.shape[:2], 3)
     friction = samples.friction[:, None] - modes.friction[None]
     moved = np.einsum("nmij,nmj->nmi", np.broadcast_to(back, turn.shape), shift)
     return np.concatenate([moved, rotvec, friction[..., None]], axis=-1)

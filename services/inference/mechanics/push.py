@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rotation import rotation_of
 from services.inference.mechanics.complementarity import contact_forces
 from services.inference.mechanics.features import ContactFeatures, contact_geometry
 from services.inference.mechanics.first_contact import first_contact
@@ -139,7 +140,7 @@ class _State:
         free = np.concatenate(
             [
                 np.einsum("nij,nj->ni", inverse, target_m[rows] - translation),
-                Rotation.from_matrix(inverse @ commanded[rows]).as_rotvec(),
+                rotation_of(inverse @ commanded[rows]).as_rotvec(),
             ],
             axis=1,
         )

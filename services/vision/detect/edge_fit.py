@@ -16,6 +16,7 @@ from scipy.special import ndtr
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.geometry.rotation import rotation_of
 from services.vision.detect.picture_level import Floats, Level
 from services.vision.detect.rim_samples import RimSamples
 from services.vision.stereo import StereoModel
@@ -77,7 +78,7 @@ class Poses:
 
     def from_prior(self, prior: Pose) -> Array:
         """(K, 6): how far each is from the prior, in the prior's frame, m and rad."""
-        turn = Rotation.from_matrix(prior.rotation.T @ self.rotation).as_rotvec()
+        turn = rotation_of(prior.rotation.T @ self.rotation).as_rotvec()
         return np.column_stack([(self.translation_m - prior.translation_m) @ prior.rotation, turn])
 
 
