@@ -98,7 +98,7 @@ def queries_of(work: Work) -> list[tuple[Any, ...]]:
     return asked
 
 
-def asked_again(queries: list[tuple[Any, ...]]) -> Work:
+def repeated_queries(queries: list[tuple[Any, ...]]) -> Work:
     """The same queries by themselves."""
 
     def ask() -> None:
@@ -147,7 +147,7 @@ def measured(rounds: int, seed: int, most_touches: int = TOUCHES) -> dict[str, d
         queries = queries_of(work)
         poses = sum(int(np.prod(arguments[2].shape[:-1])) for arguments in queries)
         rows[f"estimate of {count} {'touch' if count == 1 else 'touches'}"] = {
-            **in_turn(work, asked_again(queries), rounds),
+            **in_turn(work, repeated_queries(queries), rounds),
             "beside": f"its {poses} first contacts",
         }
 
@@ -162,7 +162,7 @@ def measured(rounds: int, seed: int, most_touches: int = TOUCHES) -> dict[str, d
     queries = queries_of(chosen)
     poses = sum(int(np.prod(arguments[2].shape[:-1])) for arguments in queries)
     rows["most informative touch"] = {
-        **in_turn(chosen, asked_again(queries), rounds),
+        **in_turn(chosen, repeated_queries(queries), rounds),
         "beside": f"its {poses} first contacts",
     }
     rows["estimate of 1 touch, as a command"] = {

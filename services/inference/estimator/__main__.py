@@ -72,7 +72,7 @@ def trials(
         for seed, key in keys.items():
             if (kept := store.get(key)) is not None:
                 done[seed] = [TouchRecord(**record) for record in kept["records"]]
-        if said := store.said_of(code):
+        if said := store.reuse_summary(code):
             console.print(said, highlight=False)
         for seed in track([seed for seed in seeds if seed not in done], "trials", console=console):
             started = time.monotonic()

@@ -73,7 +73,7 @@ class CycleCount:
     def __init__(self) -> None:
         self._stamps_ns: list[int] = []
 
-    def hear(self, state: JointState) -> None:
+    def add_state(self, state: JointState) -> None:
         """One state."""
         self._stamps_ns.append(state.stamp_ns)
 
