@@ -23,9 +23,9 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.provenance import ResultStore, code_version, result_key, with_file_contents
 from services.inference.estimator.coverage import BLOCKS, CoverageRow, TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.observation import EstimatorSettings
-from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
-from services.inference.next_touch import next_touch
+from services.inference.touch_choice.by_information import candidates, informed_touch
+from services.inference.touch_choice.by_rule import next_touch
 
 # one sd: x, y, z (m), rx, ry, rz (rad)
 PRIORS = {
