@@ -27,7 +27,7 @@ from crosspih_common.messages import CameraCalibration
 from services.inference.estimator import EstimatorSettings, HolePosePrior, TouchObservation, estimate_pose
 from services.inference.estimator.synthetic import GuardedPush, TouchNoise, touch
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
-from services.inference.next_touch import next_touch
+from services.inference.touch_choice.by_rule import next_touch
 from services.operator.bench.pictures.shots import wanted_from
 from services.vision.light import linear_light, shown
 from services.vision.locate import locate_rim

@@ -13,8 +13,8 @@ from crosspih_common.geometry.pose import Array
 from services.force_torque.contact_table import STATES
 from services.inference.mechanics import PairTables, axial_share
 from services.inference.mechanics.contact_wrench import equal_arms_axial_share
-from services.inference.network.paper_rows import paper_rows
-from services.inference.network.synthesis import pushed_until_contact
+from services.inference.network.paper.paper_rows import paper_rows
+from services.inference.network.paper.synthesis import pushed_until_contact
 
 # the pose found in the end, and the one where the hole was put (Section 5 and Eq. 13, signs restored)
 T2 = np.array(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.inference.network.dataset import ContactDataset
+from services.inference.network.paper.dataset import ContactDataset
 
 TABLE_6 = np.array(
     [

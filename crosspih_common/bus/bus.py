@@ -106,15 +106,15 @@ class Bus:
         return latest
 
     @contextlib.contextmanager
-    def hearing(self, topic: Topic[PayloadT], depth: int = 1) -> Iterator[Latest[PayloadT]]:
+    def reading(self, topic: Topic[PayloadT], depth: int = 1) -> Iterator[Latest[PayloadT]]:
         """As `latest`, for the length of a block: asked for anew, so that every publisher's last state comes again."""
         latest: Latest[PayloadT] = Latest(depth)
-        with self.listening(topic, latest._push):
+        with self.subscribed(topic, latest._push):
             yield latest
 
     @contextlib.contextmanager
-    def listening(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> Iterator[None]:
-        """As `hear`, for the length of a block."""
+    def subscribed(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> Iterator[None]:
+        """As `subscribe_inline`, for the length of a block."""
         entry = self._listen(topic, handler)
         try:
             yield
@@ -138,7 +138,7 @@ class Bus:
 
         self._listen(topic, enqueue)
 
-    def hear(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> None:
+    def subscribe_inline(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> None:
         """Call the handler with every sample on the transport's own thread: at once, and so it must return at once."""
         self._listen(topic, handler)
 

@@ -81,13 +81,13 @@ class _Asked:
 
     def __init__(self, bus: Bus, request: Assemble, stack: ExitStack) -> None:
         self._bus, self._request = bus, request
-        self._statuses: Latest[ServiceStatus] = stack.enter_context(bus.hearing(STATUS, 64))
-        self._events: Latest[Event] = stack.enter_context(bus.hearing(EVENTS, 256))
-        self._refusals: Latest[CommandRefusal] = stack.enter_context(bus.hearing(REFUSAL, 64))
-        self._touches = stack.enter_context(bus.hearing(TOUCH, KEPT))
+        self._statuses: Latest[ServiceStatus] = stack.enter_context(bus.reading(STATUS, 64))
+        self._events: Latest[Event] = stack.enter_context(bus.reading(EVENTS, 256))
+        self._refusals: Latest[CommandRefusal] = stack.enter_context(bus.reading(REFUSAL, 64))
+        self._touches = stack.enter_context(bus.reading(TOUCH, KEPT))
         self._answers: list[Latest[Message]] = []
         for command in HEARD:
-            self._answers.append(stack.enter_context(bus.hearing(command.reply_echo, KEPT)))
+            self._answers.append(stack.enter_context(bus.reading(command.reply_echo, KEPT)))
         self._began_ns = bus.clock.now_ns()
         self._asked_at = time.monotonic()
         self._before: list[Message] = []  # kept, so that no later one is taken for one of these

@@ -179,7 +179,7 @@ class Cell:
 
     def status(self) -> CellStatus:
         """How the cell is, and who holds its arm: what each service said last, waited for 2 s at most."""
-        with self.bus.hearing(STATUS, 64) as heard, self.bus.hearing(LEASE) as lease:
+        with self.bus.reading(STATUS, 64) as heard, self.bus.reading(LEASE) as lease:
             until = time.monotonic() + READING_DEADLINE_S
             services: dict[str, ServiceStatus] = {}
             while time.monotonic() < until:
@@ -232,13 +232,13 @@ class Cell:
         Raises ConfigError for a path that is no topic's, or one that only the recorder may read.
         """
         row = topic_named(topic, self.bus.service)
-        return Stream(row.path, lambda push: self.bus.listening(row, push), depth, timeout_s, lambda: self.bus.closed)
+        return Stream(row.path, lambda push: self.bus.subscribed(row, push), depth, timeout_s, lambda: self.bus.closed)
 
     def events(self, depth: int = DEPTH, timeout_s: float | None = None) -> Stream[Event]:
         """What people should know, from now on: events of before, which a late reader is told again, are left out."""
 
         def listen(push: Callable[[Event], None]) -> Any:
-            return self.bus.listening(EVENTS, only_new(push, self.bus.clock, self._told_before.values()))
+            return self.bus.subscribed(EVENTS, only_new(push, self.bus.clock, self._told_before.values()))
 
         return Stream(EVENTS.path, listen, depth, timeout_s, lambda: self.bus.closed)
 

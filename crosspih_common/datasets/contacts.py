@@ -26,7 +26,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages.base import Vector3, Vector6
-from crosspih_common.provenance import Measured, tell_measured
+from crosspih_common.provenance import Measured, record_measured
 
 SCHEMA_VERSION = 1
 CONTACT = "contact"
@@ -241,7 +241,7 @@ class ContactWriter:
 
     def close(self) -> None:
         """Join all parts into one file, and tell who started the command what was there. A second call does nothing."""
-        tell_measured(Measured(taken=len(self.done) - self._made, made=self._made, taken_s=None))
+        record_measured(Measured(taken=len(self.done) - self._made, made=self._made, taken_s=None))
         parts = sorted(self.folder.glob(f"{_PART}*.parquet"))
         if not parts:
             return

@@ -28,7 +28,7 @@ def boots(ticks: Sequence[CellClock]) -> tuple[str, ...]:
 def require_one_clock(bus: Bus) -> CellClock:
     """The cell's newest tick. Raises CommandRefused `cell_unfit`: no clock is heard, or those of two cells are."""
     for attempt in range(2):
-        with bus.hearing(CLOCK, TICKS_KEPT) as clock:
+        with bus.reading(CLOCK, TICKS_KEPT) as clock:
             if clock.wait_for(lambda _: True, CLOCK_DEADLINE_S) is None:
                 raise CommandRefused(
                     UNFIT,
@@ -58,15 +58,15 @@ def _two_cells(cell: str, boot_ids: Sequence[str]) -> str:
     )
 
 
-class StreamsHeard:
+class LiveStreams:
     """Hears encoders and sensor for the length of a block, so that they can be told from streams that stand still."""
 
     def __init__(self, bus: Bus) -> None:
         self._stack = ExitStack()
-        self._joints = self._stack.enter_context(bus.hearing(JOINT_STATE, 4))
-        self._wrench = self._stack.enter_context(bus.hearing(WRENCH_RAW, 4))
+        self._joints = self._stack.enter_context(bus.reading(JOINT_STATE, 4))
+        self._wrench = self._stack.enter_context(bus.reading(WRENCH_RAW, 4))
 
-    def __enter__(self) -> StreamsHeard:
+    def __enter__(self) -> LiveStreams:
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -105,4 +105,4 @@ def _stale(stream: Latest[JointState] | Latest[RawWrenchBatch], since_ns: int, u
     return f"the {what} stood still while the arm was asked: the newest sample is {age_s:.2f} s old"
 
 
-__all__ = ["TICKS_KEPT", "UNFIT", "StreamsHeard", "require_not_doubled", "require_one_clock"]
+__all__ = ["TICKS_KEPT", "UNFIT", "LiveStreams", "require_not_doubled", "require_one_clock"]

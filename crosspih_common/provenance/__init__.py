@@ -1,7 +1,7 @@
 """Where a result comes from: the code, the cell and the files it rests on, and stores that answer for nothing else."""
 
 from crosspih_common.provenance.code import SourceWatch, code_version, folder_version, hash_sources, part_version
-from crosspih_common.provenance.measured import MEASURED_VARIABLE, Measured, measured_in, tell_measured
+from crosspih_common.provenance.measured import MEASURED_VARIABLE, Measured, measured_in, record_measured
 from crosspih_common.provenance.named_files import cell_identity, with_file_contents
 from crosspih_common.provenance.store import ResultStore, result_key
 
@@ -16,7 +16,7 @@ __all__ = [
     "hash_sources",
     "measured_in",
     "part_version",
+    "record_measured",
     "result_key",
-    "tell_measured",
     "with_file_contents",
 ]

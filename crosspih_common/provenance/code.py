@@ -14,13 +14,13 @@ import crosspih_common
 _NO_SAY = ("operator", "recorder", "router", "foxglove", "viewer")
 _COMMON_NO_SAY = ("foxglove", "client")  # of crosspih_common: what viewers are told, and how people ask
 # of the operator's own: what asks for a trial, in which cell, and what scores it
-_SCORED_BY = (
+SCORED_BY = (
     "scoring/score.py",
     "scoring/challenge_score.py",
     "assembly/session.py",
     "bench/cells/own_cell.py",
 )
-_ASKED_BY = ("session.py", "asked.py")  # of the client's
+ASKED_BY = ("cell.py", "assembly_request.py")  # of the client's
 _LIBRARIES = ("numpy", "scipy", "pybullet", "mujoco", "opencv-python-headless", "torch", "pin", "coal", "shapely")
 
 
@@ -44,8 +44,8 @@ def _sources(root: Path, further: tuple[str, ...] = ()) -> list[Path]:
     for folder in sorted((root / "services").iterdir()):
         if folder.is_dir() and folder.name not in _NO_SAY:
             found += folder.rglob("*")
-    found += [root / "services" / "operator" / name for name in _SCORED_BY]
-    found += [root / "crosspih_common" / "client" / name for name in _ASKED_BY]
+    found += [root / "services" / "operator" / name for name in SCORED_BY]
+    found += [root / "crosspih_common" / "client" / name for name in ASKED_BY]
     return sorted({*(path for path in found if path.suffix in _WANTED and path.is_file()), *_chosen(root, further)})
 
 

@@ -31,7 +31,7 @@ class Measured(BaseModel):
     last: str = ""
 
 
-def tell_measured(measured: Measured) -> None:
+def record_measured(measured: Measured) -> None:
     """Add a line to the file that CROSSPIH_MEASURED names; nothing without it."""
     path = os.environ.get(MEASURED_VARIABLE)
     if path and measured.taken + measured.made:

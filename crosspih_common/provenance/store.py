@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, TextIO
 
 from crosspih_common.errors import ConfigError
-from crosspih_common.provenance.measured import Measured, tell_measured
+from crosspih_common.provenance.measured import Measured, record_measured
 
 
 def result_key(identity: dict[str, Any]) -> str:
@@ -93,7 +93,7 @@ class ResultStore:
             last=max(times, default=""),
         )
 
-    def said_of(self, code: str) -> str:
+    def reuse_summary(self, code: str) -> str:
         """In words, what a run of this code takes over and what it leaves alone; empty where there is nothing."""
         parts = []
         if taken := self.measured().taken:
@@ -118,7 +118,7 @@ class ResultStore:
         if self._file is not None:
             self._file.close()
             self._file = None
-        tell_measured(self.measured())
+        record_measured(self.measured())
         self._taken, self._made = set(), set()
 
     def __enter__(self) -> ResultStore:

@@ -40,7 +40,7 @@ class Line:
         self.holes.clear()
         self.given_up = self.strays = self.restarts = 0
 
-    def hear(self, seq: int, now_s: float, rate_hz: float) -> None:
+    def count_sample(self, seq: int, now_s: float, rate_hz: float) -> None:
         """A sample with this number came, at a time of any clock that only goes forward."""
         if seq == self.expected:
             self.expected = seq + 1

@@ -208,7 +208,7 @@ class Recording:
                 if key not in lines:
                     lines[key] = Line(sample.seq + 1, sample.wall_ns * 1e-9)
                 else:
-                    lines[key].hear(sample.seq, sample.wall_ns * 1e-9, RATE_HZ)
+                    lines[key].count_sample(sample.seq, sample.wall_ns * 1e-9, RATE_HZ)
         return lines
 
     def seq_gaps(self) -> dict[str, int]:

@@ -15,14 +15,14 @@ SAME_LENGTH_M = 1e-5
 _LENGTHS = ("body_start_m", "taper_start_m", "apex_m", "tip_m")
 
 
-def peg_said(peg: Peg) -> dict[str, Any]:
+def peg_as_data(peg: Peg) -> dict[str, Any]:
     """The peg's name, its corners and its lengths, as plain data."""
     corners = [[round(float(x), 9), round(float(y), 9)] for x, y in peg.outline.corners_m]
     return {"outline": peg.outline.name, "corners_m": corners, **{name: float(getattr(peg, name)) for name in _LENGTHS}}
 
 
 def is_same_peg(said: Mapping[str, Any], peg: Peg) -> bool:
-    """Whether `peg_said` was told of this peg. Raises ValueError, TypeError or KeyError where it is none of that."""
+    """Whether `peg_as_data` was told of this peg. Raises ValueError, TypeError or KeyError where it is none of that."""
     lengths = np.array([float(said[name]) - float(getattr(peg, name)) for name in _LENGTHS])
     then, now = LinearRing(np.asarray(said["corners_m"], dtype=float)), LinearRing(peg.outline.corners_m)
     return bool(np.max(np.abs(lengths)) < SAME_LENGTH_M and then.hausdorff_distance(now) < SAME_CONTOUR_M)

@@ -27,7 +27,7 @@ from crosspih_common.keys import (
 from crosspih_common.messages import ContactWrench, FtCalibration, JointState, RawWrenchBatch
 from crosspih_common.recording import OVERTAKEN_NS, Recording
 from crosspih_common.recording.rerun import Rerun, run_again
-from services.force_torque.answering import classified, compensated, identified, payload_of, told_calibration
+from services.force_torque.answering import calibration_message, classified, compensated, identified, payload_of
 from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.judging import Judge
 from services.force_torque.stream import JOINT_STATES, WrenchStream
@@ -151,7 +151,7 @@ def _answers(
         if found is None or found.value.weight_base_n is None or dwells.value.stamp_ns < from_ns:
             continue
         try:
-            again = told_calibration(*identified(cell.workcell, config, dwells.value), "")
+            again = calibration_message(*identified(cell.workcell, config, dwells.value), "")
         except CommandRefused as refusal:
             outcome.count(ANSWERS, False)
             outcome.notes.append(f"{IDENTIFY_PAYLOAD.path}: was answered, and is refused now: {refusal}")

@@ -105,7 +105,7 @@ def identified(
     return content, payload
 
 
-def told_calibration(content: CalibrationFile, payload: Payload, file: str) -> FtCalibration:
+def calibration_message(content: CalibrationFile, payload: Payload, file: str) -> FtCalibration:
     """The calibration for the bus."""
     return FtCalibration(
         calibrated=True,

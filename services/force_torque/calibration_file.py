@@ -12,7 +12,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from crosspih_common.plain_yaml import text_of_file, yaml_of
 from crosspih_common.shapes import Peg
-from crosspih_common.shapes.likeness import is_same_peg, peg_said
+from crosspih_common.shapes.likeness import is_same_peg, peg_as_data
 from crosspih_common.wrench import Payload, SensorMounting
 from services.force_torque.calibration import Calibration, CalibrationError, StaticReading
 
@@ -39,7 +39,7 @@ class CalibrationPose(BaseModel):
 
 
 class CalibratedPeg(BaseModel):
-    """The peg that hung on the sensor, as `crosspih_common.shapes.likeness.peg_said` tells it."""
+    """The peg that hung on the sensor, as `crosspih_common.shapes.likeness.peg_as_data` tells it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -146,7 +146,7 @@ def calibration_file(
             for reading, residual, joint in zip(readings, calibration.residuals, joints, strict=True)
         ],
         "peg_of_raw": None if mounting is None else mounting.peg_of_raw.ravel().tolist(),
-        "peg": None if peg is None else peg_said(peg),
+        "peg": None if peg is None else peg_as_data(peg),
         "warnings": list(calibration.warnings),
     }
     return _validated(content, "the calibration")

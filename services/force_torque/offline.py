@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from crosspih_common.config import load_cell
 from crosspih_common.errors import CommandRefused, CrosspihError
 from crosspih_common.messages import IdentifyPayload
-from services.force_torque.answering import identified, told_calibration
+from services.force_torque.answering import calibration_message, identified
 from services.force_torque.calibration_file import save_calibration
 from services.force_torque.config import ForceTorqueConfig
 
@@ -32,7 +32,7 @@ def answer(readings: Path, cell: Path, out: Path | None) -> dict[str, Any]:
         return {"refused": str(refusal)}
     if out is not None:
         save_calibration(content, out)
-    found = told_calibration(content, payload, "" if out is None else str(out))
+    found = calibration_message(content, payload, "" if out is None else str(out))
     return {"found": found.model_dump(mode="json")}
 
 

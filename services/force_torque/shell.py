@@ -30,7 +30,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service import ServiceContext
 from crosspih_common.wrench import IMPLAUSIBLE, Payload, judge_bounds, judge_payload
-from services.force_torque.answering import classified, compensated, identified, told_calibration
+from services.force_torque.answering import calibration_message, classified, compensated, identified
 from services.force_torque.at_rest import RestingWindow
 from services.force_torque.calibration import CalibrationError
 from services.force_torque.calibration_file import CalibrationFile, load_calibration, save_calibration
@@ -88,7 +88,7 @@ class ForceTorqueShell:
         self._use(content, payload)
 
     def _use(self, content: CalibrationFile, payload: Payload) -> FtCalibration:
-        told = told_calibration(content, payload, str(self._file))
+        told = calibration_message(content, payload, str(self._file))
         seq, _ = self._calibration.publish(told)
         self._stream.use(payload, seq)
         return told

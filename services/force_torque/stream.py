@@ -45,7 +45,7 @@ DRIFT_OVER = 0.8  # of its limit: from there on a drift that was told counts as 
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class BatchResult:
     """What one batch led to. `drift` is why the sensor should be calibrated again, when that became so now."""
 
     wrench: ContactWrench
@@ -115,12 +115,12 @@ class WrenchStream:
             self._drifted, self._judged_ns = wrench.drift_suspected, kept.judged_ns
             self._remembered_ns = wrench.stamp_ns
 
-    def take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> Told:
+    def take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> BatchResult:
         """The next batch; states are the last `JOINT_STATES` that were heard, oldest first, at least one."""
         with self._lock:
             return self._take(batch, states)
 
-    def _take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> Told:
+    def _take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> BatchResult:
         newest = states[-1]
         pose_base_peg = self._pose_base_peg(newest.joints_rad)
         result = step(
@@ -157,7 +157,7 @@ class WrenchStream:
             calibration_seq=self.calibration_seq,
             memory=self._memory(stamp_ns),
         )
-        return Told(wrench, state, result.events, drift)
+        return BatchResult(wrench, state, result.events, drift)
 
     def _pose_base_peg(self, joints_rad: tuple[float, ...]) -> Pose:
         """Of an arm that stands it is reckoned once."""

@@ -113,7 +113,7 @@ class FoxgloveShell:
 
     def _listen(self, bus: Bus) -> None:
         take = self._taker
-        bus.hear(CLOCK, self._clock)
+        bus.subscribe_inline(CLOCK, self._clock)
         bus.subscribe(JOINT_STATE, take(JOINT_STATE))
         bus.subscribe(WRENCH_RAW, take(WRENCH_RAW))
         bus.subscribe(CONTACT_WRENCH, take(CONTACT_WRENCH))

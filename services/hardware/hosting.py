@@ -6,7 +6,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.messages import CameraCalibration, CaptureStereo, ResetCell, SimulationTruth
 from services.hardware.config import DEVICES, HardwareConfig
 from services.hardware.control.arm import ArmController
-from services.hardware.drivers.registry import Tell, open_devices, tell_on_standard_error
+from services.hardware.drivers.registry import Tell, open_devices, print_on_standard_error
 from services.hardware.protocols import CameraDevice, Devices, Simulation, StereoCapture
 
 
@@ -115,7 +115,7 @@ class HostedCell:
 
 def open_cell(
     workcell: Workcell, config: HardwareConfig, realtime: bool, wanted: frozenset[str] = frozenset(DEVICES),
-    tell: Tell = tell_on_standard_error,
+    tell: Tell = print_on_standard_error,
 ) -> HostedCell:  # fmt: skip
     """Open the wanted devices by the drivers that the configuration names, and put them together."""
     return HostedCell(open_devices(workcell, config, wanted, realtime, tell), workcell, config)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from crosspih_common.service import ServiceContext, run_service
 from crosspih_common.service.ending import end_process
 from services.inference.config import InferenceConfig
-from services.inference.shell import InferenceShell
+from services.inference.shell.service import InferenceShell
 
 
 def build(context: ServiceContext, config: InferenceConfig) -> InferenceShell:

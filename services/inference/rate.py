@@ -29,7 +29,6 @@ from crosspih_common.keys import ESTIMATE
 from crosspih_common.messages import ContactState, EstimatePose, PoseData, PosePrior, Touch, floats
 from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.service.lifecycle import ServiceContext
-from services.inference import informed_touch as informed
 from services.inference.config import InferenceConfig
 from services.inference.estimator import EstimatorSettings, TouchObservation, estimate_pose
 from services.inference.estimator import HolePosePrior as Prior
@@ -37,9 +36,11 @@ from services.inference.estimator import estimate as estimating
 from services.inference.estimator import hypotheses as choosing
 from services.inference.estimator.synthetic import touch
 from services.inference.mechanics import PairTables, first_contacts
-from services.inference.network.estimator import SHIPPED_WEIGHTS, NetworkEstimator
-from services.inference.next_touch import next_touch
-from services.inference.shell import InferenceShell
+from services.inference.network.paper.estimator import NetworkEstimator
+from services.inference.network.settings import PAPER_WEIGHTS
+from services.inference.shell.service import InferenceShell
+from services.inference.touch_choice import by_information as informed
+from services.inference.touch_choice.by_rule import next_touch
 
 PRIOR_SD = (1e-3, 1e-3, 2e-3, 0.04, 0.04, 0.01)  # x, y, z (m), rx, ry, rz (rad): vision at its worst
 TOUCHES = 3
@@ -98,7 +99,7 @@ def queries_of(work: Work) -> list[tuple[Any, ...]]:
     return asked
 
 
-def asked_again(queries: list[tuple[Any, ...]]) -> Work:
+def repeated_queries(queries: list[tuple[Any, ...]]) -> Work:
     """The same queries by themselves."""
 
     def ask() -> None:
@@ -147,7 +148,7 @@ def measured(rounds: int, seed: int, most_touches: int = TOUCHES) -> dict[str, d
         queries = queries_of(work)
         poses = sum(int(np.prod(arguments[2].shape[:-1])) for arguments in queries)
         rows[f"estimate of {count} {'touch' if count == 1 else 'touches'}"] = {
-            **in_turn(work, asked_again(queries), rounds),
+            **in_turn(work, repeated_queries(queries), rounds),
             "beside": f"its {poses} first contacts",
         }
 
@@ -162,7 +163,7 @@ def measured(rounds: int, seed: int, most_touches: int = TOUCHES) -> dict[str, d
     queries = queries_of(chosen)
     poses = sum(int(np.prod(arguments[2].shape[:-1])) for arguments in queries)
     rows["most informative touch"] = {
-        **in_turn(chosen, asked_again(queries), rounds),
+        **in_turn(chosen, repeated_queries(queries), rounds),
         "beside": f"its {poses} first contacts",
     }
     rows["estimate of 1 touch, as a command"] = {
@@ -202,12 +203,12 @@ def by_network(touch: TouchObservation, prior: Prior, workcell: Workcell, rounds
     """The paper's step, a wrench to angles and these to x, y, z (Eq. 24), beside the layers alone."""
     import torch
 
-    from services.inference.network.model import AngleNetwork
+    from services.inference.network.paper.model import AngleNetwork
 
     peg = workcell.peg.shape()
     whole = NetworkEstimator("", peg, workcell.hole.shape(peg))
     believed = touch.pose_base_peg.inverse() @ prior.pose_base_hole
-    network, wrench = AngleNetwork.load(SHIPPED_WEIGHTS), torch.from_numpy(np.asarray(touch.wrench_peg, float))
+    network, wrench = AngleNetwork.load(PAPER_WEIGHTS), torch.from_numpy(np.asarray(touch.wrench_peg, float))
     torch.set_num_threads(1)
 
     def forward() -> None:

@@ -179,19 +179,19 @@ class RecordedPorts:
         """As it was known when the assembly began."""
         return self._calibration
 
-    def tell_phase(self, phase: AssemblyPhase) -> None:
+    def publish_phase(self, phase: AssemblyPhase) -> None:
         """Kept, to be compared."""
         self.phases.append(phase)
 
-    def tell_touch(self, touch: Touch) -> None:
+    def publish_touch(self, touch: Touch) -> None:
         """Kept, to be compared."""
         self.touches.append(touch)
 
-    def tell_event(self, code: str, text: str) -> None:
+    def publish_event(self, code: str, text: str) -> None:
         """To people."""
         self._outcome.notes.append(f"{code}: {text}")
 
-    def tell_defect(self, error: Exception) -> None:
+    def report_defect(self, error: Exception) -> None:
         """To people."""
         self._outcome.notes.append(f"a defect: {type(error).__name__}: {error}")
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from crosspih_common.errors import STOPPING, BusError, CommandRefused, CommandTimeout, NoService, NotSent
 from crosspih_common.holding import ArmLease
-from crosspih_common.holding.soundness import StreamsHeard
+from crosspih_common.holding.soundness import LiveStreams
 from crosspih_common.keys import Command
 from crosspih_common.messages import (
     AssemblyPhase,
@@ -46,7 +46,7 @@ class BusPorts:
 
     def look(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
         """See Ports."""
-        with StreamsHeard(self._bus) as streams:
+        with LiveStreams(self._bus) as streams:
             return streams.require_fresh(dwell)
 
     def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
@@ -65,7 +65,7 @@ class BusPorts:
             if self._heed_abort and self._host.abort.is_set():
                 raise AssemblyFailed(Failure.ABORTED, "somebody ended the assembly")
             if moves and self._heed_abort:
-                self.paused_wall_s += self._host.pause.wait_to_go_on(self._host.abort.is_set, self.tell_event)
+                self.paused_wall_s += self._host.pause.wait_to_go_on(self._host.abort.is_set, self.publish_event)
                 if self._host.abort.is_set():
                     continue
             if moves:
@@ -153,19 +153,19 @@ class BusPorts:
         """As last published; waits a little for a service that has just started."""
         return self._host.calibration.wait_for(lambda _: True, self._config.service_patience_s)
 
-    def tell_phase(self, phase: AssemblyPhase) -> None:
+    def publish_phase(self, phase: AssemblyPhase) -> None:
         """Publish a step."""
         self._host.phases.publish(phase)
 
-    def tell_touch(self, touch: Touch) -> None:
+    def publish_touch(self, touch: Touch) -> None:
         """Publish a touch."""
         self._host.touches.publish(touch)
 
-    def tell_event(self, code: str, text: str) -> None:
+    def publish_event(self, code: str, text: str) -> None:
         """See Ports."""
         self._host.context.event(Severity.INFO, code, text)
 
-    def tell_defect(self, error: Exception) -> None:
+    def report_defect(self, error: Exception) -> None:
         """See Ports."""
         traceback.print_exception(error)
         self._host.context.event(Severity.ERROR, "defect", f"{type(error).__name__}: {error}")

@@ -73,7 +73,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
         failure, detail = Failure.REFUSED, str(refusal)
     except Exception as error:
         # a defect in a strategy must not leave the peg in the hole
-        ports.tell_defect(error)
+        ports.report_defect(error)
         failure, detail = Failure.DEFECT, f"{type(error).__name__}: {error}"
     ports.ignore_abort()
     backed_off = back_off(run)

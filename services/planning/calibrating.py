@@ -51,10 +51,10 @@ def use_calibration(run: Run) -> None:
     if calibration is None or not calibration.calibrated:
         run.tell(Phase.CALIBRATING, "the force/torque sensor was never calibrated: doing it now")
         calibration = calibrate(run, run.config.calibration_dwell_s)
-    tell_payload(run, calibration)
+    report_payload(run, calibration)
 
 
-def tell_payload(run: Run, calibration: FtCalibration) -> None:
+def report_payload(run: Run, calibration: FtCalibration) -> None:
     """Tell the arm what hangs on its sensor; what it felt before counts no longer."""
     run.ports.ask(
         SET_PAYLOAD,

@@ -39,7 +39,9 @@ def home(run: Run) -> None:
     x, y, z = nominal.inverse().apply(run.motion.pose_base_peg.apply([0.0, 0.0, run.workcell.peg.shape().tip_m]))
     in_zone = np.hypot(x, y) < NEAR_HOLE_M and z > -run.config.approach_m
     if in_zone and z > 0.0:
-        run.ports.tell_event("peg_found", f"the peg's tip is {z * 1e3:.0f} mm past the hole's face as drawn: taken out")
+        run.ports.publish_event(
+            "peg_found", f"the peg's tip is {z * 1e3:.0f} mm past the hole's face as drawn: taken out"
+        )
     if in_zone and not back_off(run):
         raise AssemblyFailed(Failure.UNREACHABLE, "the arm is not at home, and the peg cannot be taken out")
     run.motion.line_to(run.motion.collisions.before_zone(run.motion.pose_base_peg))
@@ -65,6 +67,6 @@ def back_off(run: Run) -> bool:
                 return False
             mended[error.failure] -= 1
         except Exception as error:
-            run.ports.tell_defect(error)
+            run.ports.report_defect(error)
             return False
     return False

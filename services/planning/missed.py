@@ -45,7 +45,7 @@ class MissedServices:
         self._context.event(Severity.WARNING, "service_lost", f"{service} is gone {why}")
 
     @contextmanager
-    def told(self) -> Iterator[None]:
+    def reported(self) -> Iterator[None]:
         """For the length of a block losses are told; what goes outside of it may be meant to."""
         with self._lock:
             self._telling = True

@@ -41,16 +41,16 @@ class Ports(Protocol):
     def ft_calibration(self) -> FtCalibration | None:
         """The sensor's calibration as last published; None before any was heard of."""
 
-    def tell_phase(self, phase: AssemblyPhase) -> None:
+    def publish_phase(self, phase: AssemblyPhase) -> None:
         """Publish a step."""
 
-    def tell_touch(self, touch: Touch) -> None:
+    def publish_touch(self, touch: Touch) -> None:
         """Publish a touch."""
 
-    def tell_event(self, code: str, text: str) -> None:
+    def publish_event(self, code: str, text: str) -> None:
         """Tell people something that is no step of the assembly."""
 
-    def tell_defect(self, error: Exception) -> None:
+    def report_defect(self, error: Exception) -> None:
         """Log an error of the program itself with its trace, and tell people."""
 
     def ignore_abort(self) -> None:

@@ -120,7 +120,7 @@ class PlanningShell:
         self.pause.ask(False)
         self._running = True
         try:
-            with self.missed.told():
+            with self.missed.reported():
                 yield lease
         finally:
             self._running = False

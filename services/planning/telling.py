@@ -15,7 +15,7 @@ class PhaseTeller:
 
     def __call__(self, phase: Phase, text: str, **figures: float) -> None:
         """Publish it, with the number of the attempt and figures rounded to six digits."""
-        self._ports.tell_phase(
+        self._ports.publish_phase(
             AssemblyPhase(
                 assembly_id=self._assembly_id,
                 phase=phase,

@@ -189,7 +189,7 @@ def _felt(run: Run, outcome: GuardedMoveOutcome, free: FreeAir, seated: bool = F
         wrench_sd=reading.wrench_sd,
         state=reading.state,
     )
-    run.ports.tell_touch(touch)
+    run.ports.publish_touch(touch)
     return touch
 
 

@@ -12,7 +12,7 @@ from crosspih_common.keys import GUARDED_MOVE
 from crosspih_common.messages import Failure, GuardedMove, Phase, StopReason, Withdraw, floats
 from crosspih_common.messages.motion import MAX_TRAVEL_M
 from crosspih_common.wrench.plausibility import IMPLAUSIBLE
-from services.planning.calibrating import tell_payload
+from services.planning.calibrating import report_payload
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.touching import relax
@@ -51,7 +51,7 @@ def withdraw_peg(run: Run, request: Withdraw, pose_base_hole: Pose) -> Withdrawn
     except CommandRefused as refusal:
         failure, detail = Failure.REFUSED, str(refusal)
     except Exception as error:
-        run.ports.tell_defect(error)
+        run.ports.report_defect(error)
         failure, detail = Failure.DEFECT, f"{type(error).__name__}: {error}"
     distance_m = float(np.linalg.norm(run.motion.pose_base_peg.translation_m - start))
     said = "the peg is out" if failure is None else f"failed: {failure.value}: {detail}"
@@ -68,7 +68,7 @@ def _withdraw(run: Run, request: Withdraw, pose_base_hole: Pose) -> None:
             "then `crosspih calibrate ft`",
         )
     try:
-        tell_payload(run, calibration)
+        report_payload(run, calibration)
     except CommandRefused as refusal:
         if refusal.code != IMPLAUSIBLE:
             raise

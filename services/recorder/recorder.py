@@ -104,7 +104,7 @@ class Recorder:
                 account.heard += 1
                 line.expected, line.heard_s = seq + 1, now_s
             else:
-                account.hear(seq, now_s)
+                account.count_sample(seq, now_s)
             ends = payload.find(b",", begins, LONGEST_STAMP)
             if ends > 0 and (digits := payload[begins:ends]).isdigit() and payload.startswith(STAMP_FIRST):
                 stamp_ns = int(digits)

@@ -22,7 +22,7 @@ class KeyTally:
         self.heard = self.before = 0
         self.line: Line | None = None
 
-    def hear(self, seq: int, now_s: float) -> None:
+    def count_sample(self, seq: int, now_s: float) -> None:
         """A sample with this number came; -1 where it has none."""
         self.heard += 1
         line = self.line
@@ -34,7 +34,7 @@ class KeyTally:
                 if line is None:
                     self.line = Line(seq + 1, now_s)
                 else:
-                    line.hear(seq, now_s, self._rate_hz)
+                    line.count_sample(seq, now_s, self._rate_hz)
 
     def begin(self) -> None:
         """A recording begins."""
@@ -67,7 +67,7 @@ class Tally:
 
     def arrived(self, key: str, seq: int, now_s: float, rate_hz: float | None = None) -> None:
         """A sample with this number came (or was seen to come and then overflowed)."""
-        self.account(key, rate_hz).hear(seq, now_s)
+        self.account(key, rate_hz).count_sample(seq, now_s)
 
     def count(self, kind: str, key: str, amount: int = 1) -> None:
         """Add to an overflow, unwritten, malformed or refused count."""

@@ -32,7 +32,7 @@ from crosspih_common.messages import (
 from crosspih_common.ros2 import RosNode, RosQos
 from crosspih_common.ros2 import actions as ros
 from crosspih_common.ros2.converting import SECOND_NS, Converter
-from services.ros2.telling import ABORT_DEADLINE_S, ASSEMBLY_DEADLINE_S, told_assembly, told_error
+from services.ros2.outcomes import ABORT_DEADLINE_S, ASSEMBLY_DEADLINE_S, assembly_outcome, error_outcome
 
 NAME = "crosspih_interfaces/action/Assemble"
 DEFINITION = Path(__file__).parent / "crosspih_interfaces" / "action" / "Assemble.action"
@@ -118,7 +118,7 @@ class AssembleAction:
             request = Assemble(strategy=wanted, assembly_id=goal.assembly_id)
             result = self._bus.call(ASSEMBLE, request, ASSEMBLY_DEADLINE_S)
         except CrosspihError as error:
-            return ros.ABORTED, self._ended(*told_error(error))
+            return ros.ABORTED, self._ended(*error_outcome(error))
         if result.inserted:
             return ros.SUCCEEDED, self._message(result)
         cancelled = result.failure is Failure.ABORTED and goal.status == ros.CANCELING
@@ -216,7 +216,7 @@ class AssembleAction:
 
     def _message(self, result: AssemblyResult) -> Any:
         return self._ended(
-            "" if result.failure is None else result.failure.value, told_assembly(result)[1],
+            "" if result.failure is None else result.failure.value, assembly_outcome(result)[1],
             inserted=result.inserted, pose_base_hole=result.pose_base_hole, pose_base_peg=result.pose_base_peg,
             insertion_depth_m=result.insertion_depth_m, duration_s=result.motion_s + result.thinking_s,
             peak_force_n=result.peak_force_n,

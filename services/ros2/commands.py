@@ -18,14 +18,14 @@ from crosspih_common.messages import AbortAssembly, Assemble, Failure, Strategy,
 from crosspih_common.ros2 import RosNode
 from crosspih_common.ros2.types import TRIGGER
 from services.ros2.action import AssembleAction
-from services.ros2.telling import (
+from services.ros2.outcomes import (
     ABORT_DEADLINE_S,
     ASSEMBLY_DEADLINE_S,
     WITHDRAW_DEADLINE_S,
     Said,
-    told_assembly,
-    told_error,
-    told_withdrawal,
+    assembly_outcome,
+    error_outcome,
+    withdrawal_outcome,
 )
 
 
@@ -55,13 +55,13 @@ class Commands:
 
     def _assemble(self) -> Said:
         try:
-            return told_assembly(self._bus.call(ASSEMBLE, Assemble(strategy=self._strategy), ASSEMBLY_DEADLINE_S))
+            return assembly_outcome(self._bus.call(ASSEMBLE, Assemble(strategy=self._strategy), ASSEMBLY_DEADLINE_S))
         except CrosspihError as error:
-            failure, text = told_error(error)
+            failure, text = error_outcome(error)
             return False, text if failure == Failure.REFUSED.value else f"{failure}: {text}"
 
     def _withdraw(self) -> Said:
-        return told_withdrawal(self._bus.call(WITHDRAW, Withdraw(), WITHDRAW_DEADLINE_S))
+        return withdrawal_outcome(self._bus.call(WITHDRAW, Withdraw(), WITHDRAW_DEADLINE_S))
 
     def _abort(self) -> Said:
         was_running = self._bus.call(ABORT, AbortAssembly(), ABORT_DEADLINE_S).was_running

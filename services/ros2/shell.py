@@ -60,7 +60,7 @@ class BridgeShell:
 
     def _listen(self, bus: Bus, has: frozenset[str]) -> None:
         topics, take = self._topics, self._until_closed
-        bus.hear(CLOCK, take(topics.clock))
+        bus.subscribe_inline(CLOCK, take(topics.clock))
         if "arm" not in has:
             bus.subscribe(JOINT_STATE, take(topics.joint_state))
         bus.subscribe(WRENCH_RAW, take(topics.raw_batch))

@@ -11,7 +11,7 @@ from crosspih_common.shapes import Peg
 
 REACH_M = 0.15
 STEPS = 601
-LEAST_N = 0.8  # below, noise turns the line of action about
+MIN_FORCE_N = 0.8  # below, noise turns the line of action about
 
 
 def contact_point(wrench_peg: ArrayLike, peg: Peg) -> Array | None:
@@ -23,7 +23,7 @@ def contact_point(wrench_peg: ArrayLike, peg: Peg) -> Array | None:
     wrench = np.asarray(wrench_peg, float)
     force, moment = wrench[:3], wrench[3:]
     square = float(force @ force)
-    if square < LEAST_N**2:
+    if square < MIN_FORCE_N**2:
         return None
     nearest = np.cross(force, moment) / square
     along = np.linspace(-REACH_M, REACH_M, STEPS)

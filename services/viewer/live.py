@@ -95,19 +95,19 @@ class ViewerShell:
 
     def _listen(self, bus: Bus) -> None:
         timeline, later = self._timeline, self._later
-        bus.hear(CLOCK, self._on_clock)
-        bus.hear(CONTACT_WRENCH, later(timeline.contact_wrench))
-        bus.hear(CONTACT_STATE, later(timeline.contact_state))
-        bus.hear(PHASE, later(timeline.phase))
-        bus.hear(TOUCH, later(timeline.touch))
-        bus.hear(CAMERA_CALIBRATION, later(timeline.calibration))
-        bus.hear(LEASE, later(timeline.lease))
-        bus.hear(STATUS, later(timeline.status))
-        bus.hear(EVENTS, later(timeline.event))
-        bus.hear(IMAGE_LEFT, later(self._picture("left")))
-        bus.hear(IMAGE_RIGHT, later(self._picture("right")))
-        bus.hear(ANNOTATED_LEFT, later(self._picture("annotated left")))
-        bus.hear(ANNOTATED_RIGHT, later(self._picture("annotated right")))
+        bus.subscribe_inline(CLOCK, self._on_clock)
+        bus.subscribe_inline(CONTACT_WRENCH, later(timeline.contact_wrench))
+        bus.subscribe_inline(CONTACT_STATE, later(timeline.contact_state))
+        bus.subscribe_inline(PHASE, later(timeline.phase))
+        bus.subscribe_inline(TOUCH, later(timeline.touch))
+        bus.subscribe_inline(CAMERA_CALIBRATION, later(timeline.calibration))
+        bus.subscribe_inline(LEASE, later(timeline.lease))
+        bus.subscribe_inline(STATUS, later(timeline.status))
+        bus.subscribe_inline(EVENTS, later(timeline.event))
+        bus.subscribe_inline(IMAGE_LEFT, later(self._picture("left")))
+        bus.subscribe_inline(IMAGE_RIGHT, later(self._picture("right")))
+        bus.subscribe_inline(ANNOTATED_LEFT, later(self._picture("annotated left")))
+        bus.subscribe_inline(ANNOTATED_RIGHT, later(self._picture("annotated right")))
         answers: tuple[tuple[Command[Any, Any], Callable[[Any], None]], ...] = (
             (LOCATE, timeline.hole),
             (ESTIMATE, lambda heard: timeline.estimate(heard, "touches")),
@@ -118,7 +118,7 @@ class ViewerShell:
             (WITHDRAW, timeline.withdraw),
         )
         for command, take in answers:
-            bus.hear(command.reply_echo, later(take))
+            bus.subscribe_inline(command.reply_echo, later(take))
         bus.watch_alive(self._on_alive)
 
     def _later(self, take: Callable[[HeardT], None]) -> Callable[[HeardT], None]:
@@ -151,7 +151,7 @@ class ViewerShell:
                     joints = None
                     continue
                 if joints is None:
-                    joints = looking.enter_context(self._context.bus.hearing(JOINT_STATE))
+                    joints = looking.enter_context(self._context.bus.reading(JOINT_STATE))
                 told_at = self._draw(joints.value(), told_at)
 
     def _draw(self, joints: JointState | None, told_at: float) -> float:

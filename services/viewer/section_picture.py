@@ -13,7 +13,7 @@ from crosspih_common.shapes import CrossPeg, Peg
 
 SIZE = 120.0  # of the picture's half, in its own units
 FILLED = 62.0  # of that, what the outline reaches
-ARROW_LEAST_N, ARROW_FULL_N = 0.5, 15.0
+MIN_ARROW_N, ARROW_FULL_N = 0.5, 15.0
 LIT, WALL, QUIET = "#f59f00", "#e8590c", "var(--mantine-color-default-border)"
 
 
@@ -93,7 +93,7 @@ def _axes() -> list[str]:
 def _arrow(wrench: Array) -> list[str]:
     force = np.asarray(wrench, float)[:2]
     size = float(np.hypot(*force))
-    if size < ARROW_LEAST_N:
+    if size < MIN_ARROW_N:
         return []
     length = 12.0 + (FILLED - 8.0) * min(size / ARROW_FULL_N, 1.0)
     unit = force / size

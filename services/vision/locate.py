@@ -43,10 +43,10 @@ from services.vision.stereo import StereoModel
 from services.vision.straightness import lenses_of
 
 # candidates that are tried, so many at first of those about one place; and how good, against the best, one must be
-TRIED, STARTS, SCORE_LEAST, COMPETES = 4, 2, 0.6, 0.9
+TRIED, STARTS, MIN_SCORE, COMPETES = 4, 2, 0.6, 0.9
 # a rival counts e times less for each such share by which it is worse than the best; one that counts for more than that
 # may not be farther away, m: a chamfer's width or two
-RIVAL_WORSE, RIVAL_COUNTS, RIVAL_MOST_M = 0.12, 0.3, 2.5e-3
+RIVAL_WORSE, RIVAL_COUNTS, MAX_RIVAL_DISTANCE_M = 0.12, 0.3, 2.5e-3
 # another hole in the pictures: as well supported, and that far away, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
 CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
@@ -175,7 +175,7 @@ def locate_rim(
 
 def _places(task: _Task, found: list[Candidate]) -> Iterator[list[Pose]]:
     """The candidates by where they are, the likeliest first: those about the same place are starts of one fit."""
-    rest = [one for one in found if one.score >= SCORE_LEAST * found[0].score][:TRIED]
+    rest = [one for one in found if one.score >= MIN_SCORE * found[0].score][:TRIED]
     while rest:
         centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
         near = [
@@ -230,7 +230,7 @@ def _judged(task: _Task, found: _Found) -> _Attempt:
     quality = replace(quality_of(fit, rim, task.doubts), support=found.uncovered.support)
     require_sound(quality, task.fine)
     require_drawn_edges(edges_elsewhere(task.images, task.stereo, task.fine, fit, quality))
-    if found.apart_m > RIVAL_MOST_M:
+    if found.apart_m > MAX_RIVAL_DISTANCE_M:
         raise Doubtful(
             "two poses explain what is seen at the rim about equally well: the chamfer is bright here and dark there; "
             "use a larger, softer light, or one from another side"

@@ -34,7 +34,7 @@ from crosspih_common.messages.assembly import AnyStrategy, OwnStrategy
 from crosspih_common.own_code import content_digest
 from crosspih_common.recording import Recording
 from services.inference.config import InferenceConfig
-from services.inference.shell import InferenceShell
+from services.inference.shell.service import InferenceShell
 from services.operator.bench.cells.conditions import Condition
 from services.operator.bench.cells.trials import TrialJob, trial_key
 from services.operator.bench.compare.command import _rows
@@ -176,7 +176,7 @@ def test_what_fails_in_it_refuses_the_command_by_its_name(
         "def estimate(prior, touches, workcell): return None\ndef raising(prior, touches, workcell): return {}['x']\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    from services.inference.own import OwnEstimator
+    from services.inference.shell.own import OwnEstimator
 
     for name, said in (("odd_fit:estimate", "answered NoneType, want PosePrior"), ("odd_fit:raising", "KeyError")):
         with pytest.raises(CommandRefused, match=said) as refused:

@@ -82,7 +82,7 @@ def test_a_store_says_what_it_gives_from_when_and_how_long_it_took(
     with ResultStore(tmp_path / "a.jsonl") as store:
         assert store.get("one") == {"x": 1} and store.get("none") is None
         store.put("three", {"x": 3}, code="this")
-        said = store.said_of("this")
+        said = store.reuse_summary("this")
         assert "1 taken over" in said and "by this code (this)" in said and "1 in" in said and "other code" in said
     found = measured_in(told)
     assert (found.taken, found.made, found.taken_s) == (1, 1, 2.5) and found.first == found.last != ""

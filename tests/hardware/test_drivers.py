@@ -64,7 +64,7 @@ def test_an_arm_that_says_nothing_of_its_landing_is_slow_and_is_told_which_setti
 ) -> None:
     bus = Bus(MemoryHub().transport(), "cell1", "hardware")
     events: list[Event] = []
-    bus.hear(EVENTS, events.append)
+    bus.subscribe_inline(EVENTS, events.append)
     cell = open_cell(Workcell(), HardwareConfig(driver=driver), False, WALL if strict else frozenset(DEVICES))
     shell = HardwareShell(cell, ServiceContext("hardware", CellFile(Path("cell.yaml"), "", Workcell(), {}), bus))
     try:

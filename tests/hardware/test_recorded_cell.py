@@ -99,8 +99,8 @@ def test_without_a_period_every_recorded_state_is_read_and_nothing_in_between(
     with running(tmp_path, recorded(original.recording.path)) as (bus, lease):
         states: list[JointState] = []
         batches: list[RawWrenchBatch] = []
-        bus.hear(JOINT_STATE, states.append)
-        bus.hear(WRENCH_RAW, batches.append)
+        bus.subscribe_inline(JOINT_STATE, states.append)
+        bus.subscribe_inline(WRENCH_RAW, batches.append)
         lease.ask(DWELL, Dwell(duration_s=(last_ns - first_ns) * 1e-9 - 0.05), DEADLINE_S)
     assert "interpolated" not in capfd.readouterr().err
     there = {state.stamp_ns: state.joints_rad for state in original.recording.messages(JOINT_STATE)}

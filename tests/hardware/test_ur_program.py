@@ -149,7 +149,7 @@ class Told:
         self.count += 1
         values = [self.count, session, what, *joints_rad]
         for name, value in zip(servo.INPUT_NAMES, values, strict=True):
-            self.robot.heard(name, value)
+            self.robot.write_input(name, value)
 
     def cycle(self, times: int = 1) -> None:
         for _ in range(times):

@@ -20,7 +20,7 @@ from services.inference.estimator import (
     final_estimate,
 )
 from services.inference.mechanics import PairTables
-from services.inference.next_touch import next_touch
+from services.inference.touch_choice.by_rule import next_touch
 from tests.inference.free_peg_world import STEP_S, FreePegWorld, TouchRecord, guarded_push
 
 READING_SD = np.repeat([0.1, 0.005], 3)

@@ -108,7 +108,7 @@ def main() -> None:
                 if store is not None and found is None:
                     store.put(key, {"lines": lines}, code=code)
             if store is not None:
-                print(store.said_of(code), file=sys.stderr)
+                print(store.reuse_summary(code), file=sys.stderr)
         finally:
             cell.close()
     print(table(kept))

@@ -270,7 +270,7 @@ def agreements(seeds: Iterable[int], out: Path | None = None) -> list[Agreement]
                 store.put(key, kept, code=code, took_s=round(time.monotonic() - started, 3))
         known[seed] = kept
     if store is not None:
-        print(store.said_of(code), file=sys.stderr)
+        print(store.reuse_summary(code), file=sys.stderr)
         store.close()
     found: dict[int, Agreement] = {}
     for name in dict.fromkeys(case.shape for case in cases):

@@ -36,7 +36,7 @@ def test_a_peer_that_does_not_come_up_says_why(tmp_path: Path) -> None:
 def test_late_states_are_counted_by_their_stamps() -> None:
     count = CycleCount()
     for stamp_ms in (0, 4, 8, 12, 24, 28, 32):
-        count.hear(JointState(stamp_ns=stamp_ms * 1_000_000, joints_rad=(0.0,) * 6, speeds_rad_s=(0.0,) * 6))
+        count.add_state(JointState(stamp_ns=stamp_ms * 1_000_000, joints_rad=(0.0,) * 6, speeds_rad_s=(0.0,) * 6))
     states, late, between_ms = count.counted()
     assert (states, late) == (7, 1)
     assert between_ms is not None and between_ms[0] == pytest.approx(4.0)

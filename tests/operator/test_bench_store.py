@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.provenance import ResultStore, SourceWatch, code_version, folder_version, hash_sources, result_key
+from crosspih_common.provenance.code import ASKED_BY, SCORED_BY
 from services.operator.bench.cells.conditions import Condition, cell_content, condition_of, merged
 from services.operator.bench.cells.trials import TrialJob, trial_key
+from tests.system.test_boundaries import ROOT
 
 NAMES = st.sampled_from(["a", "b", "c"])
 TREES = st.recursive(
@@ -133,8 +135,14 @@ def test_what_only_shows_has_no_say(tmp_path: Path) -> None:
         (tmp_path / folder).mkdir(parents=True)
         (tmp_path / folder / "new.py").write_text("x = 1\n", encoding="utf-8")
         assert hash_sources(tmp_path) == version, folder
-    (tmp_path / "crosspih_common/client/session.py").write_text("x = 1\n", encoding="utf-8")
+    (tmp_path / "crosspih_common/client/assembly_request.py").write_text("x = 1\n", encoding="utf-8")
     assert hash_sources(tmp_path) != version, "which asks for the trials"
+
+
+def test_what_scores_and_asks_is_where_the_code_version_looks_for_it() -> None:
+    """A file that is renamed would drop out of every trial's key in silence."""
+    assert all((ROOT / "services" / "operator" / name).is_file() for name in SCORED_BY)
+    assert all((ROOT / "crosspih_common" / "client" / name).is_file() for name in ASKED_BY)
 
 
 def test_a_folders_version_is_of_that_folder(tmp_path: Path) -> None:

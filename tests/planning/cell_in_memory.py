@@ -41,7 +41,7 @@ from services.hardware.drivers.simulated.config import SimulatedConfig
 from services.hardware.hosting import open_cell
 from services.hardware.shells.hardware import HardwareShell
 from services.inference.config import InferenceConfig
-from services.inference.shell import InferenceShell
+from services.inference.shell.service import InferenceShell
 from services.planning.config import PlanningConfig
 from services.planning.shell import PlanningShell
 

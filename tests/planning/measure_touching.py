@@ -32,7 +32,7 @@ from crosspih_common.messages import (
     floats,
 )
 from services.inference.config import InferenceConfig
-from services.inference.shell import InferenceShell
+from services.inference.shell.service import InferenceShell
 from services.operator.scoring.score import PoseError, pose_error
 from tests.planning.cell_in_memory import VISION_SD, CellInMemory
 

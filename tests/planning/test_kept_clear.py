@@ -33,16 +33,16 @@ class NobodyIsAsked:
     def ft_calibration(self) -> FtCalibration | None:
         return None
 
-    def tell_phase(self, phase: AssemblyPhase) -> None:
+    def publish_phase(self, phase: AssemblyPhase) -> None:
         pass
 
-    def tell_touch(self, touch: Touch) -> None:
+    def publish_touch(self, touch: Touch) -> None:
         pass
 
-    def tell_event(self, code: str, text: str) -> None:
+    def publish_event(self, code: str, text: str) -> None:
         pass
 
-    def tell_defect(self, error: Exception) -> None:
+    def report_defect(self, error: Exception) -> None:
         pass
 
     def ignore_abort(self) -> None:

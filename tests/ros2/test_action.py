@@ -90,7 +90,7 @@ def test_a_goal_ends_by_name_when_planning_is_killed(
     lives, begun = threading.Event(), threading.Event()
     with Bus(open_zenoh(endpoint), "cell1", "operator") as bus:
         bus.watch_alive(lambda service, alive: lives.set() if service == planning.name and alive else None)
-        bus.hear(ASSEMBLE.request_echo, lambda request: begun.set())
+        bus.subscribe_inline(ASSEMBLE.request_echo, lambda request: begun.set())
         assert bridge.wait_for_line("node /crosspih in domain 0") and lives.wait(30.0)
         goal = sdk("act", "--hashes", hashes_of(RosTypes()))
         assert goal.said("accepted")["accepted"] and begun.wait(20.0)

@@ -20,7 +20,7 @@ from crosspih_common.refusals import REFUSALS
 from crosspih_common.wrench import IMPLAUSIBLE
 
 ROOT = Path(__file__).resolve().parents[2]
-READS, ASKS = ("latest", "hearing", "listening", "subscribe", "hear", "tap"), ("call", "ask")
+READS, ASKS = ("latest", "reading", "subscribed", "subscribe", "subscribe_inline", "tap"), ("call", "ask")
 BUS_METHODS = (*READS, *ASKS, "publisher", "serve")
 # where a key comes as an argument: the recorder's tap on every topic, planning's port and the arm's own `_serve`, whose
 # callers are counted, and what was asked in a recording or sent by a bench, on a bus of its own
@@ -43,7 +43,7 @@ HOLDING = "crosspih_common.holding"  # takes and keeps the lease for the service
 CLIENT = "crosspih_common.client"  # asks and hears for the services that import it
 # in it: the commands of an assembly, whose answers it hears, and the topic of a stream, which may be any
 CLIENTS_OWN = {"assembly_request.py": "command.reply_echo", "cell.py": "row"}
-STREAMS_HEARD = "StreamsHeard"  # of the same package: hears encoders and sensor for whoever has it look at a cell
+LIVE_STREAMS = "LiveStreams"  # of the same package: hears encoders and sensor for whoever has it look at a cell
 TABLE: dict[str, Topic[Any] | Command[Any, Any]] = {
     name: value for name, value in vars(keys).items() if isinstance(value, (Topic, Command))
 }
@@ -95,7 +95,7 @@ def uses() -> Uses:
             holders.add(where.split("/")[1])
         if any(isinstance(node, ast.ImportFrom) and (node.module or "").startswith(CLIENT) for node in ast.walk(tree)):
             clients.add(where.split("/")[1])
-        if STREAMS_HEARD in imported_names(tree):
+        if LIVE_STREAMS in imported_names(tree):
             for name in ("JOINT_STATE", "WRENCH_RAW"):
                 found["latest"][name].add(where.split("/")[1])
         for method, argument, line in bus_calls(tree, names):

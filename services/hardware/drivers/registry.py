@@ -64,7 +64,7 @@ DRIVERS: dict[str, BuiltIn] = {
 Tell = Callable[[Severity, str, str], None]
 
 
-def tell_on_standard_error(severity: Severity, code: str, text: str) -> None:
+def print_on_standard_error(severity: Severity, code: str, text: str) -> None:
     """How devices tell of themselves where nobody else listens."""
     print(f"{severity.value}: {code}: {text}", file=sys.stderr, flush=True)
 
@@ -82,7 +82,7 @@ class OpenRequest:
     config: HardwareConfig
     wanted: frozenset[str]
     realtime: bool
-    tell: Tell = tell_on_standard_error
+    tell: Tell = print_on_standard_error
 
     @property
     def options(self) -> dict[str, Any]:
@@ -191,7 +191,7 @@ def _called(where: str, function: Any) -> Opener:
 
 def open_devices(
     workcell: Workcell, config: HardwareConfig, wanted: frozenset[str], realtime: bool,
-    tell: Tell = tell_on_standard_error,
+    tell: Tell = print_on_standard_error,
 ) -> Devices:  # fmt: skip
     """Open the wanted devices, each by the driver that the cell's file names for it.
 

@@ -72,7 +72,7 @@ class ArmShell:
         joints.publish(arm.joint_state())
         lease.publish(arm.holder.state())
         arm.holder.on_change = lease.publish
-        bus.hear(LEASE_BEAT, self._beat)
+        bus.subscribe_inline(LEASE_BEAT, self._beat)
         self._closing = threading.Event()
         self._beating: threading.Thread | None = None
         if realtime:

@@ -45,7 +45,7 @@ class HardwareShell:
             realtime = self._cell.realtime
             self._arm.also_on_tick(lambda: cell_time.tick(bus.clock.now_ns(), "", realtime))
         else:
-            bus.hear(CLOCK, lambda tick: cell_time.tick(tick.stamp_ns, tick.boot_id, tick.realtime))
+            bus.subscribe_inline(CLOCK, lambda tick: cell_time.tick(tick.stamp_ns, tick.boot_id, tick.realtime))
         return cell_time
 
     def close(self) -> None:

@@ -23,9 +23,9 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.provenance import ResultStore, code_version, result_key, with_file_contents
 from services.inference.estimator.coverage import BLOCKS, CoverageRow, TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.observation import EstimatorSettings
-from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
-from services.inference.next_touch import next_touch
+from services.inference.touch_choice.by_information import candidates, informed_touch
+from services.inference.touch_choice.by_rule import next_touch
 
 # one sd: x, y, z (m), rx, ry, rz (rad)
 PRIORS = {
@@ -72,7 +72,7 @@ def trials(
         for seed, key in keys.items():
             if (kept := store.get(key)) is not None:
                 done[seed] = [TouchRecord(**record) for record in kept["records"]]
-        if said := store.said_of(code):
+        if said := store.reuse_summary(code):
             console.print(said, highlight=False)
         for seed in track([seed for seed in seeds if seed not in done], "trials", console=console):
             started = time.monotonic()

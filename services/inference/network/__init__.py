@@ -1,2 +1,2 @@
-"""The paper's network: one contact wrench to the three error angles, then x and y by the mechanics (Sections
-4.1-4.2)."""
+"""Networks that the estimator is measured against: `paper` (one wrench to three angles) and `sequence` (a history of
+touches to a pose); `python -m services.inference.network` makes their data, trains and judges them."""

@@ -90,7 +90,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def _synthesise(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
-    from services.inference.network.making import make_contacts
+    from services.inference.network.paper.making import make_contacts
 
     names = ("angle_rad", "lateral_m", "force_n", "friction", "force_sd_n", "moment_sd_nm")
     settings = {name: float(getattr(arguments, name)) for name in names}
@@ -120,17 +120,17 @@ def _sequence(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
 
 
 def _compare(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
-    from services.inference.network.making import workcell
-    from services.inference.network.sequence_comparison import compare
+    from services.inference.network.paper.making import workcell
+    from services.inference.network.sequence.comparison import compare
 
     return compare(workcell(), arguments.weights, arguments.trials, arguments.touches, arguments.seed, tell)
 
 
 def _record(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
-    from services.inference.network.estimator import SHIPPED_WEIGHTS
-    from services.inference.network.model import AngleNetwork
+    from services.inference.network.paper.model import AngleNetwork
+    from services.inference.network.settings import PAPER_WEIGHTS
 
-    path = arguments.weights or SHIPPED_WEIGHTS
+    path = arguments.weights or PAPER_WEIGHTS
     return {"weights": str(path), **dataclasses.asdict(AngleNetwork.load(path).record)}
 
 
@@ -147,7 +147,7 @@ def main() -> None:
         print(json.dumps({"error": not_installed(error)}) if not for_people else not_installed(error))
         sys.exit(1)
     if for_people:
-        from services.inference.network.sequence_comparison import as_text
+        from services.inference.network.sequence.comparison import as_text
 
         print(as_text(result))
     else:

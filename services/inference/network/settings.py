@@ -1,11 +1,14 @@
-"""How the paper's network is trained; free of torch, so that whoever only asks need not load it."""
+"""How the paper's network is trained, and where shipped weights lie; free of torch: who only asks need not load it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 
 HIDDEN_NEURONS = 150
+PAPER_WEIGHTS = Path(__file__).parent / "paper" / "weights.safetensors"
+SEQUENCE_WEIGHTS = Path(__file__).parent / "sequence" / "weights.safetensors"
 
 
 class Optimiser(str, Enum):

@@ -11,14 +11,14 @@ import torch
 
 from crosspih_common.datasets import read_contacts
 from crosspih_common.geometry.pose import Array
-from services.inference.network import evaluation
-from services.inference.network.dataset import ContactDataset, split_by_pose
-from services.inference.network.making import SEEDS_A_BLOCK, Tell, drawn_contacts, workcell
-from services.inference.network.paper_rows import paper_rows
-from services.inference.network.sequence_data import touch_sequences
-from services.inference.network.sequence_model import SequenceTraining, train_sequence_network
+from services.inference.network.paper import evaluation
+from services.inference.network.paper.dataset import ContactDataset, split_by_pose
+from services.inference.network.paper.making import SEEDS_A_BLOCK, Tell, drawn_contacts, workcell
+from services.inference.network.paper.paper_rows import paper_rows
+from services.inference.network.paper.training import train
+from services.inference.network.sequence.data import touch_sequences
+from services.inference.network.sequence.model import SequenceTraining, train_sequence_network
 from services.inference.network.settings import TrainingSettings
-from services.inference.network.training import train
 
 # the first weights decide much of what ten rows teach
 LEAVE_ONE_OUT_NETWORKS = 8

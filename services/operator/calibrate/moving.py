@@ -112,7 +112,7 @@ class HeldArm:
 
     def look(self) -> tuple[StereoPair, Image, Image]:
         """A pair of pictures, with the arm at rest. Raises CommandRefused `no_picture`, and as `Bus.call`."""
-        with self._bus.hearing(IMAGE_LEFT, 4) as left, self._bus.hearing(IMAGE_RIGHT, 4) as right:
+        with self._bus.reading(IMAGE_LEFT, 4) as left, self._bus.reading(IMAGE_RIGHT, 4) as right:
             pair = captured(self._bus)
             pictures = [
                 heard.wait_for(lambda image: image.stamp_ns == pair.stamp_ns, PICTURE_S) for heard in (left, right)

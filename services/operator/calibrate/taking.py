@@ -146,7 +146,7 @@ def take_by_hand(
     """A person shows the board, or moves the arm that does; `next_one` asks for the next pair, False: enough."""
     taker = Taker(session, vision, board, folder, console, page)
     taker.say("show the board where a part of the picture is tinted, and tilted as the list says; Enter takes a pair")
-    with session.bus.hearing(JOINT_STATE, 4) as states, hold_arm(session.bus, "calibrate by hand") as lease:
+    with session.bus.reading(JOINT_STATE, 4) as states, hold_arm(session.bus, "calibrate by hand") as lease:
         arm = HeldArm(session.bus, lease, session.cell.workcell)
         while next_one("Enter takes a pair, q ends"):
             joints = None

@@ -34,10 +34,10 @@ def drivers_of(cell: CellFile) -> set[str]:
 def running_rows(bus: Bus, devices: tuple[str, ...]) -> Iterator[Row]:
     """What a running hardware service says of them."""
     mend = "crosspih logs hardware; crosspih cell check looks closer"
-    with bus.hearing(CLOCK) as clock:
+    with bus.reading(CLOCK) as clock:
         tick = clock.wait_for(lambda _: True, HEAR_S)
     stands = tick is not None and not tick.realtime
-    with bus.hearing(JOINT_STATE) as joints, bus.hearing(WRENCH_RAW) as wrench:
+    with bus.reading(JOINT_STATE) as joints, bus.reading(WRENCH_RAW) as wrench:
         for name, stream in (("arm", joints), ("force_torque", wrench)):
             if name not in devices:
                 continue
@@ -58,7 +58,7 @@ def running_rows(bus: Bus, devices: tuple[str, ...]) -> Iterator[Row]:
 
 def calibration_of(bus: Bus) -> CameraCalibration | None:
     """As the running cameras tell it."""
-    with bus.hearing(CAMERA_CALIBRATION) as told:
+    with bus.reading(CAMERA_CALIBRATION) as told:
         return told.wait_for(lambda _: True, HEAR_S)
 
 

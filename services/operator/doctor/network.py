@@ -98,7 +98,7 @@ def service_rows(bus: Bus, alive: set[str], needed: tuple[str, ...]) -> Iterator
         yield wrong("services", f"{', '.join(sorted(alive))} live, {', '.join(missing)} not", mend)
     else:
         yield ok("services", f"{', '.join(sorted(alive))} live")
-    with bus.hearing(CLOCK, TICKS_KEPT) as clock:
+    with bus.reading(CLOCK, TICKS_KEPT) as clock:
         clock.wait_for(lambda _: len(boots(clock.values())) > 1, HEAR_S)
         heard = boots(clock.values())
     if len(heard) > 1:

@@ -63,7 +63,7 @@ class _Delayed(_Measured):
             CellTimeOffset(),
         )  # here minus stamp, s: two clocks of unlike beginnings
         self.refused = ""
-        bus.hear(CLOCK, self._tick)
+        bus.subscribe_inline(CLOCK, self._tick)
 
     def _tick(self, tick: CellClock) -> None:
         if not tick.realtime:

@@ -9,7 +9,7 @@ from crosspih_common.messages import Phase, PoseErrorEstimate
 from services.planning.run import Run
 
 
-def tell_estimate(run: Run, estimate: PoseErrorEstimate) -> None:
+def report_estimate(run: Run, estimate: PoseErrorEstimate) -> None:
     """Angles in degrees and lengths in mm, for people."""
     alpha, beta, gamma = np.rad2deg(estimate.angles_rad)
     x, y, _ = np.asarray(estimate.translation_m) * 1e3

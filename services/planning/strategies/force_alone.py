@@ -24,7 +24,7 @@ from services.planning.run import Run
 from services.planning.search import FaceContact, FacePlane, HoleBelief, face_contact
 from services.planning.search.belief import pose_prior
 from services.planning.strategies.advised_push import push_in
-from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.correcting import correct, report_estimate
 from services.planning.touching import deflected, touch_from
 
 IN_HOLE_M = 1.5e-3  # a tip this far behind the face, and three sd of the face, is in the hole
@@ -164,7 +164,7 @@ class Search:
             run.counts.attempt = self.failed_pushes
             if self.in_hole:
                 estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(self.in_hole)))
-                tell_estimate(run, estimate)
+                report_estimate(run, estimate)
                 explained = estimate.rests_on[-1].used
                 residual = estimate.residual_cost
                 if any(use.used for use in estimate.rests_on) and run.hole.is_plausible_hole_pose(

@@ -17,7 +17,7 @@ from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
 from services.planning.strategies.advised_push import push_in
-from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.correcting import correct, report_estimate
 from services.planning.strategies.force_alone import force_alone
 from services.planning.strategies.locating import locate
 from services.planning.touching import touch_from
@@ -63,7 +63,7 @@ def fused(run: Run) -> PosePrior:
             continue
         withdraw(run, belief.pose_base_hole.pose(), run.config.standoff_m)
         estimate = run.ports.ask(ESTIMATE, EstimatePose(prior=prior, touches=tuple(run.touches)))
-        tell_estimate(run, estimate)
+        report_estimate(run, estimate)
         explained = estimate.rests_on[-1].used
         if not any(use.used for use in estimate.rests_on) or not run.hole.is_plausible_hole_pose(
             estimate.pose_base_hole.pose()

@@ -11,7 +11,7 @@ from crosspih_common.messages import EstimateByNetwork, Failure, PoseData, PoseP
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.correcting import correct, report_estimate
 from services.planning.strategies.first_pose import begin
 from services.planning.strategies.spiral import enter_by_spiral, radius_of
 from services.planning.touching import touch_from
@@ -39,7 +39,7 @@ def network_spiral(run: Run) -> PosePrior:
             continue
         withdraw(run, belief, run.config.standoff_m)
         estimate = run.ports.ask(NETWORK, EstimateByNetwork(touch=touch, pose_base_hole_believed=PoseData.of(belief)))
-        tell_estimate(run, estimate)
+        report_estimate(run, estimate)
         corrected = estimate.pose_base_hole.pose()
         # a correction that leaves where the hole can be is dropped: the search starts over where vision saw it
         belief = corrected if run.hole.is_plausible_hole_pose(corrected) else seen.pose_base_hole.pose()

@@ -29,7 +29,7 @@ from crosspih_common.messages import (
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.correcting import tell_estimate
+from services.planning.strategies.correcting import report_estimate
 from services.planning.strategies.locating import locate
 from services.planning.strategies.search_push import search_push
 from services.planning.touching import feel, push, touch_from
@@ -128,7 +128,7 @@ class RunTools:
         raise AssemblyFailed(Failure.NOT_CONVERGED, reason)
 
     def _told(self, estimate: PoseErrorEstimate) -> PoseErrorEstimate:
-        tell_estimate(self._run, estimate)
+        report_estimate(self._run, estimate)
         return estimate
 
     def _believe(self, pose_base_hole: Pose) -> None:

@@ -13,7 +13,7 @@ from crosspih_common.messages import (
 )
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.correcting import correct, report_estimate
 from services.planning.strategies.first_pose import begin
 from services.planning.touching import push, touch_from
 
@@ -39,7 +39,7 @@ def paper(run: Run) -> PosePrior:
             run.motion.slide_to(run.motion.before_hole(belief, run.config.standoff_m))
             continue
         estimate = run.ports.ask(NETWORK, EstimateByNetwork(touch=touch, pose_base_hole_believed=PoseData.of(belief)))
-        tell_estimate(run, estimate)
+        report_estimate(run, estimate)
         belief = estimate.pose_base_hole.pose()
         if not run.hole.is_plausible_hole_pose(belief):
             raise AssemblyFailed(Failure.NOT_CONVERGED, "the network's correction leaves where the hole can be")

@@ -9,7 +9,7 @@ from crosspih_common.messages import EstimateBySequence, Failure, NextTouch, Pos
 from services.planning.leaving import withdraw
 from services.planning.ports import AssemblyFailed
 from services.planning.run import Run
-from services.planning.strategies.correcting import correct, tell_estimate
+from services.planning.strategies.correcting import correct, report_estimate
 from services.planning.strategies.first_pose import begin
 from services.planning.touching import push, touch_from
 
@@ -37,7 +37,7 @@ def sequence(run: Run) -> PosePrior:
             continue
         withdraw(run, pose, run.config.standoff_m)
         estimate = run.ports.ask(SEQUENCE_NETWORK, EstimateBySequence(prior=prior, touches=tuple(run.touches)))
-        tell_estimate(run, estimate)
+        report_estimate(run, estimate)
         if not run.hole.is_plausible_hole_pose(estimate.pose_base_hole.pose()):
             continue
         belief = PosePrior(pose_base_hole=estimate.pose_base_hole, covariance=estimate.covariance)

@@ -36,8 +36,8 @@ from services.vision.calibration.drawing import drawn, write_drawn
 from services.vision.calibration.hand_eye import CameraDoubt, calibrate_hand_eye, missing_turns
 from services.vision.calibration.pairs import Pair, board_pose
 from services.vision.calibration.printing import write_board
+from services.vision.calibration.reports import hand_eye_report, stereo_report
 from services.vision.calibration.stereo import MODELS, Rig, calibrate_stereo
-from services.vision.calibration.telling import hand_eye_told, stereo_told
 from services.vision.light import linear_light
 from services.vision.offline import BadJob, read_picture
 from services.vision.stereo import Camera
@@ -137,7 +137,7 @@ class Calibrator:
             fit = calibrate_stereo(pairs, board.pattern, sizes, job.model, job.folds)
             parts = parts_seen(pairs, sizes)
             missing = missing_parts(parts) + missing_poses(fit.board_poses(), board.pattern)
-            return stereo_told(fit, board.pattern, parts, missing, job.pairs[0].gamma)
+            return stereo_report(fit, board.pattern, parts, missing, job.pairs[0].gamma)
         if job.calibration is None or len(job.flanges) != len(pairs):
             raise BadJob("flanges", f"{len(job.flanges)} poses of the arm for {len(pairs)} pairs, or no calibration")
         told = job.calibration
@@ -153,7 +153,7 @@ class Calibrator:
         beside = told.pose_left_right.pose()
         found = calibrate_hand_eye(pairs, flanges, board.pattern, cameras, beside, job.folds, doubt)
         shown = [flange for pair, flange in zip(pairs, flanges, strict=True) if len(pair[0]) + len(pair[1])]
-        return hand_eye_told(found, told, missing_turns(shown))
+        return hand_eye_report(found, told, missing_turns(shown))
 
     def _drawn(self, board: Board, job: CalibrationJob) -> dict[str, Any]:
         if job.out is None:

@@ -18,7 +18,7 @@ from services.vision.fit.medians import median, median_of_last
 from services.vision.fit.quality import roughness_of
 from services.vision.fit.rim import Rim, Rimmed, perturbed, seen
 from services.vision.fit.solve import (
-    GLOSS_MOST,
+    MAX_GLOSS,
     Doubts,
     Fit,
     Images,
@@ -39,7 +39,7 @@ FEW_PROFILES = 72
 STAGES = ((1.0, 3, 1.6), (0.0, 3, 1.35))
 FINE_STEPS = 5
 # a chamfer that much brighter than the face, times, is no glint; more than that is no more of one; what it is worth
-GLINT_FREE, GLINT_MOST, GLINT_GLOSS = 1.15, 1.5, 0.1
+GLINT_FREE, MAX_GLINT, GLINT_GLOSS = 1.15, 1.5, 0.1
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
 # steps from a rim moved by its chamfer's width, the first of them with the blur held; how many times less likely than
@@ -151,7 +151,7 @@ def glint_of(fit: Fit) -> float:
     do."""
     face = np.maximum(fit.steps.face.mean(axis=2), 1.0)
     brightest = float(np.quantile(fit.steps.chamfer.mean(axis=2) / face, 0.8))
-    return float(np.clip(brightest - GLINT_FREE, 0.0, GLINT_MOST))
+    return float(np.clip(brightest - GLINT_FREE, 0.0, MAX_GLINT))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -249,7 +249,7 @@ def _worth_following(climbed: list[_Climbed], doubts: Doubts, worse: float) -> l
 
 def glossed(state: State, fit: Fit) -> State:
     """With the beliefs that its shine asks for, ready for any number of profiles."""
-    gloss = min(float(np.linalg.norm([gloss_of(fit), roughness_of(fit), GLINT_GLOSS * glint_of(fit)])), GLOSS_MOST)
+    gloss = min(float(np.linalg.norm([gloss_of(fit), roughness_of(fit), GLINT_GLOSS * glint_of(fit)])), MAX_GLOSS)
     effects = {kind: np.maximum(variance, believed(kind, gloss) ** 2) for kind, variance in state.effects.items()}
     return replace(state, effects=effects, gloss=gloss, profile_weight=None)
 

@@ -34,13 +34,13 @@ LOCAL = 21
 TWICE = [*range(LOCAL), 15]
 BLUR_START_PX2 = 0.8
 HELD = 1e9
-BLUR_LEAST_PX2, BLUR_MOST_PX2 = 0.1, 9.0
-BLUR_FACTOR_MOST = 4.0  # by which a step changes it
+MIN_BLUR_PX2, MAX_BLUR_PX2 = 0.1, 9.0
+MAX_BLUR_FACTOR = 4.0  # by which a step changes it
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
 SHINE_FREE = 1.5  # a chamfer up to that many times as bright as the face is lit, and does not shine
 SHADE_MEAN, SHADE_SD = 0.5, 1.0
-LEVEL_MOST, CHAMFER_STEP = 1.5, 1.0  # times the median height of a step; a change in one step, times that level
+MAX_LEVEL, CHAMFER_STEP = 1.5, 1.0  # times the median height of a step; a change in one step, times that level
 CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
 # what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
 # as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
@@ -109,12 +109,12 @@ class Fit:
 
 
 GLOSS_SD = {"wall": 0.2e-3, "rim": 0.3e-3, "lip": 0.3e-3, "facing": 0.6, "edge": 0.2, "turn": 0.1, "chamfer": 0.5}
-GLOSS_MOST = 0.3
+MAX_GLOSS = 0.3
 
 
 def believed(kind: str, gloss: float) -> float:
     """What is off by itself, one sd: the shinier the more, a shine moves with the eye."""
-    return float(np.hypot(EFFECTS[kind][0], GLOSS_SD[kind] * min(gloss, GLOSS_MOST)))
+    return float(np.hypot(EFFECTS[kind][0], GLOSS_SD[kind] * min(gloss, MAX_GLOSS)))
 
 
 def start_state(rim: Rim, pose: Pose, blur_px2: float = BLUR_START_PX2) -> State:
@@ -224,7 +224,7 @@ def stepped(
     local = summed[..., :LOCAL] - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
     # a chamfer that is saturated is not known: its own height must not be what its grey is held against
     rise = looked.height.mean(axis=2)
-    level = np.maximum(now.face.mean(axis=2), np.minimum(rise, LEVEL_MOST * median(rise))) + 1.0
+    level = np.maximum(now.face.mean(axis=2), np.minimum(rise, MAX_LEVEL * median(rise))) + 1.0
     covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur, hold_pose)
     fit = Fit(
         state, covariance, effects, looked.seen, looked.profiles, now, looked.variance, looked.even, looked.weight,
@@ -364,8 +364,8 @@ def _moved(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effec
     before = state.blur_px2[:, [0, 2]]
     blur[:, [0, 2]] = np.clip(
         blur[:, [0, 2]],
-        np.maximum(before / BLUR_FACTOR_MOST, BLUR_LEAST_PX2),
-        np.minimum(before * BLUR_FACTOR_MOST, BLUR_MOST_PX2),
+        np.maximum(before / MAX_BLUR_FACTOR, MIN_BLUR_PX2),
+        np.minimum(before * MAX_BLUR_FACTOR, MAX_BLUR_PX2),
     )
     most = 0.8 * np.sqrt(blur[:, 0] * blur[:, 2])
     blur[:, 1] = np.clip(blur[:, 1], -most, most)

@@ -23,7 +23,7 @@ BLURRED = 0.55
 ASIDE_M = 0.25e-3
 # by how much worse the pictures are explained, as a share, one sd aside; measured on pictures of rims
 WORSE_AT_SD = 0.015
-LEAST_WORSE = 1e-4
+MIN_WORSE = 1e-4
 
 
 def blurred(fit: Fit) -> bool:
@@ -50,6 +50,6 @@ def with_valleys(covariance: Array, images: Images, rim: Rim, stereo: StereoMode
             # one step of all but the pose
             there = stepped(rim, look(images, rim, stereo, there), doubts, hold_pose=True)[0]
             worse = unlikely(look(images, rim, stereo, there), fit.even, doubts) / least - 1.0
-            seen_m2.append(ASIDE_M**2 * min(WORSE_AT_SD / max(worse, LEAST_WORSE), 1.0))
+            seen_m2.append(ASIDE_M**2 * min(WORSE_AT_SD / max(worse, MIN_WORSE), 1.0))
         widened += max(float(np.mean(seen_m2)) - float(variance), 0.0) * np.outer(way, way)
     return widened

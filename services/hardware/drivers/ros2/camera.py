@@ -16,7 +16,7 @@ from crosspih_common.ros2 import RosNode, RosQos, RosSample
 from crosspih_common.ros2.stereo import CameraInfo, calibration_of
 from services.hardware.drivers.calibration_file import read_calibration
 from services.hardware.drivers.ros2.config import Ros2Config
-from services.hardware.drivers.ros2.heard import Heard, RosTime
+from services.hardware.drivers.ros2.samples import RosTime, TopicSamples
 from services.hardware.protocols import StereoCapture
 
 FIELD = "hardware.ros2.camera"
@@ -35,7 +35,7 @@ class RosCamera:
         self.exposure_s = config.camera.exposure_s
         self._lock = threading.Lock()
         sides = (config.camera.left, "left"), (config.camera.right, "right")
-        self._images = tuple(Heard(node, name, IMAGE, f"{FIELD}.{side}", PICTURES, KEEP) for name, side in sides)
+        self._images = tuple(TopicSamples(node, name, IMAGE, f"{FIELD}.{side}", PICTURES, KEEP) for name, side in sides)
         file = config.camera.calibration
         if file is not None:
             self._calibration = read_calibration(file, f"{FIELD}.calibration", workcell)
@@ -117,7 +117,7 @@ class RosCamera:
 def _told_calibration(node: RosNode, config: Ros2Config, workcell: Workcell) -> CameraCalibration:
     """What the two camera_infos say. Raises ConfigError."""
     names = (config.camera.left_info, "left_info"), (config.camera.right_info, "right_info")
-    heard = [Heard(node, name, INFO, f"{FIELD}.{side}", RosQos(transient_local=True, depth=1), 1)
+    heard = [TopicSamples(node, name, INFO, f"{FIELD}.{side}", RosQos(transient_local=True, depth=1), 1)
              for name, side in names]  # fmt: skip
     infos = [camera_info(one.first(config.connect_s)) for one in heard]
     base = workcell.camera.pose_base_camera()

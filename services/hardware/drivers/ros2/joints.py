@@ -13,7 +13,7 @@ from crosspih_common.errors import ConfigError, DeviceLost
 from crosspih_common.geometry.pose import Array
 from crosspih_common.ros2 import Entity, RosNode, RosQos
 from services.hardware.drivers.ros2.config import ArmTopics, Ros2Config
-from services.hardware.drivers.ros2.heard import Heard, RosTime, require_one_publisher
+from services.hardware.drivers.ros2.samples import RosTime, TopicSamples, require_one_publisher
 from services.hardware.protocols import JointReading
 
 FIELD = "hardware.ros2.arm"
@@ -37,7 +37,7 @@ class RosJoints:
         self.model, self._config, self._names = model, config.arm, names
         self._time = ros_time
         self._types = node.types
-        self._heard = Heard(node, config.arm.joint_states, JOINT_STATE, f"{FIELD}.joint_states", RosQos(), 4)
+        self._heard = TopicSamples(node, config.arm.joint_states, JOINT_STATE, f"{FIELD}.joint_states", RosQos(), 4)
         self._seen = 0
         self._order: tuple[list[str], NDArray[np.intp]] | None = None
         first = self._first(config.connect_s)

@@ -10,8 +10,8 @@ from crosspih_common.ros2.frames import ros_arm
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.ros2.camera import RosCamera
 from services.hardware.drivers.ros2.config import Ros2Config
-from services.hardware.drivers.ros2.heard import RosTime
 from services.hardware.drivers.ros2.joints import FIELD, RosJoints, describe
+from services.hardware.drivers.ros2.samples import RosTime
 from services.hardware.drivers.ros2.wrench import RosWrench
 from services.hardware.protocols import Devices
 

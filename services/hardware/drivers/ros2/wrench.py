@@ -6,7 +6,7 @@ import numpy as np
 
 from crosspih_common.ros2 import RosNode, RosQos
 from services.hardware.drivers.ros2.config import Ros2Config
-from services.hardware.drivers.ros2.heard import Heard, RosTime, require_one_publisher
+from services.hardware.drivers.ros2.samples import RosTime, TopicSamples, require_one_publisher
 from services.hardware.protocols import WrenchSamples
 
 FIELD = "hardware.ros2.force_torque"
@@ -23,7 +23,7 @@ class RosWrench:
     def __init__(self, node: RosNode, config: Ros2Config, ros_time: RosTime) -> None:
         """Raises ConfigError where nothing comes."""
         self._time = ros_time
-        self._heard = Heard(node, config.force_torque.topic, WRENCH, f"{FIELD}.topic", RosQos(), 4096)
+        self._heard = TopicSamples(node, config.force_torque.topic, WRENCH, f"{FIELD}.topic", RosQos(), 4096)
         self.frame_id = self._heard.first(config.connect_s).header.frame_id
         require_one_publisher(node, config.force_torque.topic, f"{FIELD}.topic")
         self.rate_hz = self._heard.rate_hz(ros_time, config.force_torque.rate_hz)

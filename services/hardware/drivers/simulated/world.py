@@ -105,7 +105,7 @@ class World:
         self.joints_rad, self._speeds_rad_s = goal, speeds
         return JointReading(self.now_ns, goal, speeds)
 
-    def heard(self) -> WrenchSamples:
+    def arrived_samples(self) -> WrenchSamples:
         """The samples that have come since they were last asked for."""
         if len(self._samples) == 1 and not self._delay_ns:
             stamp_ns, sample = self._samples.popleft()
@@ -149,4 +149,4 @@ class SimulatedWrench:
 
     def read(self) -> WrenchSamples:
         """The samples since the last read."""
-        return self._world.heard()
+        return self._world.arrived_samples()

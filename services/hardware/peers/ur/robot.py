@@ -83,7 +83,7 @@ class Robot:
         """Called at the end of every cycle with all output variables."""
         self._listeners.append(listener)
 
-    def heard(self, name: str, value: Any) -> None:
+    def write_input(self, name: str, value: Any) -> None:
         """An input variable that a client sent."""
         self._heard_s[name] = self.cycles * self.period_s
         kind, _, index = name.rpartition("_")

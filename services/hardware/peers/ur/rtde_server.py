@@ -132,7 +132,7 @@ class RtdeSession:
         with self._robot.lock:
             for name, size in zip(names, sizes, strict=True):
                 taken = [values.pop(0) for _ in range(size)]
-                self._robot.heard(name, taken if size > 1 else taken[0])
+                self._robot.write_input(name, taken if size > 1 else taken[0])
 
 
 def _names(text: bytes) -> list[str]:

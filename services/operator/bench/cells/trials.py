@@ -162,7 +162,7 @@ def run_trials(
 
     watcher = progress or CellsProgress(None)
     watcher.taken_over(len(jobs), len(done))
-    if store is not None and (said := store.said_of(code)):
+    if store is not None and (said := store.reuse_summary(code)):
         watcher.say(said)
     if not left:
         return [done[index] for index in range(len(jobs))]

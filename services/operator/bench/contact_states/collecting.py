@@ -169,7 +169,7 @@ class Collection:
         """Push until every state has enough, in at most a few rounds. Returns what was lost, in words."""
         lost: list[str] = []
         self.contacts()
-        if said := self._store.said_of(self._code):
+        if said := self._store.reuse_summary(self._code):
             self._console.print(said, highlight=False)
         for number in range(ROUNDS):
             # half of all first, so that an early stop leaves something of everything

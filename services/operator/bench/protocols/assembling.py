@@ -73,7 +73,7 @@ class CycleCount:
     def __init__(self) -> None:
         self._stamps_ns: list[int] = []
 
-    def hear(self, state: JointState) -> None:
+    def add_state(self, state: JointState) -> None:
         """One state."""
         self._stamps_ns.append(state.stamp_ns)
 
@@ -147,7 +147,7 @@ def assembled(way: ProtocolWay, seed: int, strategy: Strategy, calibrated: Calib
 def _trial(session: Session, asked: _Asked) -> ProtocolTrial:
     session.calibrate_ft(CALIBRATION_DWELL_S)
     count = CycleCount()
-    session.bus.subscribe(JOINT_STATE, count.hear)
+    session.bus.subscribe(JOINT_STATE, count.add_state)
     _, result = session.trial(None, asked.strategy, False)
     states, late_states, cycle_ms = count.counted()
     cycles, late_cycles = asked.plant.cycles()

@@ -83,7 +83,7 @@ class PictureTime:
             CAPTURE.reply_echo: self._answered,
         }
         for echo, note in echoes.items():
-            bus.hear(echo, _told_by(note))
+            bus.subscribe_inline(echo, _told_by(note))
 
     def _now_s(self) -> float:
         return cpu_of_services(self._project, self._run_root).get("hardware", 0.0)

@@ -144,7 +144,7 @@ class Measurer:
     def _listen(self) -> tuple[list[CellClock], bool]:
         """The ticks, and whether there is one cell to go on with: a missing token alone keeps nothing from it."""
         alive = self._wait_alive("hardware")
-        with self._bus.hearing(CLOCK, TICKS) as clock:
+        with self._bus.reading(CLOCK, TICKS) as clock:
             heard = clock.wait_for(lambda _: True, self._manner.patience_s) is not None
             if heard:
                 clock.wait_for(lambda _: len(boots(clock.values())) > 1, LISTEN_S)
@@ -157,9 +157,9 @@ class Measurer:
 
     def _during(self, motion: Callable[[], MotionOutcome]) -> _Heard:
         with (
-            self._bus.hearing(CLOCK, TICKS) as clock,
-            self._bus.hearing(JOINT_STATE, STATES) as states,
-            self._bus.hearing(WRENCH_RAW, BATCHES) as batches,
+            self._bus.reading(CLOCK, TICKS) as clock,
+            self._bus.reading(JOINT_STATE, STATES) as states,
+            self._bus.reading(WRENCH_RAW, BATCHES) as batches,
         ):
             outcome = motion()
             # streams travel beside the reply, not before it
@@ -235,7 +235,7 @@ class Measurer:
         slow = MoveLinear(pose_base_peg=away, speed_m_s=STOP_SPEED_M_S)
         best: Row | None = None
         for _ in range(STOP_TRIES if realtime else 1):
-            with ThreadPoolExecutor(1) as asking, self._bus.hearing(JOINT_STATE, 4):
+            with ThreadPoolExecutor(1) as asking, self._bus.reading(JOINT_STATE, 4):
                 moving = asking.submit(lease.ask, MOVE_LINEAR, slow, ASK_S)
                 heard, sent_ns = False, 0
                 while not heard and not moving.done():
@@ -324,9 +324,9 @@ class Measurer:
     def _camera(self) -> None:
         alive = self._wait_alive(CAMERA_ALIVE)
         with (
-            self._bus.hearing(IMAGE_LEFT, 4) as left,
-            self._bus.hearing(IMAGE_RIGHT, 4) as right,
-            self._bus.hearing(CAMERA_CALIBRATION) as told,
+            self._bus.reading(IMAGE_LEFT, 4) as left,
+            self._bus.reading(IMAGE_RIGHT, 4) as right,
+            self._bus.reading(CAMERA_CALIBRATION) as told,
         ):
             try:
                 pair = self._bus.call(CAPTURE, CaptureStereo(), ASK_S)

@@ -89,7 +89,7 @@ def observe(seed: int) -> HostObservation:
     began_s = time.monotonic()
     with Session(CONNECT_S) as session:
         session.wait_for_services(SERVICES_S, (*NEEDED, "recorder"))
-        with session.bus.hearing(FT_CALIBRATION) as calibrated:
+        with session.bus.reading(FT_CALIBRATION) as calibrated:
             if calibrated.wait_for(lambda told: told.calibrated, CALIBRATED_S) is None:
                 session.new_trial(ResetCell(seed=CALIBRATION_SEED))
                 session.calibrate_ft(CALIBRATION_DWELL_S)

@@ -56,15 +56,15 @@ class Watch:
         self.let_go_ns: int | None = None
         self.outcome: MotionOutcome | None = None
         bus = session.bus
-        bus.hear(JOINT_STATE, self._on_joints)
-        bus.hear(TRUTH, self._on_truth)
-        bus.hear(PHASE, self._on_phase)
-        bus.hear(EVENTS, self._on_event)
-        bus.hear(LEASE, self._on_lease)
-        bus.hear(LEASE_BEAT, self._on_beat)
+        bus.subscribe_inline(JOINT_STATE, self._on_joints)
+        bus.subscribe_inline(TRUTH, self._on_truth)
+        bus.subscribe_inline(PHASE, self._on_phase)
+        bus.subscribe_inline(EVENTS, self._on_event)
+        bus.subscribe_inline(LEASE, self._on_lease)
+        bus.subscribe_inline(LEASE_BEAT, self._on_beat)
         bus.watch_alive(self._on_alive)
         for command in MOTIONS:
-            bus.hear(command.reply_echo, self._on_outcome)
+            bus.subscribe_inline(command.reply_echo, self._on_outcome)
 
     # -------------------------------------------------------------------------------------------------------- hearing
 

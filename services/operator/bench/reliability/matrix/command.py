@@ -76,7 +76,7 @@ def matrix(
             )
         progress = CellsProgress(console, "cases")
         progress.taken_over(len(planned), len(planned) - len(missing))
-        if said := results.said_of(code_version(*MADE_BY)):
+        if said := results.reuse_summary(code_version(*MADE_BY)):
             progress.say(said)
 
         def on_result(number: int, result: Any) -> None:

@@ -110,7 +110,7 @@ def _typed_listen(cell: str, own_thread: bool) -> Callable[[str, Heard, ExitStac
         if own_thread:
             bus.subscribe(TOPIC, lambda state: heard(state.stamp_ns), capacity=1_000_000)
         else:
-            bus.hear(TOPIC, lambda state: heard(state.stamp_ns))
+            bus.subscribe_inline(TOPIC, lambda state: heard(state.stamp_ns))
 
     return listen
 

@@ -1,7 +1,7 @@
 """The arm with its peg and the fixture with its hole as a MuJoCo model, in the words of its XML.
 
 What is set, and why, measured on single contacts against the contact mechanics as in
-tests/inference/test_cell_agreement.py:
+tests/inference/mechanics/test_cell_agreement.py:
 
 - `multiccd` is off. With it MuJoCo makes several contacts of one, and where an edge meets an edge or a face some of
   them carry a face's normal: without friction the force points up to 1.8 degrees wrong and the moment is 16 mNm off,

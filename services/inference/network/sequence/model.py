@@ -20,8 +20,8 @@ from safetensors.torch import save_file
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Peg
-from services.inference.network.sequence_data import SequenceDataset
-from services.inference.network.touch_features import (
+from services.inference.network.sequence.data import SequenceDataset
+from services.inference.network.sequence.touch_features import (
     FEATURES,
     TouchHistory,
     symmetries,

@@ -24,7 +24,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.service.lifecycle import ServiceContext
 from services.inference.config import InferenceConfig
-from services.inference.shell import InferenceShell
+from services.inference.shell.service import InferenceShell
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Peg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
-from services.inference.next_touch import ArmPattern, PlannedTouch, arm_touch, arms_of
+from services.inference.touch_choice.by_rule import ArmPattern, PlannedTouch, arm_touch, arms_of
 
 STEP = 1e-6
 WITHOUT_DEPTH = np.array([0, 1, 3, 4, 5])

@@ -17,8 +17,8 @@ from crosspih_common.datasets import ContactRow, ContactWriter, DatasetOrigin
 from crosspih_common.messages import floats
 from crosspih_common.modules import DEFAULT_CELL
 from crosspih_common.provenance import code_version, with_file_contents
-from services.inference.network.dataset import ContactDataset
-from services.inference.network.synthesis import single_contact_dataset
+from services.inference.network.paper.dataset import ContactDataset
+from services.inference.network.paper.synthesis import single_contact_dataset
 
 Tell = Callable[[str, int, int], None]
 # a row's draw depends on its seed alone, so that a data set can be gone on with

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from services.inference.network.dataset import ContactDataset
+from services.inference.network.paper.dataset import ContactDataset
 
 ROWS = Path(__file__).with_name("paper_rows.json")
 

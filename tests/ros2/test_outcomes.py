@@ -6,7 +6,7 @@ import pytest
 
 from crosspih_common.errors import STOPPING, CommandRefused, CommandTimeout, CrosspihError, NoService, NotSent
 from crosspih_common.messages import Failure
-from services.ros2.telling import told_error
+from services.ros2.outcomes import error_outcome
 
 
 @pytest.mark.parametrize(
@@ -20,5 +20,5 @@ from services.ros2.telling import told_error
     ],
 )
 def test_an_assembly_without_a_result_has_a_name(error: CrosspihError, failure: str, said: str) -> None:
-    name, text = told_error(error)
+    name, text = error_outcome(error)
     assert name == failure and said in text

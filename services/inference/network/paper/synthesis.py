@@ -11,7 +11,7 @@ from crosspih_common.geometry import rotation_from_error_angles
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
-from services.inference.network.dataset import ContactDataset
+from services.inference.network.paper.dataset import ContactDataset
 
 # a block of poses that stays in the processor's cache
 BLOCK = 512

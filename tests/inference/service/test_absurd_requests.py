@@ -18,7 +18,7 @@ from crosspih_common.keys import ADVISE_INSERTION, NETWORK, NEXT_TOUCH, SEATED, 
 from crosspih_common.messages import AdviseInsertion, EstimateSeated, PoseData, PosePrior, floats
 from crosspih_common.service.lifecycle import ServiceContext
 from services.inference.config import InferenceConfig
-from services.inference.shell import InferenceShell
+from services.inference.shell.service import InferenceShell
 from services.operator.bench.reliability.fuzz.payloads import PayloadMaker, Sort
 
 

@@ -43,18 +43,18 @@ from services.inference.estimator import (
     final_estimate,
     pressed_estimate,
 )
-from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
-from services.inference.network.estimator import NetworkEstimator, NetworkUnavailable
-from services.inference.network.shell import SequenceShell
-from services.inference.next_touch import next_touch
-from services.inference.own import OwnEstimator, OwnNetwork
-from services.inference.plausible import (
+from services.inference.network.paper.estimator import NetworkEstimator, NetworkUnavailable
+from services.inference.shell.own import OwnEstimator, OwnNetwork
+from services.inference.shell.plausible import (
     refuse_implausible_answers,
     refuse_implausible_peg,
     refuse_implausible_prior,
     refuse_implausible_touches,
 )
+from services.inference.shell.sequence_network import SequenceShell
+from services.inference.touch_choice.by_information import candidates, informed_touch
+from services.inference.touch_choice.by_rule import next_touch
 
 NARROWED = 0.25  # a direction's variance against the prior's: half its standard deviation
 

@@ -14,11 +14,10 @@ from crosspih_common.modules import ALL_PACKAGES
 from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables
 from services.inference.mechanics.translation import solve_translation
+from services.inference.network.settings import PAPER_WEIGHTS
 
 if TYPE_CHECKING:
-    from services.inference.network.model import AngleNetwork
-
-SHIPPED_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+    from services.inference.network.paper.model import AngleNetwork
 
 
 class NetworkUnavailable(Exception):
@@ -34,7 +33,7 @@ class NetworkEstimator:
     """
 
     def __init__(self, weights: str, peg: Peg, hole: Hole) -> None:
-        self._path = Path(weights) if weights else SHIPPED_WEIGHTS
+        self._path = Path(weights) if weights else PAPER_WEIGHTS
         if not self._path.is_file():
             raise NetworkUnavailable(f"no network weights at {self._path}: train some, or name their file in `weights`")
         if importlib.util.find_spec("torch") is None:
@@ -45,7 +44,7 @@ class NetworkEstimator:
     def _loaded(self) -> AngleNetwork:
         if self._network is None:
             try:
-                from services.inference.network.model import AngleNetwork
+                from services.inference.network.paper.model import AngleNetwork
             except ImportError as error:
                 raise NetworkUnavailable(f"torch cannot be loaded ({error}): {ALL_PACKAGES}") from error
             try:

@@ -45,7 +45,7 @@ class RosTime:
         self._offset_ns = None
 
 
-class Heard:
+class TopicSamples:
     """The last samples of one topic; Zenoh's thread puts them here, the device's takes them."""
 
     def __init__(self, node: RosNode, name: str, ros_type: str, field: str, qos: RosQos, keep: int) -> None:

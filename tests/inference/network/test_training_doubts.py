@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.inference.network.evaluation import doubts_of
+from services.inference.network.paper.evaluation import doubts_of
 
 
 @pytest.mark.parametrize(

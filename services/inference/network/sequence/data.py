@@ -14,9 +14,9 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables
-from services.inference.network.synthesis import pushed_until_contact
-from services.inference.network.touch_features import TouchHistory
-from services.inference.next_touch import next_touch
+from services.inference.network.paper.synthesis import pushed_until_contact
+from services.inference.network.sequence.touch_features import TouchHistory
+from services.inference.touch_choice.by_rule import next_touch
 
 TRIES = 4
 CUT_SD = 2.5

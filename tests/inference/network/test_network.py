@@ -14,17 +14,17 @@ import torch
 
 from crosspih_common.geometry import Pose, rotation_to_error_angles
 from crosspih_common.shapes import CrossPeg
-from services.inference.network.dataset import ContactDataset, split_by_pose
-from services.inference.network.estimator import SHIPPED_WEIGHTS, NetworkEstimator, NetworkUnavailable
-from services.inference.network.evaluation import judge, leave_one_out
-from services.inference.network.floor import floor_rms_rad, nearest_neighbours
-from services.inference.network.levenberg import LevenbergMarquardt
-from services.inference.network.model import AngleNetwork
-from services.inference.network.paper_rows import paper_rows
-from services.inference.network.settings import Optimiser, TrainingSettings
-from services.inference.network.synthesis import single_contact_dataset
-from services.inference.network.traingdx import TrainGdx
-from services.inference.network.training import train
+from services.inference.network.paper.dataset import ContactDataset, split_by_pose
+from services.inference.network.paper.estimator import NetworkEstimator, NetworkUnavailable
+from services.inference.network.paper.evaluation import judge, leave_one_out
+from services.inference.network.paper.floor import floor_rms_rad, nearest_neighbours
+from services.inference.network.paper.levenberg import LevenbergMarquardt
+from services.inference.network.paper.model import AngleNetwork
+from services.inference.network.paper.paper_rows import paper_rows
+from services.inference.network.paper.synthesis import single_contact_dataset
+from services.inference.network.paper.traingdx import TrainGdx
+from services.inference.network.paper.training import train
+from services.inference.network.settings import PAPER_WEIGHTS, Optimiser, TrainingSettings
 from tests.paper_tables import TABLE_6, TABLE_7_RAD, paper_dataset
 
 PEG = CrossPeg()
@@ -205,6 +205,6 @@ def test_synthetic_contacts_are_named_as_the_paper_names_them() -> None:
 
 
 def test_shipped_weights_name_the_command_and_seed_that_made_them() -> None:
-    record = AngleNetwork.load(SHIPPED_WEIGHTS).record
+    record = AngleNetwork.load(PAPER_WEIGHTS).record
     assert record.command.startswith("crosspih train ") and f"--seed {record.seed}" in record.command
     assert record.samples >= 800 and len(record.dataset_sha256) == 64

@@ -16,7 +16,7 @@ from services.inference.estimator import (
     final_estimate,
 )
 from services.inference.mechanics import PairTables
-from services.inference.next_touch import next_touch
+from services.inference.touch_choice.by_rule import next_touch
 from tests.inference.synthetic_touch import COMPLIANCE, synthetic_touch
 
 PEG = CrossPeg()

@@ -26,7 +26,7 @@ def _values(names: list[str], values: Array, sd: Array, half: Array) -> list[dic
     ]
 
 
-def stereo_told(
+def stereo_report(
     found: StereoFit, pattern: BoardPattern, parts: list[list[list[int]]], missing: list[str], gamma: Gamma
 ) -> dict[str, Any]:
     """For JSON; `calibration` is the camera message without `pose_base_camera`, lengths in m, angles in rad."""
@@ -82,7 +82,7 @@ def _stereo_doubts(found: StereoFit) -> list[str]:
     return said
 
 
-def hand_eye_told(found: HandEyeFit, told: CameraCalibration, missing: list[str]) -> dict[str, Any]:
+def hand_eye_report(found: HandEyeFit, told: CameraCalibration, missing: list[str]) -> dict[str, Any]:
     """For JSON; the intervals are of a small change of the camera in its own frame: rad, then m."""
     before = told.pose_base_camera.pose()
     correction = before.inverse() @ found.pose_base_camera

@@ -21,16 +21,17 @@ from crosspih_common.messages import ContactState, EstimateBySequence, PoseData,
 from crosspih_common.service import ServiceContext
 from crosspih_common.shapes import CrossPeg
 from services.inference.estimator import TouchObservation
-from services.inference.network.sequence_comparison import PRIORS, as_text, compare, observations, world_of
-from services.inference.network.sequence_data import SequenceDataset, TouchWorld, touch_sequences
-from services.inference.network.sequence_model import (
+from services.inference.network.sequence.comparison import PRIORS, as_text, compare, observations, world_of
+from services.inference.network.sequence.data import SequenceDataset, TouchWorld, touch_sequences
+from services.inference.network.sequence.model import (
     SequenceNetwork,
     SequenceTraining,
     history_of,
     train_sequence_network,
 )
-from services.inference.network.shell import SHIPPED_WEIGHTS, SequenceShell
-from services.inference.network.touch_features import FEATURES, symmetries, touch_features, turn_pose_error
+from services.inference.network.sequence.touch_features import FEATURES, symmetries, touch_features, turn_pose_error
+from services.inference.network.settings import SEQUENCE_WEIGHTS
+from services.inference.shell.sequence_network import SequenceShell
 
 PEG = CrossPeg()
 HOLE = PEG.hole(1e-4)
@@ -112,7 +113,7 @@ def left_after(found: Array, truth: Array) -> tuple[float, float]:
 
 
 def test_the_shipped_network_narrows_the_pose_with_each_touch() -> None:
-    network = SequenceNetwork.load(SHIPPED_WEIGHTS, PEG)
+    network = SequenceNetwork.load(SEQUENCE_WEIGHTS, PEG)
     data = touch_sequences(PEG, HOLE, 80, 4, np.random.default_rng(77), world_of((1e-3, 3e-3, 0.0524, 0.0087), 0.1))
     mean, covariance = network.predict(data.history)
     prior = left_after(np.zeros_like(data.error), data.error)
@@ -130,7 +131,7 @@ def test_the_shipped_network_narrows_the_pose_with_each_touch() -> None:
 def test_it_moves_with_the_base_and_the_estimator_sees_the_same_touches() -> None:
     world = world_of((1e-3, 3e-3, 0.0524, 0.0087), 0.1)
     data = touch_sequences(PEG, HOLE, 3, 2, np.random.default_rng(8), world)
-    network = SequenceNetwork.load(SHIPPED_WEIGHTS, PEG)
+    network = SequenceNetwork.load(SEQUENCE_WEIGHTS, PEG)
     prior = Pose.from_rotvec([0.3, -0.2, 1.0], [0.4, -0.3, 0.2])
     felt = observations(data, 1, world)
     history = history_of(

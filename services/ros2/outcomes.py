@@ -11,7 +11,7 @@ ABORT_DEADLINE_S = 5.0
 Said = tuple[bool, str]
 
 
-def told_assembly(result: AssemblyResult) -> Said:
+def assembly_outcome(result: AssemblyResult) -> Said:
     """Whether the peg is in, and a line for people."""
     if not result.inserted:
         why = result.failure.value if result.failure is not None else "not inserted"
@@ -21,7 +21,7 @@ def told_assembly(result: AssemblyResult) -> Said:
     return True, "; ".join([text, *result.warnings])
 
 
-def told_error(error: CrosspihError) -> tuple[str, str]:
+def error_outcome(error: CrosspihError) -> tuple[str, str]:
     """The name and the words of an assembly that has no result: `refused` where planning said no; `no_service` where it
     was not there; `service_lost` where it was lost in the middle; else the error's own code."""
     if isinstance(error, NotSent):
@@ -33,7 +33,7 @@ def told_error(error: CrosspihError) -> tuple[str, str]:
     return Failure.REFUSED.value if refused else error.code, str(error)
 
 
-def told_withdrawal(result: WithdrawResult) -> Said:
+def withdrawal_outcome(result: WithdrawResult) -> Said:
     """Whether the peg is out, and a line for people."""
     if not result.withdrawn:
         return False, f"{result.failure.value if result.failure else 'not out'}: {result.failure_detail}"

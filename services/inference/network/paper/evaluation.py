@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
-from services.inference.network.dataset import ContactDataset, Split
-from services.inference.network.floor import floor_rms_rad, nearest_neighbours
-from services.inference.network.model import AngleNetwork
+from services.inference.network.paper.dataset import ContactDataset, Split
+from services.inference.network.paper.floor import floor_rms_rad, nearest_neighbours
+from services.inference.network.paper.model import AngleNetwork
+from services.inference.network.paper.training import Curves, train
 from services.inference.network.settings import TrainingSettings
-from services.inference.network.training import Curves, train
 
 ANGLES = ("alpha", "beta", "gamma")
 SHOWN = 400

@@ -16,9 +16,9 @@ from services.inference.estimator import EstimatorSettings, HolePosePrior, estim
 from services.inference.estimator.coverage import TouchRecord, TrialSettings, run_trial, summary
 from services.inference.estimator.hypotheses import TouchBatch, TrialPoses
 from services.inference.estimator.synthetic import complementarity, settle, touch
-from services.inference.informed_touch import candidates, informed_touch
 from services.inference.mechanics import PairTables
-from services.inference.next_touch import arms_of, next_touch
+from services.inference.touch_choice.by_information import candidates, informed_touch
+from services.inference.touch_choice.by_rule import arms_of, next_touch
 
 PEG = CrossPeg()
 TABLES = PairTables.of(PEG, PEG.hole(1e-4))

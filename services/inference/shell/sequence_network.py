@@ -24,9 +24,9 @@ from crosspih_common.messages import (
 from crosspih_common.modules import ALL_PACKAGES
 from crosspih_common.service import ServiceContext
 from services.inference.estimator import TouchObservation
-from services.inference.plausible import refuse_implausible_answers, refuse_implausible_touches
+from services.inference.network.settings import SEQUENCE_WEIGHTS
+from services.inference.shell.plausible import refuse_implausible_answers, refuse_implausible_touches
 
-SHIPPED_WEIGHTS = Path(__file__).with_name("sequence.safetensors")
 # below this share of the prior's variance a direction counts as narrowed, as the estimator counts
 NARROWED = 0.25
 
@@ -40,7 +40,7 @@ class SequenceShell:
 
     def __init__(self, context: ServiceContext, weights: str, observation: Callable[[Touch], TouchObservation]) -> None:
         self._workcell: Workcell = context.cell.workcell
-        self._path = Path(weights) if weights else SHIPPED_WEIGHTS
+        self._path = Path(weights) if weights else SEQUENCE_WEIGHTS
         self._observation = observation
         self._network: object | None = None
         if not self._path.is_file():
@@ -52,7 +52,7 @@ class SequenceShell:
         as no_torch where torch is not installed.
         """
         try:
-            from services.inference.network.sequence_model import SequenceNetwork, history_of
+            from services.inference.network.sequence.model import SequenceNetwork, history_of
         except ImportError as error:
             raise CommandRefused("no_torch", f"torch cannot be loaded ({error}): {ALL_PACKAGES}") from error
         started = time.perf_counter()

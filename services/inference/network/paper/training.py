@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import torch
 
 from crosspih_common.provenance import code_version
-from services.inference.network.dataset import ContactDataset
-from services.inference.network.levenberg import LevenbergMarquardt
-from services.inference.network.model import AngleNetwork, TrainingRecord, nguyen_widrow
+from services.inference.network.paper.dataset import ContactDataset
+from services.inference.network.paper.levenberg import LevenbergMarquardt
+from services.inference.network.paper.model import AngleNetwork, TrainingRecord, nguyen_widrow
+from services.inference.network.paper.traingdx import TrainGdx
 from services.inference.network.settings import Optimiser, TrainingSettings
-from services.inference.network.traingdx import TrainGdx
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,9 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from services.inference.estimator import EstimatorSettings, HolePosePrior, TouchObservation, estimate_pose
 from services.inference.mechanics import PairTables
-from services.inference.network.sequence_data import SequenceDataset, TouchWorld, touch_sequences
-from services.inference.network.sequence_model import SequenceNetwork
-from services.inference.network.shell import SHIPPED_WEIGHTS
+from services.inference.network.sequence.data import SequenceDataset, TouchWorld, touch_sequences
+from services.inference.network.sequence.model import SequenceNetwork
+from services.inference.network.settings import SEQUENCE_WEIGHTS
 
 # the prior's sds: lateral, depth (m), tilt, turn (rad)
 PRIORS = {
@@ -66,7 +66,7 @@ def compare(
     and how often the 95 % region of each holds the truth."""
     peg = cell.peg.shape()
     hole = cell.hole.shape(peg)
-    network = SequenceNetwork.load(weights or SHIPPED_WEIGHTS, peg)
+    network = SequenceNetwork.load(weights or SEQUENCE_WEIGHTS, peg)
     tables = PairTables.of(peg, hole)
     settings = EstimatorSettings(friction_mean=cell.friction_expected)
     result: dict[str, Any] = {"command": network.record.command, "trials": trials, "touches": touches, "seed": seed}

@@ -1,0 +1,1 @@
+"""The sequence network: what the touches so far felt like, to a Gaussian over the hole's pose."""
