@@ -68,7 +68,7 @@ def seen(**changes: object) -> Observed:
     """An orderly end after a lost service, but for what is changed."""
     orderly = {
         "signalled": True, "moving": True, "named_s": 0.2, "named_by": "its token", "failure": Failure.SERVICE_LOST,
-        "backed_off": True, "done_told": True, "ended_s": 5.0, "peak_n": 20.0, "tip_before_m": 0.06,
+        "backed_off": True, "done_reported": True, "ended_s": 5.0, "peak_n": 20.0, "tip_before_m": 0.06,
     }  # fmt: skip
     return Observed.model_validate({**orderly, **changes})
 
@@ -103,7 +103,7 @@ def test_what_is_in_order(service: str, changes: dict[str, object]) -> None:
         ("vision", {"failure": Failure.NOT_CONVERGED}, "ended as not_converged, want service_lost"),
         ("vision", {"backed_off": False}, "not backed off"),
         ("vision", {"tip_before_m": -0.01}, "still 10 mm in the hole"),
-        ("vision", {"done_told": False}, "no DONE"),
+        ("vision", {"done_reported": False}, "no DONE"),
         ("recorder", {}, "did not go on"),
         ("hardware", INSERTED, "without hardware"),
         ("planning", {"failure": None}, "was not told"),

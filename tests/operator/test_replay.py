@@ -25,7 +25,7 @@ from crosspih_common.recording import Recorded, Recording
 from crosspih_common.recording.comparing import differences
 from services.operator.cli.commands import app
 from services.operator.recordings.replay.answers import stored_cell
-from services.operator.recordings.replay.asked import asked_of
+from services.operator.recordings.replay.requests import requests_of
 from services.recorder.config import RecorderConfig
 from services.recorder.file import RecordingFile, create_file
 from services.recorder.sample import Sample
@@ -56,7 +56,7 @@ def recording_of(*said: tuple[Topic[Any], Message, int]) -> Recording:
 
 
 def test_an_answer_belongs_to_the_request_before_it_and_pictures_to_the_request_that_took_them() -> None:
-    asked = asked_of(
+    asked = requests_of(
         recording_of(
             (LOCATE.request_echo, LocateHole(), 100),
             (CAPTURE.reply_echo, PAIR, 110),
@@ -79,7 +79,7 @@ def test_an_answer_belongs_to_the_request_before_it_and_pictures_to_the_request_
 
 
 def test_a_request_that_its_own_answer_overtook_has_it_all_the_same() -> None:
-    asked = asked_of(
+    asked = requests_of(
         recording_of(
             (LOCATE.request_echo, LocateHole(), 100),
             (LOCATE.reply_echo, ESTIMATE_THEN, 130),

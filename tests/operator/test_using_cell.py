@@ -47,6 +47,18 @@ def test_where_nobody_listens_no_router_is_waited_for(monkeypatch: pytest.Monkey
     assert not refused_at_once(here)
 
 
+@pytest.mark.parametrize("command", ["pause", "resume", "stop", "withdraw"])
+def test_what_needs_a_running_stack_starts_none(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(CERTIFICATES, raising=False)
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))  # and does not listen
+        monkeypatch.setenv("CROSSPIH_ENDPOINT", f"tcp/127.0.0.1:{nobody.getsockname()[1]}")
+        monkeypatch.setattr("services.operator.assembly.stack.start_stack", pytest.fail)
+        said = CliRunner().invoke(app, [command])
+    assert said.exit_code == 1 and said.output.startswith("no stack runs at tcp/127.0.0.1:"), said.output
+    assert "`crosspih up`" in said.output and said.output.count("\n") == 1
+
+
 @pytest.mark.parametrize("command", ["bench assembly", "bench caps", "bench kills", "withdraw", "dataset collect"])
 def test_a_command_names_its_cell_as_assemble_does(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CROSSPIH_CELL", raising=False)

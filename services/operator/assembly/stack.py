@@ -19,6 +19,7 @@ from services.operator.bench.cells.stopping import stopped_in_order
 from services.operator.cell.which_cell import cell_path, endpoint
 
 START_DEADLINE_S = 90.0
+LOOK_S = 2.0  # for a router that is there already
 
 
 def refused_at_once(where: str) -> bool:
@@ -35,6 +36,22 @@ def refused_at_once(where: str) -> bool:
         return True
     except OSError:
         return False
+
+
+@contextmanager
+def running_session(needed: tuple[str, ...], deadline_s: float) -> Iterator[Session]:
+    """A session on the running stack for what makes no sense in one that has just been started.
+
+    Raises BusUnreachable where none runs, and a CrosspihError when a needed service is not there by the deadline.
+    """
+    load_cell(cell_path())
+    if refused_at_once(where := endpoint()):
+        raise BusUnreachable(
+            f"no stack runs at {where}; start it with `crosspih up`, or name another with CROSSPIH_ENDPOINT"
+        )
+    with Session(connect_timeout_s=LOOK_S) as session:
+        session.wait_for_services(deadline_s, needed)
+        yield session
 
 
 @contextmanager

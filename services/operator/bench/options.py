@@ -16,7 +16,7 @@ from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import TrialJob, TrialsEnded, TrialsStopped, run_trials
 from services.operator.cli.failure import CommandFailure, Failed
-from services.operator.cli.failure import told as failures_told
+from services.operator.cli.failure import errors_shown as failures_shown
 from services.operator.cli.options import AsJson as AsJson
 from services.operator.scoring.score import TrialFigures
 
@@ -31,9 +31,9 @@ Store = Annotated[
 
 
 @contextmanager
-def told(console: Console) -> Iterator[None]:
+def errors_shown(console: Console) -> Iterator[None]:
     """As every command tells its errors (cli/failure.py); a bench that was stopped says that it can go on."""
-    with failures_told(console):
+    with failures_shown(console):
         try:
             yield
         except TrialsStopped as stopped:

@@ -11,13 +11,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from crosspih_common.errors import ConfigError
-from services.operator.bench.options import AsJson, told
-from services.operator.other_services.beside import module_says
+from services.operator.bench.options import AsJson, errors_shown
+from services.operator.other_services.beside import run_module
 
 
 def installed_drivers() -> list[dict[str, Any]]:
     """What `python -m services.hardware.drivers` says. Raises ConfigError where the hardware service is not there."""
-    said = module_says("services.hardware.drivers")
+    said = run_module("services.hardware.drivers")
     if not isinstance(said.value, list):
         raise ConfigError(f"the drivers cannot be listed: {said.words}; is crosspih[hardware] installed?")
     return said.value
@@ -26,7 +26,7 @@ def installed_drivers() -> list[dict[str, Any]]:
 def drivers(as_json: AsJson = False) -> None:
     """List the drivers of devices, crosspih's own and those of installed packages, and what each still needs."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         found = installed_drivers()
         if as_json:
             json.dump(found, sys.stdout, indent=1)

@@ -13,7 +13,7 @@ from crosspih_common.config.cell import SERVICES
 from crosspih_common.errors import ConfigError
 from services.operator.bench.cells.conditions import cell_content, condition_of
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.other_services.beside import module_says
+from services.operator.other_services.beside import run_module
 
 NOT_READ = ("router", "operator")  # the router has no settings, and the operator's own are read when they are used
 
@@ -34,7 +34,7 @@ def require_settings(settings: Sequence[str]) -> None:
         for name in condition.overrides:
             if name not in SERVICES or name in NOT_READ:
                 continue
-            said = module_says(f"services.{name}", "--check-config", "--cell", str(path))
+            said = run_module(f"services.{name}", "--check-config", "--cell", str(path))
             if isinstance(said.value, dict) and "wrong" in said.value:
                 why = str(said.value["wrong"]).replace(str(path), "--set")
                 raise ConfigError(

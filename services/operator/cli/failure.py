@@ -83,7 +83,7 @@ def say(failure: CommandFailure) -> None:
 
 
 @contextmanager
-def told(console: Console) -> Iterator[None]:
+def errors_shown(console: Console) -> Iterator[None]:
     """Errors of crosspih as one red line and exit status 1; Ctrl-C as 130."""
     try:
         yield

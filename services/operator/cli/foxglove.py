@@ -13,7 +13,7 @@ from rich.console import Console
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.modules import module_command
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 
 HOST, PORT = "CROSSPIH_FOXGLOVE_HOST", "CROSSPIH_FOXGLOVE_PORT"
 
@@ -25,7 +25,7 @@ def foxglove(
     port: Annotated[int | None, typer.Option(min=0, max=65535, help="8765 when left out; 0: any free one.")] = None,
 ) -> None:
     """Show the running cell in Foxglove or Lichtblick, live, until Ctrl-C: a WebSocket to connect to."""
-    with told(Console(stderr=True)):
+    with errors_shown(Console(stderr=True)):
         if importlib.util.find_spec("foxglove") is None:
             raise ConfigError("crosspih foxglove needs foxglove-sdk: pip install 'crosspih[foxglove]'")
         said = {name: str(value) for name, value in ((HOST, host), (PORT, port)) if value is not None}

@@ -16,7 +16,7 @@ from typing import Any
 
 from crosspih_common.service.urgency import be_urgent
 from services.operator.cli.rows import Row, ok, warning, wrong
-from services.operator.other_services.beside import module_says
+from services.operator.other_services.beside import run_module
 
 MEASURE_S = 0.6
 TIMER_S = 0.001
@@ -50,7 +50,7 @@ def clock_rows(holder_timeout_s: float) -> Iterator[Row]:
     before_ns = time.monotonic_ns()
     asked: tuple[tuple[str, ...], ...] = ((), (URGENT,))
     with ThreadPoolExecutor(len(asked)) as pool:
-        said = [pool.submit(module_says, "services.operator.doctor.clocks", *words) for words in asked]
+        said = [pool.submit(run_module, "services.operator.doctor.clocks", *words) for words in asked]
         found = [one.result().value for one in said]
     measured = [one for one in found if isinstance(one, dict)]
     if len(measured) < len(asked):

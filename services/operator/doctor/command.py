@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.messages import Strategy
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.cell.which_cell import cell_path, endpoint
 from services.operator.cli.for_cell import CELL_HELP
 from services.operator.cli.rows import Verdict, tell, wrong_ones
@@ -29,7 +29,7 @@ def doctor(
 ) -> None:
     """Could an assembly start? Looks at machine, cell file, devices and calibrations; moves nothing. Status 1: no."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         wish = Wish(Path(cell or cell_path()), endpoint(), strategy, devices, temperature)
         with console.status("looking") as status:
             rows = examine(wish, say=lambda text: status.update(f"looking at: {text}"))

@@ -10,7 +10,7 @@ from crosspih_common.config import CellFile
 from crosspih_common.keys import CAMERA_CALIBRATION, CLOCK, JOINT_STATE, WRENCH_RAW
 from crosspih_common.messages import CameraCalibration
 from services.operator.cli.rows import Row, ok, warning, wrong
-from services.operator.other_services.beside import module_says
+from services.operator.other_services.beside import run_module
 
 HEAR_S = 2.0
 OPEN_S = 60.0
@@ -72,7 +72,7 @@ def not_opened_row(alive: set[str]) -> Row:
 
 def opened_rows(path: Path) -> Iterator[Row]:
     """What `python -m services.hardware --check` finds: it opens them, reads, and moves nothing."""
-    said = module_says("services.hardware", "--check", "--cell", str(path), deadline_s=OPEN_S)
+    said = run_module("services.hardware", "--check", "--cell", str(path), deadline_s=OPEN_S)
     if not isinstance(said.value, list):
         yield wrong("devices", said.words or "nothing was said", "mend what it names; is crosspih[hardware] installed?")
         return

@@ -12,7 +12,7 @@ from crosspih_common.config import CellFile
 from crosspih_common.errors import ConfigError
 from services.operator.cli.rows import Row, ok, warning, wrong
 from services.operator.config import OperatorConfig
-from services.operator.other_services.beside import Said, module_says
+from services.operator.other_services.beside import ModuleOutput, run_module
 
 NEEDED = ("hardware", "vision", "force_torque", "inference", "planning", "recorder")
 # not needed for an assembly: what is missing without them
@@ -36,9 +36,7 @@ def read_sections(path: Path, cell: CellFile) -> ReadSections:
     """Every section of the file at `path`, in processes beside, as many at once as there are cores."""
     names = (*NEEDED, *(name for name in OPTIONAL if cell.sections[name]))
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        said = list(
-            pool.map(lambda name: module_says(f"services.{name}", "--check-config", "--cell", str(path)), names)
-        )
+        said = list(pool.map(lambda name: run_module(f"services.{name}", "--check-config", "--cell", str(path)), names))
     rows: list[Row] = []
     settings: dict[str, dict[str, Any]] = {}
     for name, answer in zip(names, said, strict=True):
@@ -58,7 +56,7 @@ def read_sections(path: Path, cell: CellFile) -> ReadSections:
     return ReadSections(tuple(rows), settings)
 
 
-def _refused(name: str, answer: Said) -> Row:
+def _refused(name: str, answer: ModuleOutput) -> Row:
     where = f"section {name}"
     if isinstance(answer.value, dict) and "wrong" in answer.value:
         found, mend = str(answer.value["wrong"]), MEND

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from packaging.requirements import InvalidRequirement, Requirement
 
 from services.operator.cli.rows import Row, ok, warning, wrong
-from services.operator.other_services.beside import module_says
+from services.operator.other_services.beside import run_module
 
 OLDEST, NEWEST_TRIED = (3, 10), (3, 13)
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
@@ -58,7 +58,7 @@ def package_rows(distribution: str = "crosspih", services: Sequence[str] = SERVI
 
 def wheel_rows(modules: Sequence[str] = COMPILED) -> Iterator[Row]:
     """Whether each compiled package loads beside the others."""
-    said = module_says("services.operator.doctor.loading", *modules)
+    said = run_module("services.operator.doctor.loading", *modules)
     failed = said.value if isinstance(said.value, dict) else None
     if failed is None:
         mend = "pip install --force-reinstall the package that was loading, or make env"

@@ -18,7 +18,7 @@ WORDS = 400
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class ModuleOutput:
     """What it printed: `value`, the JSON of its standard output, None where there is none; else `words` say why."""
 
     value: Any
@@ -26,7 +26,9 @@ class Said:
     status: int | None
 
 
-def module_says(module: str, *arguments: str, env: dict[str, str] | None = None, deadline_s: float = LONG_S) -> Said:
+def run_module(
+    module: str, *arguments: str, env: dict[str, str] | None = None, deadline_s: float = LONG_S
+) -> ModuleOutput:
     """The JSON that `python -m MODULE` prints."""
     path = os.pathsep.join(part for part in (str(ROOT), os.environ.get("PYTHONPATH", "")) if part)
     try:
@@ -36,9 +38,9 @@ def module_says(module: str, *arguments: str, env: dict[str, str] | None = None,
             env={**os.environ, "PYTHONPATH": path, **(env or {})},
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Said(None, f"no answer within {deadline_s:g} s", None)
+        return ModuleOutput(None, f"no answer within {deadline_s:g} s", None)
     try:
-        return Said(json.loads(done.stdout), "", done.returncode)
+        return ModuleOutput(json.loads(done.stdout), "", done.returncode)
     except ValueError:
         said = " ".join(done.stderr.split()) or f"ended with status {done.returncode} and said nothing"
-        return Said(None, said[-WORDS:], done.returncode)
+        return ModuleOutput(None, said[-WORDS:], done.returncode)

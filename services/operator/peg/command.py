@@ -14,7 +14,7 @@ from rich.table import Table
 from crosspih_common.config import load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.cell.which_cell import cell_path
 from services.operator.peg.checking import Checked, check
 
@@ -28,7 +28,7 @@ def check_drawing(
 ) -> None:
     """Tell what a drawing is read as, and what is left out; exit status 0 only if it can be a peg and its hole."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         checked = check(file, load_cell(cell_path()).workcell.hole)
         if picture is not None and checked.drawing is not None:
             _picture(checked, picture)

@@ -12,7 +12,7 @@ from rich.table import Table
 from crosspih_common.config import Workcell, load_cell
 from crosspih_common.config.drawing import OUTLINES, PegDrawing
 from services.operator.cell.which_cell import cell_path
-from services.operator.cli.failure import told
+from services.operator.cli.failure import errors_shown
 from services.operator.cli.options import AsJson
 
 
@@ -36,7 +36,7 @@ def _row(name: str, drawing: PegDrawing, own: bool) -> dict[str, Any]:
 def list_pegs(as_json: AsJson = False) -> None:
     """The pegs that can be named, and the cell's own."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         rows = rows_of(load_cell(cell_path()).workcell)
         if as_json:
             json.dump(rows, sys.stdout, indent=1)

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.errors import ConfigError
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.recordings import looking, making
 from services.operator.recordings.making import MadeRecording
 
@@ -25,7 +25,7 @@ Out = Annotated[Path, typer.Argument(help="The file that is made (.mcap); it mus
 def info(file: File, as_json: AsJson = False) -> None:
     """What is in it: files, channels, rates, times, what is missing."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         found = looking.described(file)
         if as_json:
             json.dump(found, sys.stdout, indent=1)
@@ -66,7 +66,7 @@ def _show(console: Console, found: dict[str, Any]) -> None:
 def check(file: File, as_json: AsJson = False) -> None:
     """Is it whole? Its checks, counts, gaps, stamps, and whether all decodes. Status 1 where something is wrong."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         recording, found = looking.findings(file)
         messages = sum(len(samples) for samples in recording.samples.values())
         if as_json:
@@ -83,7 +83,7 @@ def check(file: File, as_json: AsJson = False) -> None:
 def recover(file: File, out: Out, as_json: AsJson = False) -> None:
     """Write all that is whole of a torn or damaged recording, before and behind the damage, as a whole one."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         made = making.recover(file, out)
         _told(console, as_json, made, out)
 
@@ -98,7 +98,7 @@ def cut(
 ) -> None:
     """Write a piece of a recording, and before it the states that were known then."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         if assembly is None and from_s is None and to_s is None:
             raise ConfigError("say what to cut out: --from, --to or --assembly")
         if assembly is not None and (from_s is not None or to_s is not None):
@@ -114,7 +114,7 @@ def merge(
 ) -> None:
     """Write several recordings, or the parts of one, as one file in the order of the cell's time."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         made = making.merge(files, out)
         _told(console, as_json, made, out)
 

@@ -25,7 +25,7 @@ class MadeRecording:
     repeated: int = 0
 
 
-def said_in(path: Path, parts: list[ReadPart]) -> Iterator[WalkedMessage]:
+def messages_in(path: Path, parts: list[ReadPart]) -> Iterator[WalkedMessage]:
     """The messages of all parts of a recording, without those that a new part repeats; `parts` are added to.
 
     Raises RecordingError.
@@ -50,7 +50,7 @@ def recover(path: Path, out: Path) -> MadeRecording:
     """
     parts: list[ReadPart] = []
     with NewRecording(out) as new:
-        for said in said_in(path, parts):
+        for said in messages_in(path, parts):
             new.add(said)
         if not any(part.is_mcap or part.records for part in parts):
             raise RecordingError(f"{path}: is no MCAP file, and nothing in it is whole")
@@ -128,14 +128,14 @@ def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> MadeRecording:
     Raises RecordingError, ConfigError.
     """
     known: dict[str, WalkedMessage] = {}
-    for said in said_in(path, []):
+    for said in messages_in(path, []):
         if said.channel.metadata.get("kind") == Kind.STATE.value and said.entry.log_time < first_ns:
             known[said.channel.topic] = said
     parts: list[ReadPart] = []
     with NewRecording(out) as new:
         for said in known.values():
             new.add(said)
-        for said in said_in(path, parts):
+        for said in messages_in(path, parts):
             if first_ns <= said.entry.log_time <= last_ns:
                 new.add(said)
         for part in parts:
@@ -153,7 +153,7 @@ def merge(paths: Sequence[Path], out: Path) -> MadeRecording:
     Raises RecordingError, ConfigError.
     """
     parts: list[ReadPart] = []
-    every = [said for path in paths for said in said_in(path, parts)]
+    every = [said for path in paths for said in messages_in(path, parts)]
     every.sort(key=lambda said: said.entry.log_time)
     seen: set[tuple[str, int, int, bytes]] = set()
     with NewRecording(out) as new:

@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import CommandTimeout
-from services.operator.cli.failure import told
-from services.operator.topic.listening import TopicStream, each_heard, listening_bus
+from services.operator.cli.failure import errors_shown
+from services.operator.topic.listening import TopicStream, each_sample, listening_bus
 from services.operator.topic.names import TopicName
 from services.operator.topic.naming import chosen_topic
 from services.operator.topic.values import as_json_line, as_yaml, field_of, plain_values, shortened
@@ -32,7 +32,7 @@ def echo(
 ) -> None:
     """Print the messages of a topic as they come, as YAML; of a state the last one comes at once. Ctrl-C ends it."""
     told_by = Console(stderr=True)
-    with told(told_by):
+    with errors_shown(told_by):
         chosen = chosen_topic(name)
         shown = 0
 
@@ -44,7 +44,7 @@ def echo(
 
         with listening_bus() as bus:
             stream = TopicStream(bus, chosen)
-            for heard in each_heard(stream, enough, seconds, say):
+            for heard in each_sample(stream, enough, seconds, say):
                 payload = stream.decoded(heard)
                 if isinstance(payload, str):
                     say(payload)

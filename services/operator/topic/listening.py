@@ -26,7 +26,7 @@ KEPT = 20_000  # samples that wait to be shown; what comes beyond is lost here, 
 
 
 @dataclass(frozen=True, slots=True)
-class HeardSample:
+class ReceivedSample:
     """One sample as it came: whole key, payload, the publisher's number (-1: none), and when, s on a clock here."""
 
     key: str
@@ -65,7 +65,7 @@ class TopicStream:
     def __init__(self, bus: Bus, chosen: ChosenTopic) -> None:
         self._bus, self._chosen = bus, chosen
         self._label = label_of(chosen.topic.type)
-        self._queue: queue.Queue[HeardSample] = queue.Queue(KEPT)
+        self._queue: queue.Queue[ReceivedSample] = queue.Queue(KEPT)
         self.overflowed = 0
         bus.tap(chosen.topic, self._taker)
 
@@ -75,20 +75,20 @@ class TopicStream:
 
         def take(payload: bytes, number: int) -> None:
             try:
-                self._queue.put_nowait(HeardSample(key, payload, number, time.monotonic()))
+                self._queue.put_nowait(ReceivedSample(key, payload, number, time.monotonic()))
             except queue.Full:
                 self.overflowed += 1
 
         return take
 
-    def next(self, wait_s: float) -> HeardSample | None:
+    def next(self, wait_s: float) -> ReceivedSample | None:
         """The next sample; None when none comes meanwhile."""
         try:
             return self._queue.get(timeout=max(wait_s, 0.0))
         except queue.Empty:
             return None
 
-    def decoded(self, heard: HeardSample) -> Payload | str:
+    def decoded(self, heard: ReceivedSample) -> Payload | str:
         """The message of a sample, or in words why it is none."""
         try:
             payload: Payload = decode(self._chosen.topic.type, heard.payload, self._label, heard.key)
@@ -108,10 +108,10 @@ class TopicStream:
         return f"nothing on {self._chosen.path} yet: {sender} is alive; {topic.kind.value}, {when}"
 
 
-def each_heard(
+def each_sample(
     stream: TopicStream, until: Callable[[], bool], seconds: float | None, say: Callable[[str], object],
     every_s: float | None = None, on_pause: Callable[[], object] = lambda: None,
-) -> Iterator[HeardSample]:  # fmt: skip
+) -> Iterator[ReceivedSample]:  # fmt: skip
     """Samples until `until`, or for `seconds`. Says once why there is silence; calls `on_pause` each `every_s`."""
     began_s = last_pause_s = time.monotonic()
     silent, heard_any = False, False

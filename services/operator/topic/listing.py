@@ -15,7 +15,7 @@ from crosspih_common.config import cell_name
 from crosspih_common.errors import BusError
 from crosspih_common.keys import ROOT, Topic, commands, topics
 from services.operator.cell.which_cell import cell_path
-from services.operator.cli.failure import told
+from services.operator.cli.failure import errors_shown
 from services.operator.cli.options import AsJson
 from services.operator.topic.listening import alive_services, listening_bus
 from services.operator.topic.naming import SENDER
@@ -59,7 +59,7 @@ def list_topics(
 ) -> None:
     """All topics: key, type, who sends it, and whether that service is alive now."""
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         alive: set[str] | None = None
         why = ""
         try:

@@ -16,8 +16,8 @@ from crosspih_common.bus import Bus
 from crosspih_common.errors import CommandTimeout, ConfigError
 from crosspih_common.keys import CLOCK
 from crosspih_common.messages import CellClock
-from services.operator.cli.failure import told
-from services.operator.topic.listening import HeardSample, TopicStream, each_heard, listening_bus
+from services.operator.cli.failure import errors_shown
+from services.operator.topic.listening import ReceivedSample, TopicStream, each_sample, listening_bus
 from services.operator.topic.names import TopicName
 from services.operator.topic.naming import ChosenTopic, chosen_topic
 from services.operator.topic.running import Arrivals, CellTimeOffset, Newest, Spread
@@ -51,7 +51,7 @@ class _Measured:
     def __init__(self, window: int) -> None:
         self.arrivals = Arrivals(window)
 
-    def add(self, stream: TopicStream, heard: HeardSample) -> None:
+    def add(self, stream: TopicStream, heard: ReceivedSample) -> None:
         self.arrivals.add(heard.at_s, len(heard.payload), heard.number)
 
 
@@ -70,7 +70,7 @@ class _Delayed(_Measured):
             self.refused = "the cell runs at speed max: its clock does not run with ours; start it with realtime"
         self.cell_time.tick(tick.stamp_ns * 1e-9, time.monotonic(), tick.boot_id)
 
-    def add(self, stream: TopicStream, heard: HeardSample) -> None:
+    def add(self, stream: TopicStream, heard: ReceivedSample) -> None:
         super().add(stream, heard)
         if self.refused:
             raise ConfigError(f"delay: {self.refused}")
@@ -161,7 +161,7 @@ def _measure(
     def say(text: str) -> None:
         told_by.print(text, style="yellow", highlight=False, soft_wrap=True)
 
-    for heard in each_heard(stream, enough, seconds, say, EVERY_S, show):
+    for heard in each_sample(stream, enough, seconds, say, EVERY_S, show):
         measured.add(stream, heard)
     show()
     if not measured.arrivals.count:
@@ -172,7 +172,7 @@ def hz(
     name: TopicName, window: Window = 1000, seconds: Seconds = None, count: Count = None, as_json: Lines = False
 ) -> None:
     """How often messages come: rate, shortest and longest pause, its standard deviation, and how many are missing."""
-    with told(Console(stderr=True)), _stream(name) as (_, chosen, stream):
+    with errors_shown(Console(stderr=True)), _stream(name) as (_, chosen, stream):
         measured = _Measured(window)
         arrivals = measured.arrivals
         _measure(chosen, stream, measured, seconds, count, as_json,
@@ -183,7 +183,7 @@ def bw(
     name: TopicName, window: Window = 1000, seconds: Seconds = None, count: Count = None, as_json: Lines = False
 ) -> None:
     """How much travels: bytes of payload a second, and a message's least, mean and largest size."""
-    with told(Console(stderr=True)), _stream(name) as (_, chosen, stream):
+    with errors_shown(Console(stderr=True)), _stream(name) as (_, chosen, stream):
         measured = _Measured(window)
         arrivals = measured.arrivals
         _measure(chosen, stream, measured, seconds, count, as_json,
@@ -198,7 +198,7 @@ def delay(
     The cell's time is told here by the fastest tick of its clock that came, so the delay is beyond what that one
     needed. A stamp says when something was measured: of ft/raw it is the first sample's of a batch of 10 ms.
     """
-    with told(Console(stderr=True)), _stream(name) as (bus, chosen, stream):
+    with errors_shown(Console(stderr=True)), _stream(name) as (bus, chosen, stream):
         measured = _Delayed(window, bus)
         _measure(chosen, stream, measured, seconds, count, as_json,
                  lambda: delay_line(measured), lambda: delay_values(measured))  # fmt: skip

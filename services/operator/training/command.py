@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.other_services.inference_process import run_tool
 
 ANGLES = ("alpha", "beta", "gamma")
@@ -57,7 +57,7 @@ def train(
         numbers["patience"] = patience
     numbers["seed"] = seed
     options = [word for name, value in numbers.items() for word in (f"--{name}", str(value))]
-    with told(console):
+    with errors_shown(console):
         if paper_rows:
             result = run_tool(["train", "--paper-rows", *options], console)
             Console().print(_rows_table(result))

@@ -18,7 +18,7 @@ from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth,
 from crosspih_common.messages.assembly import AnyStrategy
 from crosspih_common.recording import RecordingError
 from services.operator.assembly.as_bench import bench_session
-from services.operator.assembly.display.live import told_story
+from services.operator.assembly.display.live import live_story
 from services.operator.assembly.pegs import cell_with_peg
 from services.operator.assembly.session import Session
 from services.operator.assembly.show import pose_lines, summary
@@ -78,7 +78,7 @@ def _assemble(
         if outline.symmetry_order == 0:
             console.print("a round peg: nothing it touches tells how it is turned about its axis", highlight=False)
         title = f"seed {seed}, peg {outline.name}, {strategy.value}"
-        with told_story(console, session, title, plain) as story:
+        with live_story(console, session, title, plain) as story:
             figures, result = session.trial(
                 seed, strategy, record, on_begin=story.begin, known=known, on_check=story.checking
             )

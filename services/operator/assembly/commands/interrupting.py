@@ -2,57 +2,45 @@
 
 from __future__ import annotations
 
+import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 from rich.console import Console
 
-from crosspih_common.keys import ABORT, PAUSE
-from crosspih_common.messages import AbortAssembly, PauseAssembly
-from services.operator.assembly.session import Session
-from services.operator.bench.options import AsJson, told
+from services.operator.assembly.stack import LOOK_S, running_session
+from services.operator.bench.options import AsJson, errors_shown
 
-ANSWER_S = 5.0
-LOOK_S = 2.0
+NEEDED = ("planning",)
 NOTHING = "nothing runs"
 
 
-@contextmanager
-def _running_stack(console: Console) -> Iterator[Session]:
-    """The running stack; nothing is started for these commands, for then nothing would run in it."""
-    with told(console), Session(connect_timeout_s=LOOK_S) as session:
-        session.wait_for_services(LOOK_S, ("planning",))
-        yield session
-
-
-def _pause(paused: bool, as_json: bool, said: str) -> None:
-    console = Console(stderr=as_json)
-    with _running_stack(console) as session:
-        accepted = session.bus.call(PAUSE, PauseAssembly(paused=paused), ANSWER_S)
-        if as_json:
-            sys.stdout.write(accepted.model_dump_json() + "\n")
-        else:
-            console.print(said if accepted.was_running else NOTHING, highlight=False)
+def _say(console: Console, as_json: bool, said: str, was_running: bool, **more: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps({"was_running": was_running, **more}) + "\n")
+    else:
+        console.print(said if was_running else NOTHING, highlight=False)
 
 
 def pause(as_json: AsJson = False) -> None:
     """Hold the running assembly: the motion under way is finished, and the arm then stays where it is."""
-    _pause(True, as_json, "paused after the motion under way; `crosspih resume` goes on, `crosspih stop` ends it")
+    console = Console(stderr=as_json)
+    with errors_shown(console), running_session(NEEDED, LOOK_S) as session:
+        held = session.pause()
+    said = "paused after the motion under way; `crosspih resume` goes on, `crosspih stop` ends it"
+    _say(console, as_json, said, held, paused=held)
 
 
 def resume(as_json: AsJson = False) -> None:
     """Let a paused assembly go on."""
-    _pause(False, as_json, "goes on")
+    console = Console(stderr=as_json)
+    with errors_shown(console), running_session(NEEDED, LOOK_S) as session:
+        was_running = session.resume()
+    _say(console, as_json, "goes on", was_running, paused=False)
 
 
 def stop(as_json: AsJson = False) -> None:
     """Stop the arm at once and end the running assembly; the peg is then backed off."""
     console = Console(stderr=as_json)
-    with _running_stack(console) as session:
-        accepted = session.bus.call(ABORT, AbortAssembly(), ANSWER_S)
-        if as_json:
-            sys.stdout.write(accepted.model_dump_json() + "\n")
-        else:
-            said = "the arm is stopped, and the peg is being backed off"
-            console.print(said if accepted.was_running else NOTHING, highlight=False)
+    with errors_shown(console), running_session(NEEDED, LOOK_S) as session:
+        was_running = session.abort()
+    _say(console, as_json, "the arm is stopped, and the peg is being backed off", was_running)

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from crosspih_common.messages import Withdraw
 from services.operator.assembly.show import Story
-from services.operator.assembly.stack import cell_session
-from services.operator.bench.options import AsJson, told
+from services.operator.assembly.stack import START_DEADLINE_S, running_session
+from services.operator.bench.options import AsJson, errors_shown
 
 NEEDED = ("hardware", "force_torque", "planning")
 
@@ -24,8 +24,9 @@ def withdraw(
 ) -> None:
     """Take a seated peg straight out along its own axis, slowly; stop where it resists (status 1)."""
     console = Console(stderr=as_json)
-    with told(console):
-        with cell_session(None, NEEDED) as (session, _):
+    with errors_shown(console):
+        with running_session(NEEDED, START_DEADLINE_S) as session:
+            session.require_sound_cell()
             story = Story(console)
             session.follow_events(story.phase, story.touch, story.event)
             story.begin(session.bus.clock.now_ns())

@@ -75,7 +75,7 @@ class LiveStory(Story):
 
 
 @contextmanager
-def told_story(console: Console, session: Session, title: str, plain: bool) -> Iterator[Story]:
+def live_story(console: Console, session: Session, title: str, plain: bool) -> Iterator[Story]:
     """The story of what happens on a session: with a panel in a terminal, else, or with `plain`, its lines alone."""
     if plain or not console.is_terminal:
         story = Story(console)

@@ -20,7 +20,7 @@ from services.operator.bench.assembly.swap import Done, NextPegWay, Trials, swap
 from services.operator.bench.cells.conditions import DEFAULT_PEG, condition_of
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob
-from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
+from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, errors_shown, trials_of
 from services.operator.bench.pictures.running import folder_of
 from services.operator.bench.pictures.trials import with_pictures
 from services.operator.cell.settings import require_settings
@@ -92,7 +92,7 @@ def assembly(
 ) -> None:
     """Assemble with each of N seeds, in cells side by side, and print the distribution of what came out."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         require_settings(settings or ())
         condition = condition_of(settings or ())
         withdrawals: list[WithdrawResult] | None = None

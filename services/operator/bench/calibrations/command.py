@@ -32,7 +32,7 @@ from services.operator.bench.cells.own_cell import CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, Cells, told
+from services.operator.bench.options import AsJson, Cells, errors_shown
 from services.operator.calibrate.folder import PRESSED, read_pressed, read_taken, write_yaml
 from services.operator.calibrate.pressing import PressingManner, take_presses
 from services.operator.calibrate.taking import VISION, take_by_arm
@@ -177,7 +177,7 @@ def calibrations(
 ) -> None:
     """What stereo, hand-eye, tcp, mount and stiffness find, against what simulated cells hide from the services."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         require_settings(settings or ())
         base = cell_content(base_cell_text(), condition_of(settings or ()))
         joints = Workcell.model_validate(base.get("cell") or {}).arm().joints

@@ -22,7 +22,7 @@ from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob, Trials
 from services.operator.bench.compare.comparison import Comparison, compare_strategies
 from services.operator.bench.compare.figure import check_suffix, save_figure
 from services.operator.bench.compare.table import compare_table
-from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told
+from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, errors_shown
 from services.operator.cli.chosen_strategy import chosen
 from services.operator.scoring.score import TrialFigures
 
@@ -96,7 +96,7 @@ def compare(
 ) -> None:
     """Every strategy on the same seeds: success, time, touches, forces, errors, failures, and a score."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         check_suffix(picture)
         jobs = [
             TrialJob(seed=seed + index, strategy=one, condition=condition)

@@ -16,7 +16,7 @@ from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob
 from services.operator.bench.domain.boxes import WANTED, DomainResult, boxes_of, chosen_factors, table_of
 from services.operator.bench.domain.factors import factors
 from services.operator.bench.domain.heat_map import draw_map
-from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, told, trials_of
+from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, errors_shown, trials_of
 from services.operator.cell.which_cell import cell_path
 
 
@@ -34,7 +34,7 @@ def domain(
 ) -> None:
     """Assemble in cells that differ from the default in one factor each: a heat map of success."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         cell = load_cell(cell_path())
         chosen = chosen_factors(factors(cell.workcell, cell.sections["hardware"]), factor or ())
         conditions = {}

@@ -16,7 +16,7 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.provenance import part_version
 from services.operator.bench.cells.bar import Bar
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.bench.pictures import renderer, shots, store
 from services.operator.bench.pictures.judging import RENDERED_BY
 from services.operator.bench.pictures.rendering import render
@@ -107,7 +107,7 @@ def make_pictures(
 ) -> None:
     """Render pictures of a workshop with their truth by a path tracer, for `crosspih bench vision --pictures`."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         named, number = rows_named(rows), seed_named(seed)
         renderer.use(variant)
         about = kept_about(out, number, share, named)

@@ -25,7 +25,7 @@ from services.operator.bench.cells.own_cell import CALIBRATION_DWELL_S, CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import TrialJob, base_cell_text, trial_task
-from services.operator.bench.options import AsJson, Cells, told
+from services.operator.bench.options import AsJson, Cells, errors_shown
 from services.operator.calibrate.refined_cell import refined_table, residual_lines, run_refine, write_cell
 from services.operator.cell.settings import require_settings
 from services.operator.scoring.score import TrialFigures
@@ -130,7 +130,7 @@ def refine(
 ) -> None:
     """Assemble in a cell with unmodelled errors, refine over its recordings, and assemble the next seeds with both."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         truth = Condition(overrides={"hardware": {"simulated": {"truth": UNMODELLED}}})
         require_settings(settings or ())
         drawn = merged(cell_content(base_cell_text(), truth, DEFAULT_PEG), condition_of(settings or ()).overrides)

@@ -21,7 +21,7 @@ from crosspih_common.messages import LocateHole, ResetCell, SceneFaults
 from services.operator.assembly.session import Session
 from services.operator.assembly.stack import cell_session
 from services.operator.bench.cells.bar import Bar
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.pictures.running import bench_pictures
 from services.operator.bench.pictures.table import table_of
 from services.operator.cli.failure import Failed, failure_of
@@ -193,7 +193,7 @@ def vision(
     """
     console = Console(stderr=True)
     if pictures is not None:
-        with told(console):
+        with errors_shown(console):
             judged = bench_pictures(pictures, rows, pairs, annotated, beside, console)
             if report is not None:
                 report.write_text(judged.model_dump_json(indent=1), encoding="utf-8")

@@ -15,12 +15,12 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import FtCalibration
 from services.operator.assembly.show import Story
 from services.operator.assembly.stack import cell_session
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.calibrate.folder import new_folder
 from services.operator.calibrate.options import CellOption, RecordOption, SpeedOption, needed, recorded, say_notes
 from services.operator.calibrate.recorded import readings_of
 from services.operator.cell.which_cell import cell_path, using_cell
-from services.operator.other_services.beside import module_says
+from services.operator.other_services.beside import run_module
 
 NEEDED = ("hardware", "force_torque", "planning")
 OFFLINE = "services.force_torque.offline"
@@ -45,7 +45,7 @@ def ft(
 ) -> None:
     """Drive the calibration poses and find the sensor's bias, the weight and the centroid behind it (Eqs. 14-16)."""
     console = Console(stderr=as_json)
-    with told(console), using_cell(cell):
+    with errors_shown(console), using_cell(cell):
         if files is not None:
             found = _again(files, Path(cell_path()), out, temperature, console)
         elif out is not None:
@@ -74,7 +74,7 @@ def _again(
     folder = new_folder(workcell.name, "ft")
     readings, target = folder / READINGS, folder / FILE if out is None else out
     readings.write_text(asked.model_dump_json(), encoding="utf-8")
-    said = module_says(OFFLINE, str(readings), "--cell", str(cell), "--out", str(target))
+    said = run_module(OFFLINE, str(readings), "--cell", str(cell), "--out", str(target))
     answer: dict[str, Any] = said.value if isinstance(said.value, dict) else {}
     if "refused" in answer:
         raise CalibrationRefused(str(answer["refused"]))

@@ -16,7 +16,7 @@ from crosspih_common.config import CellFile, load_cell
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration
 from services.operator.assembly.stack import cell_session
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.calibrate.folder import FOUND, Taken, new_folder, pair_job, read_taken, read_yaml
 from services.operator.calibrate.options import (
     CellOption,
@@ -68,10 +68,10 @@ def board(
 ) -> None:
     """Write the ChArUco board to print: at 100 %, on something flat and stiff; check the ruler on it."""
     console = Console()
-    with told(console):
+    with errors_shown(console):
         if not out.absolute().parent.is_dir():
             raise ConfigError(f"{out}: its folder is not there; make it first", field=str(out))
-    with told(console), OfflineVision(VISION) as vision:
+    with errors_shown(console), OfflineVision(VISION) as vision:
         drawn = ask(vision, {"do": "board", "board": pattern, "out": str(out)})
         width, height = (value * 1e3 for value in drawn["size_m"])
         console.print(f"{out}: {pattern}, {width:g} x {height:g} mm of squares", highlight=False)
@@ -168,7 +168,7 @@ def stereo(
 ) -> None:
     """Both lenses and where the right camera stands, by a ChArUco board; written as locate and drivers read it."""
     console = Console(stderr=True)
-    with told(console), using_cell(cell):
+    with errors_shown(console), using_cell(cell):
         file = load_cell(cell_path())
         with _taken(
             console, STEREO, file, pattern, files, TakingManner(pairs, by_hand, share, speed, page, record)
@@ -221,7 +221,7 @@ def hand_eye(
 ) -> None:
     """Where the cameras stand in the arm's base: the arm shows them a ChArUco board on its flange."""
     console = Console(stderr=True)
-    with told(console), using_cell(cell):
+    with errors_shown(console), using_cell(cell):
         file = load_cell(cell_path())
         with _taken(
             console, HAND_EYE, file, pattern, files, TakingManner(pairs, by_hand, share, speed, page, record)

@@ -17,7 +17,7 @@ from crosspih_common.calibration.stiffness import StiffnessFit, fit_stiffness
 from crosspih_common.calibration.tcp import TipFit, fit_tip
 from crosspih_common.config import CellFile, load_cell
 from services.operator.assembly.stack import cell_session
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.calibrate.folder import PRESSED, named_folder, new_folder, read_pressed, write_yaml
 from services.operator.calibrate.options import (
     CellOption,
@@ -159,7 +159,7 @@ def _command(kind: PushCalibration) -> Callable[..., None]:
         as_json: AsJson = False,
     ) -> None:  # fmt: skip
         console = Console(stderr=True)
-        with told(console), using_cell(cell):
+        with errors_shown(console), using_cell(cell):
             file = load_cell(cell_path())
             folder = new_folder(file.workcell.name, kind.name)
             pressed = _pressed(

@@ -14,7 +14,7 @@ from crosspih_common.config import load_cell
 from crosspih_common.config.cell import standing_alone
 from crosspih_common.errors import ConfigError
 from crosspih_common.plain_yaml import yaml_of
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.calibrate.refined_cell import refined_table, residual_lines, run_refine, write_cell
 from services.operator.cell.which_cell import cell_path
 
@@ -27,7 +27,7 @@ def refine(
 ) -> None:
     """Refine taper, clearance, F/T sensor and camera over past recordings of this cell."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         path = cell or Path(cell_path())
         base = load_cell(path)
         if out is not None and out.resolve() == path.resolve():

@@ -15,7 +15,7 @@ from crosspih_common.errors import BusUnreachable
 from crosspih_common.modules import run_folder
 from services.operator.assembly.session import Session
 from services.operator.assembly.stack import cell_session
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.cell.check.measuring import CheckManner, check_cell
 from services.operator.cell.which_cell import using_cell
 from services.operator.cli.rows import tell, wrong_ones
@@ -45,7 +45,7 @@ def check(
 ) -> None:
     """What is wrong with a cell, and how to mend it: moves little and gently. Status 1 when something is wrong."""
     console = Console(stderr=as_json)
-    with told(console), using_cell(cell):
+    with errors_shown(console), using_cell(cell):
         with _some_session(speed) as session, console.status("looking at the cell") as status:
             manner = CheckManner(arm=not camera, camera_needed=not no_camera)
             rows = check_cell(session.bus, session.cell.workcell, manner, lambda text: status.update(text))

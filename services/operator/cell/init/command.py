@@ -12,7 +12,7 @@ from rich.console import Console
 from crosspih_common.config import cell_of_text
 from crosspih_common.errors import ConfigError
 from crosspih_common.plain_yaml import text_of_file, yaml_of
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.cell.drivers import installed_drivers
 from services.operator.cell.init.answers import InvalidAnswer, text_of
 from services.operator.cell.init.questions import Answers, Question, questions
@@ -94,7 +94,7 @@ def init(
 ) -> None:
     """Make a cell's file by answering questions; each answer is checked at once."""
     console = Console()
-    with told(console):
+    with errors_shown(console):
         if file.exists() and not force:
             raise ConfigError(f"{file} is there already; another name, or --force to write over it")
         if not file.resolve().parent.is_dir():

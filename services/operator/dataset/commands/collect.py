@@ -19,7 +19,7 @@ from services.operator.bench.cells.own_cell import CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import Cells, RayAddress, Where, told
+from services.operator.bench.options import Cells, RayAddress, Where, errors_shown
 from services.operator.dataset.commands.describe import summary
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contacts
 
@@ -71,7 +71,7 @@ def collect(
     Everything goes over the bus, in cells of its own. A sample does not depend on the cell that made it.
     """
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         content = cell_content(base_cell_text(), Condition())
         settings = {"angle_rad": angle_rad, "lateral_m": lateral_m, "threshold_n": threshold_n}
         shown = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in settings.items())

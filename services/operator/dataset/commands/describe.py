@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.datasets import CONTACT, CONTACT_COLUMNS, ContactTable, read_contacts
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 
 
 def summary(path: Path, table: ContactTable) -> Table:
@@ -47,7 +47,7 @@ def describe(
     columns: Annotated[bool, typer.Option("--columns", help="What the columns mean.")] = False,
 ) -> None:
     """Print what is in a data set of contacts."""
-    with told(Console(stderr=True)):
+    with errors_shown(Console(stderr=True)):
         Console().print(summary(data, read_contacts(data)))
     if columns:
         view = Table("column", "type", "what")

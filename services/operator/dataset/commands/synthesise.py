@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.datasets import read_contacts
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.dataset.commands.collect import AngleRad, FirstSeed, LateralM, Poses
 from services.operator.dataset.commands.describe import summary
 from services.operator.other_services.inference_process import run_tool
@@ -30,7 +30,7 @@ def synthesise(
 ) -> None:
     """Single contacts of the cell's peg, made by the mechanics: thousands a second, no cell needed."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         numbers = {
             "poses": poses, "seed": seed, "angle-rad": angle_rad, "lateral-m": lateral_m, "force-n": force_n,
             "friction": friction, "force-sd-n": force_sd_n, "moment-sd-nm": moment_sd_nm,

@@ -14,9 +14,9 @@ from crosspih_common.recording import Recording, read_recording
 from crosspih_common.recording.records import Attachment, Channel, Entry, Schema
 from crosspih_common.recording.viewers import URDF, for_viewers
 from crosspih_common.recording.walking import ReadPart, WalkedMessage
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.recordings.export.shown import EVERY, RATE_HZ, ViewerMessage, cell_of, shown_of
-from services.operator.recordings.making import said_in
+from services.operator.recordings.making import messages_in
 from services.operator.recordings.writing import NewRecording
 
 METADATA = "foxglove"
@@ -29,7 +29,7 @@ def foxglove(
 ) -> None:
     """Write a recording with topics for Foxglove, Lichtblick and Rerun: of one that has none, or made anew."""
     console = Console()
-    with told(console):
+    with errors_shown(console):
         read = read_recording(recording, EVERY)
         counts = add_topics(read, out, rate_hz)
         for line in read.problems[:5]:
@@ -47,7 +47,7 @@ def add_topics(recording: Recording, out: Path, rate_hz: float = RATE_HZ) -> Cou
     counts: Counter[str] = Counter()
     with NewRecording(out) as new:
         parts: list[ReadPart] = []
-        for said in said_in(recording.path, parts):
+        for said in messages_in(recording.path, parts):
             if not for_viewers(said.channel.topic):
                 new.add(said)
         records: dict[ViewerTopic, tuple[Channel, Schema]] = {}

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.recording import read_recording
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.recordings.export.tables import Columns, chosen, columns_of, write_csv, write_parquet
 
 File = Annotated[Path, typer.Argument(help="A recording (.mcap), also a torn or damaged one; with all its parts.")]
@@ -33,7 +33,7 @@ def parquet(recording: File, out: Folder, key: Keys = None) -> None:
 
 def _export(file: Path, out: Path, keys: list[str], suffix: str, write: Callable[[Columns, Path], int]) -> None:
     console = Console()
-    with told(console):
+    with errors_shown(console):
         if out.exists():
             raise ConfigError(f"{out}: is there already; name a folder that is not")
         recording = read_recording(file)

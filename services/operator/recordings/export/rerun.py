@@ -20,7 +20,7 @@ from crosspih_common.foxglove.frames import BASE
 from crosspih_common.keys import CAMERA_CALIBRATION, CONTACT_WRENCH, IMAGE_LEFT, IMAGE_RIGHT, JOINT_STATE, WRENCH_RAW
 from crosspih_common.messages import CameraCalibration, Frame, Image
 from crosspih_common.recording import Recording, read_recording
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.recordings.export.shown import EVERY, cell_of, shown_of
 
 TIMELINE = "cell_time"
@@ -36,7 +36,7 @@ def rerun(
 ) -> None:
     """Write a recording for the Rerun viewer: the cell in 3-D, pictures, forces at full rate, joints, log."""
     console = Console()
-    with told(console):
+    with errors_shown(console):
         if out.exists():
             raise ConfigError(f"{out}: is there already; name a file that is not")
         read = read_recording(recording, {*EVERY, IMAGE_LEFT, IMAGE_RIGHT})

@@ -30,7 +30,7 @@ from crosspih_common.ros2 import RosTypes
 from crosspih_common.ros2.frames import ros_arm
 from crosspih_common.ros2.topics import Topics
 from crosspih_common.ros2.types import DISTROS, Distro
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.recordings.export.bag import Bag
 from services.operator.recordings.export.shown import cell_of
 
@@ -60,7 +60,7 @@ def ros2(
 ) -> None:
     """Write a recording as a ROS 2 bag (MCAP, CDR): for `ros2 bag play`, rosbags, PlotJuggler and others."""
     console = Console()
-    with told(console):
+    with errors_shown(console):
         if distro not in DISTROS:
             raise ConfigError(f"--distro {distro}: want {', '.join(DISTROS)}")
         if out.exists():

@@ -15,7 +15,7 @@ from crosspih_common.recording import Recording
 from crosspih_common.recording.comparing import FieldDifference, differences
 from services.operator.assembly.session import Session
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
-from services.operator.recordings.replay.asked import Asked
+from services.operator.recordings.replay.requests import PastRequest
 
 DEADLINE_S = 300.0
 _BEFORE_S = 1e-4  # a picture's own stamp is not before itself
@@ -25,7 +25,7 @@ _BEFORE_S = 1e-4  # a picture's own stamp is not before itself
 class Compared:
     """One request, asked again. `refused` is what was said instead of an answer now."""
 
-    asked: Asked
+    asked: PastRequest
     refused: str
     differences: tuple[FieldDifference, ...]
 
@@ -54,7 +54,9 @@ def stored_cell(recording: Recording, cell: Path | None) -> dict[str, Any]:
     return {**content, "cell": with_files_beside(path, content.get("cell") or {})}
 
 
-def answers(service: str, content: dict[str, Any], recording: Recording, requests: list[Asked]) -> Iterator[Compared]:
+def answers(
+    service: str, content: dict[str, Any], recording: Recording, requests: list[PastRequest]
+) -> Iterator[Compared]:
     """Each request, asked again of the service; vision's camera gives the recorded pictures.
 
     Raises CrosspihError or LauncherError when the service does not start.
@@ -67,7 +69,7 @@ def answers(service: str, content: dict[str, Any], recording: Recording, request
         own.close()
 
 
-def _compared(session: Session, asked: Asked, on_answer: Callable[[Message | None], None]) -> Compared:
+def _compared(session: Session, asked: PastRequest, on_answer: Callable[[Message | None], None]) -> Compared:
     refused, answer = "", None
     try:
         answer = session.bus.call(asked.command, asked.request, DEADLINE_S)
@@ -90,9 +92,9 @@ class _Own:
         self._cell: OwnCell | None = None
         self._session: Session | None = None
         self._in_order = False
-        self._asked: Asked | None = None
+        self._asked: PastRequest | None = None
 
-    def session_for(self, asked: Asked) -> Session:
+    def session_for(self, asked: PastRequest) -> Session:
         """A place on the bus of the stack, ready for that request."""
         pictures = self._service == "vision"
         if self._session is None or (pictures and not self._in_order):

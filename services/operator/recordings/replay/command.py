@@ -14,10 +14,10 @@ from rich.table import Table
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.recording import Recording, read_recording
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.recordings.replay.answers import Compared, answers, stored_cell
-from services.operator.recordings.replay.asked import COMMANDS, TOPICS, asked_of
 from services.operator.recordings.replay.cores import CORES, again, all_equal, summary
+from services.operator.recordings.replay.requests import COMMANDS, TOPICS, requests_of
 
 SERVICES = (*COMMANDS, *CORES)
 ROWS = 12  # of a core's differences that are shown
@@ -36,7 +36,7 @@ def replay(
     Status 1 where something differs.
     """
     console = Console(stderr=as_json)
-    with told(console):
+    with errors_shown(console):
         if service is not None and service not in SERVICES:
             raise ConfigError(f"--service {service}: want one of {', '.join(SERVICES)}")
         recording = read_recording(file, TOPICS)
@@ -51,7 +51,7 @@ def replay(
                 for line in (summary(name, outcomes[name]), *outcomes[name]["notes"]):
                     console.print(line, highlight=False, markup=False)
                 continue
-            requests = asked_of(recording, name, from_s)
+            requests = requests_of(recording, name, from_s)
             if not requests:
                 console.print(f"{name}: was asked nothing", highlight=False)
                 continue

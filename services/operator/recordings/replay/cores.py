@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from crosspih_common.errors import ConfigError
-from services.operator.other_services.beside import module_says
+from services.operator.other_services.beside import run_module
 
 CORES = {"force_torque": "services.force_torque.again", "planning": "services.planning.again"}
 DEADLINE_S = 1800.0
@@ -21,7 +21,7 @@ def again(service: str, content: dict[str, Any], file: Path, from_s: float) -> d
         cell = Path(folder) / "cell.yaml"
         cell.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         arguments = (str(file.resolve()), "--cell", str(cell), "--from", str(from_s))
-        said = module_says(CORES[service], *arguments, deadline_s=DEADLINE_S)
+        said = run_module(CORES[service], *arguments, deadline_s=DEADLINE_S)
     if not isinstance(said.value, dict):
         raise ConfigError(f"{service}: {said.words}")
     return said.value

@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from crosspih_common.errors import ConfigError, CrosspihError
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.commands.practise import HOLE_SEED
 from services.operator.bench.protocols.day import BEFORE, PAGE, Walk, table_of
@@ -34,7 +34,7 @@ def day(
     ends of their protocols: each command, what each calibration found of what the cell hides, and whether the peg went
     in. Status 1 where a command failed or a peg was not inserted."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         try:
             steps = steps_of(page.read_text(encoding="utf-8"))
         except OSError as error:

@@ -16,7 +16,7 @@ import typer
 import yaml
 from rich.console import Console
 
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.plants import (
     ADDRESSES,
@@ -53,7 +53,7 @@ def practise(
     addresses of docs/hardware/in-a-day.md, in a network of its own, and the cell behind them is not as its file says.
     Without a terminal and a command it stays until it is ended."""
     console = Console(stderr=True)
-    with told(console), tempfile.TemporaryDirectory(prefix="crosspih-practise-") as folder:
+    with errors_shown(console), tempfile.TemporaryDirectory(prefix="crosspih-practise-") as folder:
         private_network(ADDRESSES)
         console.print("starting the devices' other ends", highlight=False)
         with _Stopping() as stop, open_plant(ProtocolWay.UR, seed, Path(folder), hidden) as plant:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from crosspih_common.messages import Strategy
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.assembling import ProtocolResult, assembled, calibrated_cell, line_of, table_of
 from services.operator.bench.protocols.plants import ADDRESSES, ProtocolWay, needs_private_network
@@ -35,7 +35,7 @@ def protocols(
     """Assemble in real time in a cell whose every device is reached by its published protocol over loopback, and score
     by what only the other end knows. Status 1 where one was not inserted."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         if needs_private_network(way):
             private_network(ADDRESSES)
         if calibrated is not None:

@@ -17,7 +17,7 @@ from services.operator.bench.cells.own_cell import SPEEDS, CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.reliability.busy.loading import BusyResult, Ended, assemble_once, busy_processes, table_of
 
 
@@ -33,7 +33,7 @@ def busy(
     arm's lease or because a living service was taken for lost.
     """
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         if speed not in SPEEDS:
             raise ConfigError(f"--speed {speed}: want {' or '.join(SPEEDS)}")
         content = cell_content(base_cell_text(), Condition())

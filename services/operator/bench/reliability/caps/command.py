@@ -19,7 +19,7 @@ from services.operator.bench.cells.own_cell import CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.reliability.caps.presses import CapPressResult, press_all, presses
 
 ENGINES = ("pybullet", "mujoco")
@@ -90,7 +90,7 @@ def caps(
     truly pressed. Ends with status 0 only if none pressed more than 10 % beyond the cap.
     """
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         chosen = list(engine or ENGINES)
         unknown = sorted(set(chosen) - set(ENGINES))
         if unknown:

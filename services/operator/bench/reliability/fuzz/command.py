@@ -20,7 +20,7 @@ from services.operator.bench.cells.own_cell import CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, Store, told
+from services.operator.bench.options import AsJson, Store, errors_shown
 from services.operator.bench.reliability.fuzz.attacking import AttackedPart, attack, parts
 from services.operator.bench.reliability.fuzz.decoding_all import AllDecoded, decode_every_key
 from services.operator.bench.reliability.fuzz.rests_on import part_key
@@ -53,7 +53,7 @@ def fuzz(
     """
     console = Console(stderr=True)
     until = math.inf if minutes is None else time.time() + 60.0 * minutes
-    with told(console):
+    with errors_shown(console):
         unknown = sorted(set(only or ()) - set(parts()))
         if unknown:
             raise CrosspihError(f"--only {unknown[0]}: no command or topic; crosspih keys lists them")

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.errors import ConfigError
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.reliability.hosts.network import NoNetwork, why_not
 from services.operator.bench.reliability.hosts.plan import TRIALS, Chosen
 from services.operator.bench.reliability.hosts.running import HostTrial, run_on_one_stack
@@ -69,7 +69,7 @@ def hosts(
     link that is slow and loses packets, one that is cut, and with clocks apart. Needs root, on Linux.
     """
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         unknown = [name for name in trial or () if name not in TRIALS]
         if unknown:
             raise ConfigError(f"--trial {', '.join(unknown)}: want one of {'; '.join(TRIALS)}")

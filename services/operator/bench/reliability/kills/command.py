@@ -19,7 +19,7 @@ from services.operator.bench.cells.own_cell import SPEEDS, CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, Cells, told
+from services.operator.bench.options import AsJson, Cells, errors_shown
 from services.operator.bench.reliability.kills.ending import end_service
 from services.operator.bench.reliability.kills.judging import Limits, Observed, complaints
 from services.operator.bench.reliability.kills.options import Phases, Seed, Speed, chosen
@@ -104,7 +104,7 @@ def kills(
     status 0 only if the arm always stops in time, the loss is named within a second, and all ends in order.
     """
     console = Console(stderr=True)
-    with told(console), tempfile.TemporaryDirectory(prefix="crosspih-kills-") as recordings:
+    with errors_shown(console), tempfile.TemporaryDirectory(prefix="crosspih-kills-") as recordings:
         services, phases = chosen("--service", service, SERVICES), chosen("--phase", phase, PHASES)
         (speed,) = chosen("--speed", [speed], SPEEDS)
         planned = list(cases(services, phases, chosen("--signal", ending, ServiceEnding), seed))

@@ -108,7 +108,7 @@ class _Run:
             detail = self._told or ("" if result is None else f"inserted {result.inserted} {result.failure_detail}")
             return Observed(signalled=False, detail=detail)
         if self._told and self._case.service in self._told:
-            watch.told_by_asker()
+            watch.reported_by_asker()
         stop_s = beats_s = None
         if self._case.service == "planning":
             with contextlib.suppress(ValueError):
@@ -130,7 +130,7 @@ class _Run:
             detail="" if result is None else result.failure_detail,
             asker_told=self._told,
             backed_off=result is not None and result.backed_off,
-            done_told=watch.done_told(),
+            done_reported=watch.done_reported(),
             ended_s=ended_s if self._ended.is_set() else None,
             peak_n=watch.peak_n(),
             tip_before_m=self._victim.tip_before_m(),

@@ -49,7 +49,7 @@ class Observed(BaseModel):
     detail: str = ""
     asker_told: str = ""
     backed_off: bool = False
-    done_told: bool = False
+    done_reported: bool = False
     ended_s: float | None = None
     peak_n: float = 0.0
     tip_before_m: float | None = None
@@ -124,6 +124,6 @@ def _orderly_end(seen: Observed, needs_peg_out: bool, want: tuple[Failure, ...] 
         found.append("the peg was not backed off")
     if needs_peg_out and seen.tip_before_m is not None and seen.tip_before_m < 0.0:
         found.append(f"the peg's tip is still {-seen.tip_before_m * 1e3:.0f} mm in the hole")
-    if not seen.done_told:
+    if not seen.done_reported:
         found.append("no DONE was told")
     return found

@@ -136,7 +136,7 @@ class Watch:
             self._gone_ns = self._signal_ns
             self._phases_before, self._truths_before = len(self.phases), len(self._truths)
 
-    def told_by_asker(self) -> None:
+    def reported_by_asker(self) -> None:
         """The one who asked for the assembly was told that the service is gone."""
         self._name("the answer")
 
@@ -184,7 +184,7 @@ class Watch:
         with self._changed:
             return self._truths[-1] if self._truths else None
 
-    def done_told(self) -> bool:
+    def done_reported(self) -> bool:
         """Whether the assembly said that it is over, after the signal."""
         with self._changed:
             return any(phase.phase is Phase.DONE for phase in self.phases[self._phases_before :])

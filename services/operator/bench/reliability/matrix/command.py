@@ -20,7 +20,7 @@ from services.operator.bench.cells.own_cell import SPEEDS, CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, Cells, told
+from services.operator.bench.options import AsJson, Cells, errors_shown
 from services.operator.bench.reliability.kills.options import Phases, Seed, Speed, chosen
 from services.operator.bench.reliability.matrix.ending import end_process
 from services.operator.bench.reliability.matrix.judging import MatrixObservation, outcome
@@ -60,7 +60,11 @@ def matrix(
     outcome, time to the result, time until healthy, what the recording lost. Status 0 only if all cases hold.
     """
     console = Console(stderr=True)
-    with told(console), tempfile.TemporaryDirectory(prefix="crosspih-matrix-") as folder, ResultStore(store) as results:
+    with (
+        errors_shown(console),
+        tempfile.TemporaryDirectory(prefix="crosspih-matrix-") as folder,
+        ResultStore(store) as results,
+    ):
         victims, phases = chosen("--victim", victim, VICTIMS), chosen("--phase", phase, PHASES)
         (speed,) = chosen("--speed", [speed], SPEEDS)
         planned = list(cases(victims, phases, chosen("--signal", ending, ProcessEnding), seed))

@@ -20,7 +20,7 @@ from services.operator.bench.cells.bar import Bar
 from services.operator.bench.cells.conditions import Condition, cell_content, merged
 from services.operator.bench.cells.own_cell import SPEEDS, CellTask, OwnCell
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.reliability.soak.measuring import Figures, Grown, assembled, complaints, grown, statuses_of
 
 RUN = "CROSSPIH_RUN_DIR"  # where OwnCell keeps the stack's state and logs
@@ -72,7 +72,7 @@ def soak(
     """Assemble for an hour in one stack, and see whether memory, descriptors, threads, latency and disk stay where they
     are, and nothing is dropped. Status 1 where something grows, was lost, or was not inserted. Linux."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         taken: list[Figures] = []
         began_s = time.monotonic()
         with tempfile.TemporaryDirectory(prefix="crosspih-soak-") as folder:

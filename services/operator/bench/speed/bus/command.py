@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from services.operator.bench.cells.bar import Bar
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.bus import others
 from services.operator.bench.speed.bus.figures import BusRound, WayFigures, figures_of
 from services.operator.bench.speed.bus.processes import opened
@@ -84,7 +84,7 @@ def bus(
     """Measure the typed bus, from publishing to the callback in another process, beside raw Zenoh on the same route and
     other buses that are installed."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         result = measured(rounds, steady, burst, rate_hz, console)
         if as_json:
             sys.stdout.write(result.model_dump_json(indent=1) + "\n")

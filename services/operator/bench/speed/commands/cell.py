@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.cell import PROGRAM, CellResult, table_of
 from services.operator.bench.speed.engines import measured_by
 
@@ -17,7 +17,7 @@ def cell(
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
-    with told(Console(stderr=True)):
+    with errors_shown(Console(stderr=True)):
         result = CellResult(steps_s=measured_by(PROGRAM, "bench cell", "--steps", str(steps)))
         if as_json:
             print(result.model_dump_json())

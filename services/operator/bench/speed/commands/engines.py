@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.engines import PROGRAM, EnginesResult, measured_by, table_of
 
 
@@ -17,7 +17,7 @@ def engines(
 ) -> None:
     """Measure how fast each installed physics engine is."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         result = EnginesResult(steps_s=measured_by(PROGRAM, "bench engines", "--steps", str(steps)))
         if as_json:
             print(result.model_dump_json())

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.engines import measured_by
 from services.operator.bench.speed.inference import PROGRAM, InferenceResult, table_of
 
@@ -18,7 +18,7 @@ def inference(
     as_json: AsJson = False,
 ) -> None:
     """Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone."""
-    with told(Console(stderr=True)):
+    with errors_shown(Console(stderr=True)):
         costs = measured_by(PROGRAM, "bench inference", "--rounds", str(rounds), "--seed", str(seed))
         result = InferenceResult(costs=costs)
         if as_json:

@@ -14,7 +14,7 @@ from rich.console import Console
 from crosspih_common.errors import CrosspihError
 from crosspih_common.modules import module_command
 from services.operator.bench.cells.bar import Bar
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.recorder import PROGRAM, result_of, table_of
 
 
@@ -44,7 +44,7 @@ def recorder(
     """Measure how fast samples get from the bus into a file beside the bare MCAP writer, and whether four cells at once
     lose any."""
     console = Console(stderr=True)
-    with told(console), Bar(console) as progress, ExitStack() as stack:
+    with errors_shown(console), Bar(console) as progress, ExitStack() as stack:
         bar = progress.add_task("recorder, in turn with MCAP alone", total=2)
         rates: dict[str, list[float]] = json.loads(_said(_started(stack, "--steps", str(samples))))
         progress.update(bar, completed=1, description=f"{cells} cells at once")

@@ -17,7 +17,7 @@ from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import TrialJob, run_trials
 from services.operator.bench.cells.worker import Outcome
-from services.operator.bench.options import AsJson, RayAddress, Where, told
+from services.operator.bench.options import AsJson, RayAddress, Where, errors_shown
 from services.operator.bench.speed.scaling import Rate, ScalingResult
 
 
@@ -55,7 +55,7 @@ def scaling(
 ) -> None:
     """Measure how many trials a second one cell makes, two cells, and so on, each cell on a core of its own."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         rates: list[Rate] = []
         for count in range(1, (cells or usable_cores()) + 1):
             watcher = _Timed(console, f"{count} cells")

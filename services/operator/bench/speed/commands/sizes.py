@@ -11,7 +11,7 @@ from rich.console import Console
 from crosspih_common.config import load_cell
 from crosspih_common.config.cell import content_alone
 from services.operator.bench.cells.own_cell import CellTask, OwnCell
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.sizes import SIZES, SizesResult, content_at, row_of, table_of
 from services.operator.cell.which_cell import cell_path
 
@@ -24,7 +24,7 @@ def sizes(
 ) -> None:
     """Time vision on pictures from 320 x 240 to 2448 x 2048, each in a simulated cell of its own."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         cell = load_cell(cell_path())
         content = content_alone(cell)
         rows = []

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.startup import measured, table_of
 
 
@@ -19,7 +19,7 @@ def startup(
     """Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU
     time of small commands."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         result = measured(rounds, console)
         if as_json:
             sys.stdout.write(result.model_dump_json(indent=1) + "\n")

@@ -14,7 +14,7 @@ from services.operator.bench.cells.own_cell import CellTask
 from services.operator.bench.cells.pool import ExecutorName, open_executor, run_in_cells
 from services.operator.bench.cells.progress import CellsProgress
 from services.operator.bench.cells.trials import base_cell_text
-from services.operator.bench.options import AsJson, told
+from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.where_time_goes import TrialTime, accounted_trial, result_of, table_of
 
 
@@ -27,7 +27,7 @@ def trials(
     """Measure where the wall time of a trial goes: physics, rendering, thinking, waiting. `bench scaling` measures what
     more cells make of it. Linux."""
     console = Console(stderr=True)
-    with told(console):
+    with errors_shown(console):
         content = cell_content(base_cell_text(), Condition())
         tasks = [
             CellTask(

@@ -11,7 +11,7 @@ from rich.console import Console
 from crosspih_common.arm.description import default_joint_names
 from crosspih_common.errors import ConfigError
 from crosspih_common.recording import read_recording
-from services.operator.bench.options import told
+from services.operator.bench.options import errors_shown
 from services.operator.recordings.export.lerobot.episodes import NEEDED, episodes_of
 from services.operator.recordings.export.lerobot.writing import Dataset
 from services.operator.recordings.export.shown import cell_of
@@ -24,7 +24,7 @@ def lerobot(
 ) -> None:
     """Write assemblies as a LeRobot dataset (v3.0), an episode each: joints, wrench, peg, video, phases, success."""
     console = Console()
-    with told(console):
+    with errors_shown(console):
         dataset, arm, count = None, "", 0
         for path in recordings:
             recording = read_recording(path, NEEDED)

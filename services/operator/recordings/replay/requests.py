@@ -37,7 +37,7 @@ TOPICS: tuple[Topic[Any], ...] = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Asked:
+class PastRequest:
     """One request and its answer; None where none is recorded: it was refused, or the recording ended before.
 
     `at_s` is the cell's time of the request since the recording began. `first_pair_s` is that of the first picture pair
@@ -52,14 +52,14 @@ class Asked:
     pairs: int = 0
 
 
-def asked_of(recording: Recording, service: str, from_s: float) -> list[Asked]:
+def requests_of(recording: Recording, service: str, from_s: float) -> list[PastRequest]:
     """What a service was asked from then on, in order.
 
     Pictures belong to a request when they came after the answer before it and not after its own.
     """
     start_ns = begun_ns(recording)
     pairs = recording.sent(CAPTURE.reply_echo)
-    found: list[tuple[int, Asked]] = []
+    found: list[tuple[int, PastRequest]] = []
     for command in COMMANDS[service]:
         before_ns = 0
         for request, reply in recording.answered(command):
@@ -71,5 +71,5 @@ def asked_of(recording: Recording, service: str, from_s: float) -> list[Asked]:
             if at_s >= from_s:
                 first_s = (taken[0].stamp_ns - start_ns) * 1e-9 if taken else None
                 answer = None if reply is None else reply.value
-                found.append((request.wall_ns, Asked(command, at_s, request.value, answer, first_s, len(taken))))
+                found.append((request.wall_ns, PastRequest(command, at_s, request.value, answer, first_s, len(taken))))
     return [asked for _, asked in sorted(found, key=lambda entry: entry[0])]
