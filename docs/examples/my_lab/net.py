@@ -12,7 +12,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 
 GAIN_RAD_NM = 0.03  # fitted by eye
-MOST_RAD = 0.05
+MAX_RAD = 0.05
 
 
 def predict(wrench: Array, pose_peg_hole: Pose, workcell: Workcell) -> Pose:
@@ -21,6 +21,6 @@ def predict(wrench: Array, pose_peg_hole: Pose, workcell: Workcell) -> Pose:
     moment_at_tip = wrench[3:] - np.cross(tip, wrench[:3])
     turn = GAIN_RAD_NM * np.array([moment_at_tip[0], moment_at_tip[1], 0.0])
     size = float(np.linalg.norm(turn))
-    if size > MOST_RAD:
-        turn *= MOST_RAD / size
+    if size > MAX_RAD:
+        turn *= MAX_RAD / size
     return Pose.from_rotvec(turn, tip) @ Pose.from_translation(-tip) @ pose_peg_hole
