@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from crosspih_common.modules import DEFAULT_CELL
+from deploy.launcher.certificates import require_certificates
 from deploy.launcher.display import LogView, TerminalConsole, stopped_lines
 from deploy.launcher.foreground import supervise
 from deploy.launcher.looking import Project, RunDir, Services, logs, one_line_errors, ps
@@ -46,6 +47,7 @@ def up(
                 require_free_port()
         request = StackRequest(project, compose_file, tuple(services or ()), tuple(profile or ()), run_dir, timeout_s)
         request = request.with_what_comes_by_itself()
+        require_certificates(request.chosen())
         if detach:
             console = TerminalConsole(highlight=False)
             state = start_stack(request, wait, wait_timeout_s, on_change=console.print)

@@ -147,6 +147,16 @@ def test_merge_gives_back_what_was_cut_apart(recording: Path, tmp_path: Path) ->
     assert [entry[2] for entry in told] == sorted(entry[2] for entry in told)
 
 
+def test_merge_of_what_holds_nothing_fails_and_says_so(recording: Path, tmp_path: Path) -> None:
+    empty, torn = tmp_path / "empty.mcap", tmp_path / "torn.mcap"
+    empty.write_bytes(b"")
+    torn.write_bytes(b"no recording at all")
+    for bad in (empty, torn, tmp_path / "missing.mcap"):
+        done = run("merge", recording, bad, "-o", tmp_path / "out.mcap")
+        assert done.exit_code == 1 and bad.name in done.output and done.output.count("\n") == 1, done.output
+        assert not (tmp_path / "out.mcap").exists()
+
+
 def test_tables(recording: Path, tmp_path: Path) -> None:
     pq = pytest.importorskip("pyarrow.parquet")
     assert run("export", "csv", recording, tmp_path / "csv").exit_code == 0

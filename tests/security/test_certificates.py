@@ -29,6 +29,9 @@ from crosspih_common.keys import (
 )
 from crosspih_common.security import CERTIFICATES, Credentials, credentials_from_environment, open_to_whom
 from crosspih_common.security.access import SERVICES, access_control, allowed
+from deploy.launcher.certificates import require_certificates
+from deploy.launcher.compose import Service
+from deploy.launcher.errors import LauncherError
 from services.operator.cli.commands import app
 from services.operator.security.issuing import issue_all
 from services.operator.security.looking import look
@@ -133,6 +136,22 @@ def test_certificates_that_cannot_be_used_are_told_before_anything_starts(
     (copied / "vision.key").unlink()
     with pytest.raises(ConfigError, match=r"vision\.key is not there"):
         credentials_from_environment("vision", "tcp/127.0.0.1:7447")
+
+
+def test_up_names_the_services_that_a_folder_of_an_older_version_lacks(
+    copied: Path,
+) -> None:
+    for kind in ("pem", "key"):
+        (copied / f"viewer.{kind}").unlink()
+    (copied / "planning.key").unlink()
+    services = {
+        name: Service(command=["true"], environment={CERTIFICATES: str(copied)})
+        for name in ("planning", "router", "viewer")
+    }
+    with pytest.raises(LauncherError, match=r"no certificate and key for planning, viewer.*security init --folder"):
+        require_certificates(services)
+    del services["planning"], services["viewer"]
+    require_certificates(services)
 
 
 def test_an_endpoint_of_tls_wants_certificates(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -153,7 +153,12 @@ def merge(paths: Sequence[Path], out: Path) -> MadeRecording:
     Raises RecordingError, ConfigError.
     """
     parts: list[ReadPart] = []
-    every = [said for path in paths for said in messages_in(path, parts)]
+    every: list[WalkedMessage] = []
+    for path in paths:
+        before = len(every)
+        every += messages_in(path, parts)
+        if len(every) == before:
+            raise RecordingError(f"{path}: holds no whole message; nothing was merged")
     every.sort(key=lambda said: said.entry.log_time)
     seen: set[tuple[str, int, int, bytes]] = set()
     with NewRecording(out) as new:
