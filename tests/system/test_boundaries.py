@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -27,12 +27,12 @@ OTHERS_ALLOWED = {"operator": ("deploy",)}
 @cache
 def imported(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, wherever in it: relative ones in full, and those named "module:function"."""
-    return tuple(imported_in(path))
+    return tuple(imported_in(nodes_of(path), path))
 
 
-def imported_in(path: Path) -> Iterator[str]:
+def imported_in(nodes: Iterable[ast.AST], path: Path) -> Iterator[str]:
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
-    for node in nodes_of(path):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
