@@ -38,7 +38,7 @@ from services.operator.bench.cells.worker import Outcome
 from services.operator.scoring.score import TrialFigures
 
 SILENT = CellsProgress(None)
-SETTING = "hardware.simulated.friction_coefficient=0.2"
+SETTING = "hardware.simulated.friction_coefficient=0.2"  # another one: what is set is seen to be passed on
 
 
 class PlannedExecutor:
