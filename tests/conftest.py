@@ -3,6 +3,7 @@ services beside it."""
 
 from __future__ import annotations
 
+import compileall
 import gc
 import os
 import queue
@@ -25,6 +26,10 @@ from xdist.scheduler import LoadFileScheduling, Scheduling
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+# The tests start some hundreds of processes, and each would compile all of our source anew where nothing may be kept.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # Collecting makes a million objects that stay, which Python's garbage collector would go through time and again: a
 # quarter of the collection's time. It is at work again before the first test.
 gc.disable()
@@ -38,6 +43,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 ROOT = Path(__file__).resolve().parent.parent
 START_S = 120.0  # a process reads its imports for half a minute beside twenty busy ones
 END_S = 10.0
+PACKAGES = ("crosspih_common", "services", "deploy")
 
 
 # Files whose tests start processes and wait for them with a deadline: they run one after another in one worker, while
@@ -65,7 +71,6 @@ WITH_PROCESSES = frozenset([
     "tests/recorder/test_recording_over_processes.py",
     "tests/security/test_attacks.py",
     "tests/service/test_lifecycle.py",
-    "tests/system/test_as_bench.py",
     "tests/system/test_cell_check.py",
     "tests/system/test_client.py",
     "tests/system/test_commands.py",
@@ -94,6 +99,13 @@ class _ByFile(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
     def _split_scope(self, nodeid: str) -> str:
         file = str(super()._split_scope(nodeid))
         return "processes" if file in WITH_PROCESSES else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes() -> None:
+    """Our source is compiled once, before the workers and all that they start import it side by side."""
+    for package in PACKAGES:
+        compileall.compile_dir(ROOT / package, quiet=2, workers=0)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from crosspih_common.keys import commands, topics
+from tests.system.source import ROOT, files_below, nodes_of
 
-ROOT = Path(__file__).resolve().parents[2]
 SERVICES = sorted(folder.name for folder in (ROOT / "services").iterdir() if (folder / "__main__.py").exists())
-PRODUCT = sorted(path for top in ("crosspih_common", "services", "deploy") for path in (ROOT / top).rglob("*.py"))
+PRODUCT = [path for top in ("crosspih_common", "deploy", "services") for path in files_below(ROOT / top)]
 KEY_TABLE = ROOT / "crosspih_common" / "keys.py"
 KNOW_THE_TRUTH = ("hardware", "operator")
 NAMED_FUNCTION = re.compile(r"(services|deploy)(\.\w+)+:\w+")
@@ -24,19 +24,15 @@ A_FILES_KIND = "crosspih/ft-calibration"  # stands in the calibration file; no k
 OTHERS_ALLOWED = {"operator": ("deploy",)}
 
 
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"), str(path))
-
-
 @cache
 def imported(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, wherever in it: relative ones in full, and those named "module:function"."""
-    return tuple(imported_in(parsed(path), path))
+    return tuple(imported_in(nodes_of(path), path))
 
 
-def imported_in(tree: ast.Module, path: Path) -> Iterator[str]:
+def imported_in(nodes: Iterable[ast.AST], path: Path) -> Iterator[str]:
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -48,22 +44,25 @@ def imported_in(tree: ast.Module, path: Path) -> Iterator[str]:
             yield node.value.split(":")[0]
 
 
-def text_of(tree: ast.Module) -> Iterator[str]:
+@cache
+def text_of(path: Path) -> frozenset[str]:
     """Every string of a file, the parts of f-strings included, docstrings left out."""
     described = {
         id(node.body[0].value)
-        for node in ast.walk(tree)
+        for node in nodes_of(path)
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
         and node.body
         and isinstance(node.body[0], ast.Expr)
     }
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in described:
-            yield node.value
+    return frozenset(
+        node.value
+        for node in nodes_of(path)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in described
+    )
 
 
-def names_of(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+def names_of(path: Path) -> Iterator[str]:
+    for node in nodes_of(path):
         if isinstance(node, ast.Name):
             yield node.id
         elif isinstance(node, ast.Attribute):
@@ -94,9 +93,8 @@ def test_the_services_are_found() -> None:
 @pytest.mark.parametrize("service", [name for name in SERVICES if name not in KNOW_THE_TRUTH])
 def test_the_truth_is_known_to_scoring_only(service: str) -> None:
     for path in files_of(service):
-        tree = parsed(path)
-        assert not {"TRUTH", "SimulationTruth"} & set(names_of(tree)), path
-        assert not [text for text in text_of(tree) if "simulation/truth" in text or "SimulationTruth" in text], path
+        assert not {"TRUTH", "SimulationTruth"} & set(names_of(path)), path
+        assert not [text for text in text_of(path) if "simulation/truth" in text or "SimulationTruth" in text], path
 
 
 @pytest.mark.parametrize("service", SERVICES)
@@ -141,8 +139,7 @@ def test_the_bridge_holds_no_lease_and_commands_no_motion() -> None:
     """What ROS asks of the bridge goes to planning as a command of ours, or nowhere."""
     motions = {"LEASE_TAKE", "FOLLOW", "MOVE_LINEAR", "GUARDED_MOVE", "ADMITTANCE_MOVE", "DWELL", "SET_PAYLOAD"}
     for path in files_of("ros2"):
-        tree = parsed(path)
-        assert not motions & set(names_of(tree)), path
+        assert not motions & set(names_of(path)), path
         assert not [name for name in imported(path) if name.startswith("crosspih_common.holding")], path
 
 
@@ -150,8 +147,7 @@ def test_the_page_holds_no_lease_and_commands_no_motion() -> None:
     """What its buttons ask goes to planning, which holds the arm meanwhile, or is refused."""
     motions = {"LEASE_TAKE", "FOLLOW", "MOVE_LINEAR", "GUARDED_MOVE", "ADMITTANCE_MOVE", "DWELL", "SET_PAYLOAD", "STOP"}
     for path in files_of("viewer"):
-        tree = parsed(path)
-        assert not motions & set(names_of(tree)), path
+        assert not motions & set(names_of(path)), path
         assert not [name for name in imported(path) if name.startswith("crosspih_common.holding")], path
 
 
@@ -183,7 +179,7 @@ def test_a_physics_engine_is_imported_by_its_own_folder_only() -> None:
 def test_keys_are_spelled_in_the_table_only() -> None:
     for path in PRODUCT:
         if path != KEY_TABLE:
-            spelled = [text for text in text_of(parsed(path)) if "crosspih/" in text and text != A_FILES_KIND]
+            spelled = [text for text in text_of(path) if "crosspih/" in text and text != A_FILES_KIND]
             assert not spelled, (path, spelled)
 
 
@@ -191,7 +187,7 @@ def test_no_path_of_the_table_is_spelled_elsewhere() -> None:
     paths = {path for path in [*(one.path for one in topics()), *(one.path for one in commands())] if "/" in path}
     for path in PRODUCT:
         if path != KEY_TABLE:
-            assert not paths & set(text_of(parsed(path))), path
+            assert not paths & text_of(path), path
 
 
 def test_the_control_layer_knows_no_driver_and_no_engine() -> None:
@@ -213,7 +209,7 @@ def test_no_service_but_the_simulated_driver_imports_an_engine() -> None:
 def test_what_a_service_keeps_of_what_it_computed_has_an_end() -> None:
     """A table without a limit is for what takes no arguments: others grow with what is seen, hour after hour."""
     for path in PRODUCT:
-        for node in ast.walk(parsed(path)):
+        for node in nodes_of(path):
             if not isinstance(node, ast.FunctionDef) or node.name in FEW_ARGUMENTS:
                 continue
             limits = {ast.unparse(one).removeprefix("functools.") for one in node.decorator_list}

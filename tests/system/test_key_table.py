@@ -6,7 +6,6 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,8 +17,8 @@ from crosspih_common.keys import ALL, CLOCK, WALL_CLOCK, Command, Topic
 from crosspih_common.messages import Failure
 from crosspih_common.refusals import REFUSALS
 from crosspih_common.wrench import IMPLAUSIBLE
+from tests.system.source import ROOT, files_below, parsed
 
-ROOT = Path(__file__).resolve().parents[2]
 READS, ASKS = ("latest", "reading", "subscribed", "subscribe", "subscribe_inline", "tap"), ("call", "ask")
 BUS_METHODS = (*READS, *ASKS, "publisher", "serve")
 # where a key comes as an argument: the recorder's tap on every topic, planning's port and the arm's own `_serve`, whose
@@ -86,10 +85,10 @@ def uses() -> Uses:
     found: Uses = defaultdict(lambda: defaultdict(set))
     holders: set[str] = set()
     clients: set[str] = set()
-    for path in sorted((ROOT / "services").rglob("*.py")):
+    for path in files_below(ROOT / "services"):
         if path.name == MEASURING:
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = parsed(path)
         names, where = key_names(tree), path.relative_to(ROOT).as_posix()
         if any(isinstance(node, ast.ImportFrom) and (node.module or "").startswith(HOLDING) for node in ast.walk(tree)):
             holders.add(where.split("/")[1])
@@ -104,13 +103,13 @@ def uses() -> Uses:
             else:
                 assert ast.unparse(argument) == NOT_SPELLED.get(where), (where, line, ast.unparse(argument))
     for path in sorted(ROOT.joinpath(*HOLDING.split(".")).glob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = parsed(path)
         names = key_names(tree)
         for method, argument, _ in bus_calls(tree, names):
             if isinstance(argument, ast.Name) and argument.id in names:
                 found[method][names[argument.id]] |= holders
     for path in sorted(ROOT.joinpath(*CLIENT.split(".")).glob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = parsed(path)
         names = key_names(tree)
         for method, argument, line in bus_calls(tree, names):
             if isinstance(argument, ast.Name) and argument.id in names:
@@ -160,11 +159,11 @@ def spelled_codes() -> dict[str, set[str]]:
     """Every code with which the source refuses, and the files that do; what is not a literal as its source text."""
     codes: dict[str, set[str]] = defaultdict(set)
     for top in ("services", "crosspih_common"):
-        for path in sorted((ROOT / top).rglob("*.py")):
+        for path in files_below(ROOT / top):
             where = path.relative_to(ROOT).as_posix()
             if where.startswith("services/operator/"):
                 continue  # it serves nothing: what it raises so stays in its own process
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for node in ast.walk(parsed(path)):
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "CommandRefused":
                     code = node.args[0]
                     codes[str(code.value) if isinstance(code, ast.Constant) else ast.unparse(code)].add(where)

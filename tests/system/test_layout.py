@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ast
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from tests.system.test_boundaries import PRODUCT, ROOT, imported_in, parsed
+from tests.system.source import ROOT, parsed
+from tests.system.test_boundaries import PRODUCT, imported_in
 
 MAX_LINES = 400
 
@@ -21,15 +22,14 @@ def module_of(path: Path) -> str:
 MODULES = {module_of(path): path for path in PRODUCT}
 
 
-def at_module_level(tree: ast.Module) -> ast.Module:
-    """The same without the bodies of functions: what is imported there is imported when they are called."""
-
-    class Emptied(ast.NodeTransformer):
-        def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-            node.body = [ast.Pass()]
-            return node
-
-    return Emptied().visit(tree)  # type: ignore[no-any-return]
+def at_module_level(tree: ast.Module) -> Iterator[ast.AST]:
+    """Its nodes without the bodies of functions: what is imported there is imported when they are called."""
+    left: deque[ast.AST] = deque([tree])
+    while left:
+        node = left.popleft()
+        yield node
+        within = node.body if isinstance(node, ast.FunctionDef) else []
+        left.extend(child for child in ast.iter_child_nodes(node) if child not in within)
 
 
 def needed_by(module: str) -> Iterator[str]:
