@@ -71,6 +71,7 @@ WITH_PROCESSES = frozenset([
     "tests/recorder/test_recording_over_processes.py",
     "tests/security/test_attacks.py",
     "tests/service/test_lifecycle.py",
+    "tests/system/test_as_bench.py",
     "tests/system/test_cell_check.py",
     "tests/system/test_client.py",
     "tests/system/test_commands.py",

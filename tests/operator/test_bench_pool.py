@@ -1,14 +1,11 @@
-"""Which cell does what, what happens when one is lost, and that a trial is the same in every cell and when watched."""
+"""Which cell does what, what happens when one is lost, and that a trial is the same in every cell."""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crosspih_common.errors import ConfigError, CrosspihError
-from crosspih_common.modules import module_command
 from crosspih_common.provenance import ResultStore, code_version
 from services.operator.assembly.session import Session
-from services.operator.bench.cells.conditions import cell_content, condition_of
+from services.operator.bench.cells.conditions import cell_content
 from services.operator.bench.cells.local_executor import LocalExecutor
 from services.operator.bench.cells.own_cell import CellTask
 from services.operator.bench.cells.pool import HOPELESS, TRIES, ExecutorName, open_executor, run_in_cells
@@ -35,10 +31,8 @@ from services.operator.bench.cells.trials import (
     trial_task,
 )
 from services.operator.bench.cells.worker import Outcome
-from services.operator.scoring.score import TrialFigures
 
 SILENT = CellsProgress(None)
-SETTING = "hardware.simulated.friction_coefficient=0.2"  # another one: what is set is seen to be passed on
 
 
 class PlannedExecutor:
@@ -189,76 +183,31 @@ def _made(executor: LocalExecutor, cells: list[int]) -> dict[int, dict[str, Any]
     return found
 
 
-JOB = TrialJob(seed=1001, condition=condition_of([SETTING]))
-
-
-@dataclass(frozen=True)
-class Trials:
-    """One trial made in two cells, in one of them after another trial, and where it is kept."""
-
-    there: dict[str, Any]
-    here: dict[str, Any]
-    other: dict[str, Any]
-    store: Path
-
-
-@pytest.fixture(scope="module")
-def trials(tmp_path_factory: pytest.TempPathFactory) -> Trials:
-    """`JOB` in two cells side by side, in the first one after another trial."""
-    content = cell_content(base_cell_text(), JOB.condition)
+def test_a_trial_is_the_same_in_every_cell_and_is_not_done_again(tmp_path: Path) -> None:
+    """One seed in two cells side by side, in one of them after another trial; then taken from the store."""
+    job, other = TrialJob(seed=1001), TrialJob(seed=1000)
+    content = cell_content(base_cell_text(), job.condition)
     executor = LocalExecutor(2)
     try:
-        executor.submit(0, trial_task(JOB.model_copy(update={"seed": 1000}), content))
-        executor.submit(1, trial_task(JOB, content))
+        executor.submit(0, trial_task(other, content))
+        executor.submit(1, trial_task(job, content))
         first = _made(executor, [0, 1])
-        executor.submit(0, trial_task(JOB, content))
+        executor.submit(0, trial_task(job, content))
         again = _made(executor, [0])[0]
     finally:
         executor.close()
-    path = tmp_path_factory.mktemp("store") / "trials.jsonl"
-    with ResultStore(path) as store:
-        store.put(trial_key(content, JOB, code_version()), again)
-    return Trials(first[1], again, first[0], path)
-
-
-def test_a_trial_is_the_same_in_every_cell_and_is_not_done_again(trials: Trials) -> None:
-    """One seed in two cells side by side, in one of them after another trial; then taken from the store."""
     there, here, different = (
         {name: value for name, value in result.items() if name not in WALL_FIGURES}
-        for result in (trials.there, trials.here, trials.other)
+        for result in (first[1], again, first[0])
     )
     assert here == there != different
     assert here["inserted"] and here["seed"] == 1001
     made: list[int] = []
-    with ResultStore(trials.store) as store:
-        known = run_trials([JOB], store=store, on_done=lambda job, figures: made.append(job.seed))
+    with ResultStore(tmp_path / "trials.jsonl") as store:
+        store.put(trial_key(content, job, code_version()), again)
+        known = run_trials([job], store=store, on_done=lambda job, figures: made.append(job.seed))
     assert not made
-    assert [one.model_dump() for one in known] == [trials.here]
-
-
-def _said(folder: Path, *words: str) -> dict[str, Any]:
-    """What a command prints as JSON."""
-    environment = {**os.environ, "CROSSPIH_DATA": str(folder)}
-    environment.pop("CROSSPIH_CELL", None)
-    command = module_command("services.operator", *words, "--json")
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=400, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
-
-
-@pytest.mark.timeout(900)  # seconds where nothing else runs
-def test_a_row_of_a_bench_is_made_once_more_to_the_last_bit(trials: Trials, tmp_path: Path) -> None:
-    """The bench's command finds the trial by its own key, and `assemble --as-bench` makes it anew, to be watched."""
-    options = ("--seed", str(JOB.seed), "--set", SETTING)
-    words = ("bench", "assembly", "--trials", "1", "--cells", "1", "--store", str(trials.store))
-    kept = trials.store.read_bytes()
-    row = TrialFigures.model_validate(_said(tmp_path, *words, *options)["each"][0])
-    assert row.model_dump() == trials.here and trials.store.read_bytes() == kept
-    watched = _said(tmp_path, "assemble", "--as-bench", *options)
-    left_out = {*WALL_FIGURES, "recording", "report", "recording_parts", "recording_warnings"}
-    assert TrialFigures.model_validate(watched).model_dump(exclude=left_out) == row.model_dump(exclude=left_out)
-    assert row.inserted and Path(str(watched["report"])).is_file()
+    assert [one.model_dump() for one in known] == [again]
 
 
 @pytest.mark.filterwarnings("ignore")  # of Ray's own

@@ -1,17 +1,46 @@
-"""Any row of a bench can be watched: its command, whose trial tests/operator/test_bench_pool.py makes once more."""
+"""Any row of a bench can be watched: `crosspih assemble --as-bench` is its trial once more."""
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
 from crosspih_common.messages import PosePrior, Strategy
+from crosspih_common.modules import module_command
 from services.operator.assembly.as_bench import watch_command
 from services.operator.bench.cells.conditions import condition_of
-from services.operator.bench.cells.trials import TrialJob
+from services.operator.bench.cells.trials import WALL_FIGURES, TrialJob
+from services.operator.scoring.score import TrialFigures
 
 SETTING = "hardware.simulated.friction_coefficient=0.2"
+
+
+def _said(tmp_path: Path, *words: str) -> dict[str, object]:
+    environment = {**os.environ, "CROSSPIH_DATA": str(tmp_path)}
+    environment.pop("CROSSPIH_CELL", None)
+    command = module_command("services.operator", *words, "--json")
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=400, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found: dict[str, object] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.timeout(900)  # two stacks, one after the other; seconds where nothing else runs
+def test_a_row_of_a_bench_is_made_once_more_to_the_last_bit(tmp_path: Path) -> None:
+    options = ("--seed", "1003", "--set", SETTING)
+    store = str(tmp_path / "trials.jsonl")
+    bench = _said(tmp_path, "bench", "assembly", "--trials", "1", "--cells", "1", "--store", store, *options)
+    each = bench["each"]
+    assert isinstance(each, list)
+    row, watched = TrialFigures.model_validate(each[0]), _said(tmp_path, "assemble", "--as-bench", *options)
+    left_out = {*WALL_FIGURES, "recording", "report", "recording_parts", "recording_warnings"}
+    assert TrialFigures.model_validate(watched).model_dump(exclude=left_out) == row.model_dump(exclude=left_out)
+    assert row.inserted and Path(str(watched["report"])).is_file()
 
 
 def test_a_bench_names_the_command_that_shows_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
