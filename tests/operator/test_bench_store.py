@@ -15,7 +15,7 @@ from crosspih_common.provenance import ResultStore, SourceWatch, code_version, f
 from crosspih_common.provenance.code import ASKED_BY, SCORED_BY
 from services.operator.bench.cells.conditions import Condition, cell_content, condition_of, merged
 from services.operator.bench.cells.trials import TrialJob, trial_key
-from tests.system.test_boundaries import ROOT
+from tests.system.source import ROOT
 
 NAMES = st.sampled_from(["a", "b", "c"])
 TREES = st.recursive(
