@@ -29,8 +29,8 @@ from services.operator.scoring.score import pose_error
 from services.operator.scoring.statistics import wilson95
 
 LOCATE_DEADLINE_S = 60.0
-# beyond this a pose that was given is a lie: the taper would not catch the peg any more
-LIE_LATERAL_MM, LIE_DEPTH_MM, LIE_TILT_DEG = 1.0, 3.0, 3.0
+# beyond this the taper would not catch the peg any more
+MAX_LATERAL_MM, MAX_DEPTH_MM, MAX_TILT_DEG = 1.0, 3.0, 3.0
 
 FAULTS: dict[str, SceneFaults] = {
     "light x 0.05": SceneFaults(light_scale=0.05),
@@ -49,7 +49,11 @@ FAULTS: dict[str, SceneFaults] = {
 
 
 class VisionTrial(BaseModel):
-    """One picture pair: what vision said, against the truth."""
+    """One picture pair: what vision said, against the truth.
+
+    `beyond_limits`: a pose so far off that the taper would not catch the peg; `confidently_wrong`: one outside its own
+    99.99 % region, or given where no hole is.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -61,7 +65,8 @@ class VisionTrial(BaseModel):
     rotation_deg: float | None = None
     nees: float | None = None
     looks: int = 1
-    lie: bool = False
+    beyond_limits: bool = False
+    confidently_wrong: bool = False
 
 
 class SightSummary(BaseModel):
@@ -73,7 +78,8 @@ class SightSummary(BaseModel):
     pairs: int
     accepted: int
     second_looks: int
-    lies: int
+    beyond_limits: int
+    confidently_wrong: int
     refusals: dict[str, int]
     lateral_mm: tuple[float, float] | None
     depth_mm: tuple[float, float] | None
@@ -96,7 +102,7 @@ def see(session: Session, seed: int, scene: SceneFaults | None) -> VisionTrial:
     off = found.inverse() @ true_base_hole
     xi = np.concatenate([off.translation_m, off.rotvec_rad()])
     nees = float(xi @ np.linalg.solve(np.asarray(seen.covariance).reshape(6, 6), xi))
-    far = error.lateral_mm > LIE_LATERAL_MM or abs(error.depth_mm) > LIE_DEPTH_MM or error.tilt_deg > LIE_TILT_DEG
+    far = error.lateral_mm > MAX_LATERAL_MM or abs(error.depth_mm) > MAX_DEPTH_MM or error.tilt_deg > MAX_TILT_DEG
     no_hole = scene is not None and not scene.hole
     return VisionTrial(
         seed=seed,
@@ -107,7 +113,8 @@ def see(session: Session, seed: int, scene: SceneFaults | None) -> VisionTrial:
         rotation_deg=error.rotation_deg,
         nees=nees,
         looks=int(seen.diagnostics.get("looks", 1.0)),
-        lie=far or no_hole,
+        beyond_limits=far and not no_hole,
+        confidently_wrong=no_hole or nees > chdtri(6, 1e-4),
     )
 
 
@@ -125,7 +132,8 @@ def summarise_sights(condition: str, sights: list[VisionTrial]) -> SightSummary:
         pairs=len(sights),
         accepted=len(accepted),
         second_looks=sum(sight.looks > 1 for sight in accepted),
-        lies=sum(sight.lie for sight in sights),
+        beyond_limits=sum(sight.beyond_limits for sight in sights),
+        confidently_wrong=sum(sight.confidently_wrong for sight in sights),
         refusals=dict(Counter(sight.refusal for sight in sights if sight.refusal is not None)),
         lateral_mm=quantiles("lateral_mm"),
         depth_mm=quantiles("depth_mm"),
@@ -137,15 +145,16 @@ def summarise_sights(condition: str, sights: list[VisionTrial]) -> SightSummary:
 
 
 def _table(rows: list[SightSummary]) -> Table:
+    wrong, asked = sum(row.confidently_wrong for row in rows[1:]), sum(row.pairs for row in rows[1:])
     table = Table(
         title="vision against the truth, p50 / p95 of the poses given",
-        caption=f"a lie: a pose given that is off by more than {LIE_LATERAL_MM:g} mm across, {LIE_DEPTH_MM:g} mm along "
-        f"or {LIE_TILT_DEG:g}°, or given where no hole is; all faults together: "
-        f"{sum(row.lies for row in rows[1:])} lies in {sum(row.pairs for row in rows[1:])} pairs",
+        caption=f"far off: by more than {MAX_LATERAL_MM:g} mm across, {MAX_DEPTH_MM:g} mm along or {MAX_TILT_DEG:g}°; "
+        f"confidently wrong: outside its own 99.99 % region, or given where no hole is; all faults together: "
+        f"{wrong} confidently wrong in {asked} pairs",
     )
     for name in ("condition", "pairs", "given", "by a second light", "lateral mm", "depth mm", "tilt °"):
         table.add_column(name, justify="left" if name == "condition" else "right")
-    for name in ("in its 95 % region", "lies", "refused"):
+    for name in ("in its 95 % region", "far off", "confidently wrong", "refused"):
         table.add_column(name)
 
     def pair(values: tuple[float, float] | None) -> str:
@@ -165,7 +174,8 @@ def _table(rows: list[SightSummary]) -> Table:
             pair(row.depth_mm),
             pair(row.tilt_deg),
             region,
-            f"[red]{row.lies}[/red]" if row.lies else "0",
+            str(row.beyond_limits),
+            f"[red]{row.confidently_wrong}[/red]" if row.confidently_wrong else "0",
             ", ".join(f"{name} {count}" for name, count in row.refusals.items()),
         )
     return table
@@ -187,7 +197,7 @@ def vision(
     report: Annotated[Path | None, typer.Option(help="Of --pictures: the JSON object into a file as well.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and lies.
+    """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and wrong poses.
 
     With --pictures: in pictures of another renderer, or of yours, with their truth (docs/vision-pictures.md).
     """
