@@ -15,9 +15,9 @@ from services.operator.other_services.beside import ROOT
 SHIPPED = ROOT / "services" / "inference" / "network"
 # the setting of the section `inference`, and the shipped file, of each strategy that asks a network
 NETWORKS = {
-    Strategy.PAPER: ("weights", "weights.safetensors"),
-    Strategy.NETWORK_SPIRAL: ("weights", "weights.safetensors"),
-    Strategy.SEQUENCE: ("sequence_weights", "sequence.safetensors"),
+    Strategy.PAPER: ("weights", "paper/weights.safetensors"),
+    Strategy.NETWORK_SPIRAL: ("weights", "paper/weights.safetensors"),
+    Strategy.SEQUENCE: ("sequence_weights", "sequence/weights.safetensors"),
 }
 
 
