@@ -1,7 +1,8 @@
 """`python -m docs.make_viewer_pictures`: the pictures of docs/viewer.md, taken of the page itself in a browser.
 
 Wants viser, playwright and a chromium. Starts a stack of its own, clicks Assemble, holds the assembly in its middle,
-lets it go on and waits for its end; then the page of recordings, one by force alone, alone and beside another.
+lets it go on and waits for its end; then the page of the sample on a phone, and of recordings, one by force alone,
+alone and beside another.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from deploy.launcher import StackRequest, start_stack, stop_stack
 
 HERE = Path(__file__).parent / "viewer"
+SAMPLE = Path(__file__).parent / "sample" / "assembly.mcap"
 PROJECT = "viewer-pictures"
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SLOW_MS = 300_000  # a browser that draws in software
@@ -92,9 +94,14 @@ def live(browser: Browser) -> None:
     settle()
     keep(page, "end")
     page.context.close()
-    phone = opened(browser, f"http://127.0.0.1:{PORT}/", 390, 844, dark=False, phone=True)
-    keep(phone, "phone", 585)
-    phone.context.close()
+
+
+def on_a_phone(browser: Browser) -> None:
+    """The page of the sample's recording."""
+    with playing([SAMPLE]) as address:
+        page = opened(browser, address, 390, 844, dark=False, phone=True)
+        keep(page, "phone", 585)
+        page.context.close()
 
 
 @contextmanager
@@ -148,8 +155,8 @@ def assemble(*words: str) -> None:
 
 
 def main() -> None:
-    """All pictures; or those of the words given: live, recorded."""
-    asked: Any = sys.argv[1:] or ["live", "recorded"]
+    """All pictures; or those of the words given: live, phone, recorded."""
+    asked: Any = sys.argv[1:] or ["live", "phone", "recorded"]
     chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=FLAGS)
@@ -157,6 +164,8 @@ def main() -> None:
         if "live" in asked:
             with stack(folder, "realtime"):
                 live(browser)
+        if "phone" in asked:
+            on_a_phone(browser)
         if "recorded" in asked:
             with stack(folder, "max"):
                 assemble("--seed", "7", "--strategy", "force_alone")

@@ -10,6 +10,7 @@ import numpy as np
 from crosspih_common.config import Workcell
 from crosspih_common.geometry.pose import Array
 from services.viewer.charts import Chart
+from services.viewer.narrow import FOV_RAD, keep_in_view
 from services.viewer.panels import ForcePanel, Headline, PicturePanel, Services
 from services.viewer.scene_view import CellView
 from services.viewer.timeline import SceneMoment
@@ -77,8 +78,9 @@ def look_from(server: viser.ViserServer, view: ViewPoint) -> None:
     """Where whoever opens the page looks from at first."""
     camera = server.initial_camera
     camera.position, camera.look_at, camera.up = view.eye_m, view.target_m, view.up
-    camera.fov = 0.75
+    camera.fov = FOV_RAD
     camera.near = 0.005
+    keep_in_view(server)
 
 
 def add_view_buttons(server: viser.ViserServer, views: dict[str, ViewPoint]) -> None:

@@ -15,6 +15,8 @@ from enum import Enum
 from ipaddress import ip_address
 from urllib.parse import parse_qs, urlsplit
 
+from services.viewer import narrow
+
 COOKIE = "crosspih_viewer"
 MOST_HEAD_BYTES = 16_384
 SECURE = "Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: SAMEORIGIN\r\n"
@@ -123,9 +125,9 @@ _END = "Content-Length: 0\r\nConnection: close\r\n"
 
 
 def page_answer(html: str, title: str) -> bytes:
-    """The whole answer with the page: its own HTML with our title, icon and theme."""
+    """The whole answer with the page: its own HTML with our title, icon, theme and style for phones."""
     begin = html.index("<head>") + len("<head>")
-    added = f'<title>{title}</title><link rel="icon" href="{ICON}">{THEME}'
+    added = f'<title>{title}</title><link rel="icon" href="{ICON}">{THEME}{narrow.STYLE}'
     body = gzip.compress((html[:begin] + added + html[begin:]).encode(), 6)
     head = (
         "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\nContent-Encoding: gzip\r\n"

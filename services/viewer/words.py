@@ -21,7 +21,7 @@ STYLE = """<style>
 .cp .dot{display:inline-block;width:9px;height:9px;border-radius:50%;margin-right:6px}
 .cp .key{display:inline-block;white-space:nowrap;margin-right:9px}
 .cp .key i{display:inline-block;width:10px;height:10px;border-radius:2px;margin-right:4px;vertical-align:-1px}
-.cp .note{border-left:3px solid #fab005;padding-left:8px;margin:3px 0}
+.cp .note{border-left:3px solid #fab005;padding-left:8px;margin:3px 0;overflow-wrap:anywhere}
 .cp .bad{border-left-color:#fa5252} .cp .good{border-left-color:#40c057}
 .u-legend .shade{display:none} .uplot-container .u-legend{font-size:12px}
 </style>"""

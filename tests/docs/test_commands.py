@@ -46,6 +46,7 @@ RUN_BY = {
     "recording check": "tests/operator/test_recording_commands.py",
     "recording cut": "tests/operator/test_recording_commands.py",
     "recording export csv": "tests/operator/test_recording_commands.py",
+    "recording export layouts": "tests/foxglove/test_layouts.py",
     "recording export ros2": "tests/ros2/test_export.py",
     "recording info": "tests/operator/test_recording_commands.py",
     "recording merge": "tests/operator/test_recording_commands.py",

@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from crosspih_common.strategy import Tools
 from tests.conftest import ROOT
 
 PAGES = ("CONTRIBUTING.md", "docs/house.md")
@@ -36,6 +37,13 @@ def test_paths_exist(page: str) -> None:
 def test_names_are_where_they_are_said_to_be(name: str, file: str) -> None:
     assert re.search(rf"^{name}\b", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE), f"{file} has no {name}"
     assert f"`{name}`" in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+def test_what_a_strategy_is_given_is_told_by_its_names() -> None:
+    page = (ROOT / "docs/extending.md").read_text(encoding="utf-8")
+    table = page[page.index("| `tools` |") : page.index("`crosspih_common/strategy.py` has")]
+    told = set(re.findall(r"`(\w+)(?:\([^`]*\))?`", table)) - {"tools"}
+    assert told == {name for name in vars(Tools) if not name.startswith("_")}
 
 
 def test_the_newest_version_is_the_packages() -> None:

@@ -59,3 +59,13 @@ def test_parts_of_a_time_are_told_as_a_share() -> None:
     bar = Bar(None, counted=False)
     bar.add_task("soak", total=3600.0, completed=900)
     assert bar.lines() == ["soak: 25 % after 0 min"]
+
+
+def test_a_line_says_how_long_it_will_still_take_also_of_parts_that_take_minutes() -> None:
+    times_s = [0.0]
+    bar = Bar(Console(file=io.StringIO(), get_time=lambda: times_s[-1]))
+    task = bar.add_task("by ur", total=10)
+    for minutes in (3, 6, 9):
+        times_s.append(minutes * 60.0)
+        bar.advance(task)
+    assert bar.lines() == ["by ur: 3 of 10 after 9 min, about 21 min left"]

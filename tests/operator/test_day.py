@@ -21,7 +21,7 @@ from services.hardware.peers.seen import JointsTeller
 from services.operator.bench.cells.conditions import merged
 from services.operator.bench.protocols.assembling import calibrated_cell
 from services.operator.bench.protocols.board import put_board
-from services.operator.bench.protocols.day import LEFT_OUT, PAGE
+from services.operator.bench.protocols.day import PAGE, runs
 from services.operator.bench.protocols.hidden import BOARD, behind, cameras_of, held_by_hand, true_cameras
 from services.operator.bench.protocols.page import PageStep, steps_of
 from services.operator.bench.protocols.plants import (
@@ -66,7 +66,7 @@ def test_an_option_that_is_not_there_would_be_told() -> None:
 
 
 def test_the_page_begins_with_a_file_and_ends_with_an_assembly() -> None:
-    walked = [step.words for step in _commands() if not any(step.words[: len(one)] == one for one in LEFT_OUT)]
+    walked = [step.words for step in STEPS if runs(step)]
     assert ("crosspih", "cell", "init") in {words[:3] for words in walked}
     assert walked[-1] == ("crosspih", "assemble")
     assert {words[1:3] for words in walked if words[1] == "calibrate"} == {

@@ -24,10 +24,12 @@ from crosspih_common.recording.viewers import for_viewers
 from services.force_torque.again import rerun as force_torque_again
 from services.operator.assembly.session import Session
 from services.operator.bench.cells.trials import WALL_FIGURES
+from services.operator.recordings.export.layouts import for_cell
 from services.operator.report import make_report
 from services.operator.scoring.score import TrialFigures
 from services.planning.again import ASKED as PLANNED
 from services.planning.again import rerun as planning_again
+from tests.foxglove.test_layouts import LAYOUTS, shown_wrongly
 from tests.system.running_cell import RunningCell
 
 SEED = 1000
@@ -154,6 +156,15 @@ def test_every_channel_is_there(trial: Trial) -> None:
     known = [re.compile(re.escape(topic.path).replace(r"\{service\}", "[a-z_]+")) for topic in topics()]
     for path in have:
         assert any(pattern.fullmatch(path) for pattern in known), path
+
+
+def test_every_topic_and_field_of_the_layouts_is_there(trial: Trial, tmp_path: Path) -> None:
+    assert trial.figures.recording is not None
+    recording = Path(trial.figures.recording)
+    for layout in LAYOUTS:
+        named = tmp_path / layout.name
+        named.write_text(for_cell(layout.read_text(encoding="utf-8"), read_recording(recording, []).cell))
+        assert shown_wrongly(named, recording) == []
 
 
 def test_the_counts_are_those_of_the_assembly(trial: Trial) -> None:

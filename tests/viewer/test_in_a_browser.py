@@ -14,6 +14,12 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 # a renderer of its own, in software: a machine that tests may have no graphics
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 ENDS_MS = 200_000
+PARTED = """() => {
+  const box = (which) => document.querySelector(which).getBoundingClientRect();
+  const view = box("canvas"), sheet = box('[style*="max-height: 60%"]');
+  return view.width === 390 && sheet.width === 390 && view.height > 300
+    && Math.abs(view.bottom - sheet.top) < 1 && Math.abs(sheet.bottom - 844) < 1;
+}"""
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium to open the page in")
@@ -33,6 +39,10 @@ def test_an_assembly_is_started_from_the_page_and_seen_to_end(tmp_path: Path, mo
             page.get_by_role("button", name="Assemble").click(timeout=ENDS_MS)
             page.locator(".chip", has_text="inserted").wait_for(timeout=ENDS_MS)
             page.locator(".note:not(.bad)", has_text="recorded in").wait_for(timeout=ENDS_MS)
+            # on a phone the panel is below the view, as wide as the window, and nothing is wider
+            page.set_viewport_size({"width": 390, "height": 844})
+            page.locator('[style*="max-height: 60%"]').wait_for(timeout=ENDS_MS)
+            page.wait_for_function(PARTED, timeout=ENDS_MS)
             browser.close()
     finally:
         cell.stop()

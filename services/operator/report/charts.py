@@ -7,26 +7,12 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
-from crosspih_common.messages import Phase
+from crosspih_common.recording.plotting import LINES, PHASE_COLOURS
 from services.operator.report.model import Facts
 from services.operator.report.model.forces import Trace
 from services.operator.report.model.motion import in_hole_m
 from services.operator.report.thinning import thinned
 
-# readable on white and on near-black
-PHASE_COLOURS = {
-    Phase.CALIBRATING: "#8a8d93",
-    Phase.LOCATING: "#b07cc6",
-    Phase.APPROACHING: "#5b9bd5",
-    Phase.PUSHING: "#e0a03c",
-    Phase.TOUCHING: "#d96c5f",
-    Phase.ESTIMATING: "#c66ba0",
-    Phase.CORRECTING: "#45a3a3",
-    Phase.SEATED: "#5fae57",
-    Phase.BACKING_OFF: "#a0522d",
-    Phase.DONE: "#6f9f3f",
-}
-AXES = ("#d9534f", "#2f9e6e", "#4a7fd6")
 JOINTS = ("#d9534f", "#d08a1d", "#2f9e6e", "#3f8fd6", "#8f6fd1", "#c46bb0", "#7d8590")
 INTEREST_N = 1.0  # from there on each sample of a contact is drawn
 TICK_S = 1e-4
@@ -65,7 +51,7 @@ def force_charts(facts: Facts) -> list[Data]:
             columns.append(trace.force_n[keep] if symbol == "F" else trace.moment_nm[keep])
             sets.append({"label": name, "t": times(trace.time_s[keep]), "y": [numbers(each, step) for each in columns]})
         if sets:
-            lines = [series(f"{symbol}{axis}", colour) for axis, colour in zip("xyz", AXES, strict=True)]
+            lines = [series(f"{symbol}{axis}", colour) for axis, colour in zip("xyz", LINES, strict=True)]
             lines.append(series(f"|{symbol}|", "quiet", width=1))
             charts.append(
                 {
@@ -116,7 +102,7 @@ def motion_charts(facts: Facts) -> list[Data]:
                 "sets": [one], "limits": [-100, 100] if limit else [], "strip": what == "position", "height": 190,
             }
         )  # fmt: skip
-    way = [series("x across", AXES[0]), series("y across", AXES[1]), series("z into the hole", AXES[2])]
+    way = [series("x across", LINES[0]), series("y across", LINES[1]), series("z into the hole", LINES[2])]
     one = {"label": "", "t": times(trace.time_s[keep]), "y": [numbers(each, 0.001) for each in tip_mm[keep].T]}
     charts.append(
         {

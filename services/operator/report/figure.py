@@ -9,10 +9,10 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from crosspih_common.recording.plotting import LINES
+
 # stands for the page's own text colour, whichever theme it has; replaced after drawing
 INK = "#010203"
-# readable on white and on near-black
-LINES = ("#d9534f", "#2f9e6e", "#4a7fd6")
 FIGURE_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "crosspih",

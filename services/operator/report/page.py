@@ -13,7 +13,8 @@ import yaml
 
 from crosspih_common.geometry.pose import Array
 from crosspih_common.recording import read_recording
-from services.operator.report.charts import PHASE_COLOURS, chart_data
+from crosspih_common.recording.plotting import PHASE_COLOURS
+from services.operator.report.charts import chart_data
 from services.operator.report.model import Facts, facts_of
 from services.operator.report.numbers import Quantity, number
 from services.operator.report.rows import matrix_text, peak_rows, pose_rows, touch_row

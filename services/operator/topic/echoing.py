@@ -12,7 +12,7 @@ from crosspih_common.errors import CommandTimeout
 from services.operator.cli.failure import errors_shown
 from services.operator.topic.listening import TopicStream, each_sample, listening_bus
 from services.operator.topic.names import TopicName
-from services.operator.topic.naming import chosen_topic
+from services.operator.topic.naming import chosen_topic, shown
 from services.operator.topic.values import as_json_line, as_yaml, field_of, plain_values, shortened
 
 PARTED = "---\n"
@@ -34,10 +34,10 @@ def echo(
     told_by = Console(stderr=True)
     with errors_shown(told_by):
         chosen = chosen_topic(name)
-        shown = 0
+        told = 0
 
         def enough() -> bool:
-            return count is not None and shown >= count
+            return count is not None and told >= count
 
         def say(text: str) -> None:
             told_by.print(text, style="yellow", highlight=False, soft_wrap=True)
@@ -56,8 +56,8 @@ def echo(
                 else:
                     sys.stdout.write(as_yaml(found if full else shortened(found)) + PARTED)
                 sys.stdout.flush()
-                shown += 1
+                told += 1
             if stream.overflowed:
                 say(f"{stream.overflowed} messages came faster than they could be shown, and were left out")
-        if not shown and seconds is not None:
-            raise CommandTimeout(f"nothing came on {chosen.path} within {seconds:g} s")
+        if not told and seconds is not None:
+            raise CommandTimeout(f"nothing came on {shown(chosen)} within {seconds:g} s")

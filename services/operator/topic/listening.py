@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.bus.codec import decode, label_of
@@ -15,9 +16,9 @@ from crosspih_common.bus.traffic import KeyCounters
 from crosspih_common.bus.transport import Tap
 from crosspih_common.config import cell_name
 from crosspih_common.errors import ContractError
-from crosspih_common.keys import Payload
+from crosspih_common.keys import Payload, Topic
 from services.operator.cell.which_cell import cell_path, endpoint
-from services.operator.topic.naming import ChosenTopic
+from services.operator.topic.naming import sender_of, shown
 
 CONNECT_S = 2.0
 HEAR_S = 1.0  # how long the router's answer is waited for, who is alive
@@ -62,17 +63,14 @@ def alive_services(bus: Bus, wanted: frozenset[str], wait_s: float = HEAR_S) -> 
 class TopicStream:
     """The samples of a topic from now on; of a state the last one too."""
 
-    def __init__(self, bus: Bus, chosen: ChosenTopic) -> None:
-        self._bus, self._chosen = bus, chosen
-        self._label = label_of(chosen.topic.type)
+    def __init__(self, bus: Bus, topic: Topic[Any]) -> None:
+        self._bus, self._topic = bus, topic
+        self._label = label_of(topic.type)
         self._queue: queue.Queue[ReceivedSample] = queue.Queue(KEPT)
         self.overflowed = 0
-        bus.tap(chosen.topic, self._taker)
+        bus.tap(topic, self._taker)
 
     def _taker(self, key: str, counts: KeyCounters) -> Tap:
-        if not self._chosen.is_of(key, self._bus.cell):
-            return lambda payload, number: None
-
         def take(payload: bytes, number: int) -> None:
             try:
                 self._queue.put_nowait(ReceivedSample(key, payload, number, time.monotonic()))
@@ -91,21 +89,21 @@ class TopicStream:
     def decoded(self, heard: ReceivedSample) -> Payload | str:
         """The message of a sample, or in words why it is none."""
         try:
-            payload: Payload = decode(self._chosen.topic.type, heard.payload, self._label, heard.key)
+            payload: Payload = decode(self._topic.type, heard.payload, self._label, heard.key)
         except ContractError as error:
             return str(error)
         return payload
 
     def why_silent(self) -> str:
         """What there is to say when nothing comes."""
-        topic, sender = self._chosen.topic, self._chosen.sender
-        if sender == "every service":
-            return f"nothing on {self._chosen.path} yet"
+        topic, sender, path = self._topic, sender_of(self._topic), shown(self._topic)
+        if sender is None:
+            return f"nothing on {path} yet"
         alive = sender in alive_services(self._bus, frozenset([sender]))
         if not alive:
-            return f"nothing on {self._chosen.path}: {sender}, which sends it, is not alive (`crosspih ps`)"
+            return f"nothing on {path}: {sender}, which sends it, is not alive (`crosspih ps`)"
         when = "sent when it happens" if topic.rate_hz is None else f"{topic.rate_hz:g} Hz when the cell's clock runs"
-        return f"nothing on {self._chosen.path} yet: {sender} is alive; {topic.kind.value}, {when}"
+        return f"nothing on {path} yet: {sender} is alive; {topic.kind.value}, {when}"
 
 
 def each_sample(

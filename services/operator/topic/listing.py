@@ -14,11 +14,12 @@ from rich.table import Table
 from crosspih_common.config import cell_name
 from crosspih_common.errors import BusError
 from crosspih_common.keys import ROOT, Topic, commands, topics
+from crosspih_common.topic_names import EVERY_SERVICE
 from services.operator.cell.which_cell import cell_path
 from services.operator.cli.failure import errors_shown
 from services.operator.cli.options import AsJson
 from services.operator.topic.listening import alive_services, listening_bus
-from services.operator.topic.naming import SENDER
+from services.operator.topic.naming import shown
 
 
 def rows_of(alive: set[str] | None, every: bool = False) -> list[dict[str, Any]]:
@@ -31,10 +32,10 @@ def rows_of(alive: set[str] | None, every: bool = False) -> list[dict[str, Any]]
 
 
 def _row(topic: Topic[Any], alive: set[str] | None) -> dict[str, Any]:
-    many = topic.publisher == SENDER
+    many = topic.publisher == EVERY_SERVICE
     lives = None if alive is None else bool(alive) if many else topic.publisher in alive
     return {
-        "key": topic.path.replace(SENDER, "*"), "type": topic.type.__name__, "kind": topic.kind.value,
+        "key": shown(topic), "type": topic.type.__name__, "kind": topic.kind.value,
         "rate_hz": topic.rate_hz, "sent_by": "every service" if many else topic.publisher, "alive": lives,
         "what": topic.doc,
     }  # fmt: skip
@@ -64,7 +65,7 @@ def list_topics(
         why = ""
         try:
             with listening_bus() as bus:
-                senders = frozenset(topic.publisher for topic in topics()) - {SENDER}
+                senders = frozenset(topic.publisher for topic in topics()) - {EVERY_SERVICE}
                 alive = alive_services(bus, senders)
         except BusError as error:
             why = str(error)

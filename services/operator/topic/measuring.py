@@ -14,12 +14,12 @@ from rich.console import Console
 
 from crosspih_common.bus import Bus
 from crosspih_common.errors import CommandTimeout, ConfigError
-from crosspih_common.keys import CLOCK
+from crosspih_common.keys import CLOCK, Topic
 from crosspih_common.messages import CellClock
 from services.operator.cli.failure import errors_shown
 from services.operator.topic.listening import ReceivedSample, TopicStream, each_sample, listening_bus
 from services.operator.topic.names import TopicName
-from services.operator.topic.naming import ChosenTopic, chosen_topic
+from services.operator.topic.naming import chosen_topic, shown
 from services.operator.topic.running import Arrivals, CellTimeOffset, Newest, Spread
 from services.operator.topic.values import as_json_line
 
@@ -138,21 +138,21 @@ def delay_line(measured: _Delayed) -> str:
 
 
 @contextmanager
-def _stream(name: str) -> Iterator[tuple[Bus, ChosenTopic, TopicStream]]:
+def _stream(name: str) -> Iterator[tuple[Bus, Topic[Any], TopicStream]]:
     chosen = chosen_topic(name)
     with listening_bus() as bus:
         yield bus, chosen, TopicStream(bus, chosen)
 
 
 def _measure(
-    chosen: ChosenTopic, stream: TopicStream, measured: _Measured, seconds: float | None, count: int | None,
+    chosen: Topic[Any], stream: TopicStream, measured: _Measured, seconds: float | None, count: int | None,
     as_json: bool, line: Callable[[], str], values: Callable[[], Values],
 ) -> None:  # fmt: skip
     told_by = Console(stderr=True)
 
     def show() -> None:
         if measured.arrivals.count:
-            sys.stdout.write(as_json_line({"topic": chosen.path, **values()}) if as_json else line() + "\n")
+            sys.stdout.write(as_json_line({"topic": shown(chosen), **values()}) if as_json else line() + "\n")
             sys.stdout.flush()
 
     def enough() -> bool:
@@ -165,7 +165,7 @@ def _measure(
         measured.add(stream, heard)
     show()
     if not measured.arrivals.count:
-        raise CommandTimeout(f"nothing came on {chosen.path} within {seconds:g} s")
+        raise CommandTimeout(f"nothing came on {shown(chosen)} within {seconds:g} s")
 
 
 def hz(

@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from crosspih_common.keys import topics
-from services.operator.topic.naming import SENDER
+from services.operator.topic.naming import shown
 
 
 def names_beginning(incomplete: str) -> list[tuple[str, str]]:
     """(name, what it is) of every topic whose name begins so, for a shell."""
-    named = ((topic.path.replace(SENDER, "*"), topic.doc) for topic in topics())
+    named = ((shown(topic), topic.doc) for topic in topics())
     return [(path, said) for path, said in named if path.startswith(incomplete)]
 
 

@@ -1,66 +1,44 @@
-"""Which topic a person means: by its path, by its whole key, or by nearly its name. Pure."""
+"""Which topic is meant by its path, by its whole key, or by nearly its name; and who sends it. Pure."""
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from crosspih_common.errors import ConfigError
 from crosspih_common.keys import ROOT, Topic, topics
+from crosspih_common.topic_names import EVERY_SERVICE, topic_named
 
-SENDER = "{service}"
-ANY = ("*", SENDER)
 NEAR = 3
 
 
-@dataclass(frozen=True, slots=True)
-class ChosenTopic:
-    """A topic of the table, and of which service it is wanted; None: of every service that sends it."""
-
-    topic: Topic[Any]
-    service: str | None = None
-
-    @property
-    def path(self) -> str:
-        """As a person writes it."""
-        return self.topic.path.replace(SENDER, self.service or "*")
-
-    def is_of(self, key: str, cell: str) -> bool:
-        """Whether a sample with this whole key is one of those that are wanted."""
-        return self.service is None or key == self.topic.key(cell, self.service)
-
-    @property
-    def sender(self) -> str:
-        """Who sends it, in words."""
-        if self.topic.publisher != SENDER:
-            return self.topic.publisher
-        return self.service or "every service"
-
-
-def chosen_topic(name: str, known: Iterable[Topic[Any]] | None = None) -> ChosenTopic:
+def chosen_topic(name: str) -> Topic[Any]:
     """The topic that is meant by `ft/raw`, `service/planning/status`, `service/*/status`, or by a whole key.
 
-    Raises ConfigError for a name that no topic has, with those that are nearest.
+    Raises ConfigError for a name that no topic has, with those that are nearest; its last part alone names those that
+    end so: `wrench`.
     """
-    table = {topic.path: topic for topic in (topics() if known is None else known)}
     path = re.sub(rf"^/?{ROOT}/[^/]+/", "", name).strip("/")
-    if path in table:
-        return ChosenTopic(table[path])
-    for topic in table.values():
-        if SENDER not in topic.path:
-            continue
-        pattern = re.escape(topic.path).replace(re.escape(SENDER), r"(?P<service>[a-z0-9_]+|\*)")
-        if found := re.fullmatch(pattern, path):
-            return ChosenTopic(topic, None if found["service"] in ANY else found["service"])
-    near = nearest(path, [one.replace(SENDER, "*") for one in table])
-    meant = f"did you mean {' or '.join(near)}? " if near else ""
-    raise ConfigError(f"{name}: no topic has that name; {meant}`crosspih topic list` shows all of them")
+    try:
+        return topic_named(path)
+    except ConfigError as error:
+        ending = [shown(row) for row in topics() if row.path.endswith(f"/{path}")][:NEAR]
+        if not ending:
+            raise ConfigError(str(error).replace(EVERY_SERVICE, "*")) from None
+    raise ConfigError(f"{name}: no such topic; did you mean {' or '.join(ending)}? `crosspih keys` lists them all")
 
 
-def nearest(path: str, known: list[str]) -> list[str]:
-    """The paths nearest to what was written, best first; a last part alone is enough: `wrench`."""
-    tails = [one for one in known if one.endswith(f"/{path}")]
-    return (tails or difflib.get_close_matches(path, known, n=NEAR, cutoff=0.6))[:NEAR]
+def shown(topic: Topic[Any]) -> str:
+    """Its path as a person writes it."""
+    return topic.path.replace(EVERY_SERVICE, "*")
+
+
+def sender_of(topic: Topic[Any]) -> str | None:
+    """The service that sends it; None: every one. One service's share of such a topic has its name in the path."""
+    if topic.publisher != EVERY_SERVICE:
+        return topic.publisher
+    for row in topics():
+        pattern = re.escape(row.path).replace(re.escape(EVERY_SERVICE), "([a-z0-9_]+)")
+        if row.publisher == EVERY_SERVICE and (found := re.fullmatch(pattern, topic.path)):
+            return found[1]
+    return None

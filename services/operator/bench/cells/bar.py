@@ -1,4 +1,7 @@
-"""How far a long command is: a bar in a terminal; in a log or a pipe, where a bar cannot be drawn, a line a minute."""
+"""How far a long command is and how long it will still take: a bar in a terminal.
+
+In a log or a pipe, where a bar cannot be drawn, a line a minute.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,10 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from services.operator.cli.time_left import in_words
+
 LINE_S = 60.0
+SPEED_OVER_S = 1800.0  # what is done takes seconds or minutes each: fewer than two of them tell no speed
 
 
 class Bar(Progress):
@@ -32,6 +38,7 @@ class Bar(Progress):
         super().__init__(
             TextColumn("{task.description}"), BarColumn(), *counts, TimeElapsedColumn(), TimeRemainingColumn(),
             TextColumn("{task.fields[beside]}"), console=console, disable=console is None,
+            speed_estimate_period=SPEED_OVER_S,
         )  # fmt: skip
         self._counted, self._line_s = counted, line_s
         self._ended = threading.Event()
@@ -72,6 +79,8 @@ class Bar(Progress):
             if task.total is not None and task.completed >= task.total:
                 continue
             share = f"{task.completed:.0f} of {task.total or 0.0:.0f}" if self._counted else f"{task.percentage:.0f} %"
-            line = f"{task.description}: {share} after {(task.elapsed or 0.0) / 60.0:.0f} min  {task.fields['beside']}"
+            left = "" if task.time_remaining is None else f", about {in_words(task.time_remaining)} left"
+            after = f"after {(task.elapsed or 0.0) / 60.0:.0f} min{left}"
+            line = f"{task.description}: {share} {after}  {task.fields['beside']}"
             said.append(Text.from_markup(line).plain.rstrip())
         return said

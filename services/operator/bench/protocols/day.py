@@ -48,6 +48,18 @@ LINES, TRIES = 3, 3
 MAY_FAIL = ("cell", "doctor", "assemble")  # the walk goes on, and its status is 1
 
 
+def why_left_out(words: tuple[str, ...]) -> str:
+    """Why a command of the page is not run; empty where it is."""
+    if words[0] != "crosspih":
+        return "of the machine, not of the cell"
+    return next((why for beginning, why in LEFT_OUT.items() if words[: len(beginning)] == beginning), "")
+
+
+def runs(step: PageStep) -> bool:
+    """Whether it is a command that is run: lines of a file and what is left out take no time."""
+    return step.kind == "command" and not why_left_out(step.words)
+
+
 @dataclass(slots=True)
 class Walked:
     """What was done and how it ended; `status` None: it was left out."""
@@ -114,11 +126,8 @@ class Walk:
 
     def command(self, words: tuple[str, ...]) -> tuple[int | None, str]:
         """Its status and its last words."""
-        for beginning, why in LEFT_OUT.items():
-            if words[: len(beginning)] == beginning:
-                return None, why
-        if words[0] != "crosspih":
-            return None, "of the machine, not of the cell"
+        if why := why_left_out(words):
+            return None, why
         where = next((where for name, where in BOARD.items() if words[1:3] == name), None)
         if where is not None and not put_board(where):
             raise NoService("the cameras' other end does not answer")

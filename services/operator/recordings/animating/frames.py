@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
+from crosspih_common.recording.plotting import LINES, PHASE_COLOURS
 from services.operator.recordings.animating.timing import FrameTime
-from services.operator.report.charts import AXES, PHASE_COLOURS
 from services.operator.report.model import Facts
 from services.operator.scene3d.bodies import Bodies
 from services.operator.scene3d.rasterising import Picture
@@ -136,7 +136,7 @@ def _forces(facts: Facts) -> tuple[Picture, tuple[float, float, float, float]]:
                 axes.axvspan(span.start_s, span.end_s, color=colour, alpha=0.13, linewidth=0)
         trace = facts.forces.filtered or facts.forces.unfiltered
         if trace is not None:
-            for index, (name, colour) in enumerate(zip(("Fx", "Fy", "Fz"), AXES, strict=True)):
+            for index, (name, colour) in enumerate(zip(("Fx", "Fy", "Fz"), LINES, strict=True)):
                 shown = np.where(trace.free, np.nan, trace.wrench[:, index])
                 axes.plot(trace.time_s, shown, color=colour, linewidth=1.3, label=name)
                 felt = np.where(trace.free, trace.wrench[:, index], np.nan)

@@ -27,6 +27,11 @@ COMMANDS = {
         "Write a recording with topics for Foxglove, Lichtblick and Rerun: of one that has none, or made anew.",
         example=f"{_FILE} for-viewers.mcap",
     ),
+    "layouts": OnDemand(
+        f"{_HERE}.layouts:layouts",
+        "Write the layouts for Foxglove and Lichtblick with the name of a recording's cell, where it is not cell1.",
+        example=f"{_FILE} layouts",
+    ),
     "rerun": OnDemand(
         f"{_HERE}.rerun:rerun",
         "Write a recording for the Rerun viewer: the cell in 3-D, pictures, forces at full rate, joints, log.",

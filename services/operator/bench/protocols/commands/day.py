@@ -10,12 +10,14 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from crosspih_common.errors import ConfigError, CrosspihError
+from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.commands.practise import HOLE_SEED
-from services.operator.bench.protocols.day import BEFORE, PAGE, Walk, table_of
+from services.operator.bench.protocols.day import BEFORE, PAGE, Walk, runs, table_of
 from services.operator.bench.protocols.page import PageStep, steps_of
 from services.operator.bench.protocols.plants import ADDRESSES, ProtocolWay, open_plant
 from services.operator.bench.protocols.walked import check_walk, note_walk
@@ -53,7 +55,8 @@ def day(
         ):
             walk = Walk(plant, folder.resolve(), console)
             try:
-                _walk(walk, steps, first, last)
+                with Bar(console) as bar:
+                    _walk(walk, steps, first, last, bar)
             except CrosspihError as error:
                 console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
             finally:
@@ -72,14 +75,18 @@ def day(
             raise typer.Exit(1)
 
 
-def _walk(walk: Walk, steps: list[PageStep], first: int, last: int) -> None:
+def _walk(walk: Walk, steps: list[PageStep], first: int, last: int, bar: Bar) -> None:
+    commands = [step for step in steps if first <= step.section <= last and runs(step)]
+    task = bar.add_task("", total=len(commands))
     for step in steps:
         if step.section > last:
             break
         if step.section >= first:
+            bar.update(task, description=f"section {step.section}", beside=escape(step.text))
             if step.section == 3 and not (walk.folder / BEFORE).exists():
                 (walk.folder / BEFORE).write_text(walk.cell.read_text(encoding="utf-8"), encoding="utf-8")
             walk.take(step)
+            bar.advance(task, runs(step))
         elif step.kind == "export":
             walk.take(step)
     if not (walk.folder / BEFORE).exists():

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import track
 
 from crosspih_common.messages import Strategy
+from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.protocols.addresses import private_network
 from services.operator.bench.protocols.assembling import ProtocolResult, assembled, calibrated_cell, line_of, table_of
@@ -42,10 +42,11 @@ def protocols(
             check_walk(calibrated.resolve().parent, console, hidden=hidden)
         cell = None if calibrated is None else calibrated_cell(calibrated, hidden)
         rows = []
-        for one in track(range(seed, seed + trials), description=f"by {way.value}", console=console):
-            rows.append(assembled(way, one, strategy, cell))
-            said, style = line_of(rows[-1]), "" if rows[-1].inserted else "red"
-            console.print(said, style=style, markup=False, highlight=False, soft_wrap=True)
+        with Bar(console) as bar:
+            for one in bar.track(range(seed, seed + trials), description=f"by {way.value}"):
+                rows.append(assembled(way, one, strategy, cell))
+                said, style = line_of(rows[-1]), "" if rows[-1].inserted else "red"
+                console.print(said, style=style, markup=False, highlight=False, soft_wrap=True)
         result = ProtocolResult(way=way.value, inserted=sum(row.inserted for row in rows), trials=rows)
         if as_json:
             sys.stdout.write(result.model_dump_json(indent=1) + "\n")

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosspih_common.errors import ConfigError
+from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.reliability.hosts.network import NoNetwork, why_not
 from services.operator.bench.reliability.hosts.plan import TRIALS, Chosen
@@ -83,14 +84,16 @@ def hosts(
 
         def done(row: HostTrial) -> None:
             rows.append(row)
+            bar.advance(task)
             say(f"{row.trial}: {'inserted' if row.seen.inserted else f'{row.seen.failure} {row.seen.detail}'}")
             for code, text in row.seen.texts.items():
                 console.print(f"  {code}: {text}", highlight=False, markup=False)
             for text in row.seen.warnings:
                 console.print(f"  recording: {text}", highlight=False, markup=False)
 
-        for index, trials in enumerate(chosen.stacks(), 1):
-            with ExitStack() as made:
+        with Bar(console) as bar, ExitStack() as made:
+            task = bar.add_task("assemblies on hosts", total=len(chosen.trials))
+            for index, trials in enumerate(chosen.stacks(), 1):
                 if keep is None:
                     folder = Path(made.enter_context(tempfile.TemporaryDirectory(prefix="crosspih-hosts-")))
                 else:

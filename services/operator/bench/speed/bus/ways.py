@@ -117,7 +117,7 @@ def _typed_listen(cell: str, own_thread: bool) -> Callable[[str, Heard, ExitStac
 
 RAW = "raw Zenoh"
 PYDANTIC = "raw Zenoh with pydantic-core"
-TYPED = "crosspih, hear"
+TYPED = "crosspih, subscribe_inline"
 PUMPED = "crosspih, subscribe"
 
 HOUSE: Sequence[BusWay] = (
