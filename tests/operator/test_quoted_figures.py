@@ -98,10 +98,10 @@ def test_a_pages_table_is_of_the_results(page: str, line: str) -> None:
 
 
 def _domain() -> list[str]:
-    rows = [line for line in PAGE["Cells that differ from the default in one factor"].splitlines() if "/20 " in line]
+    rows = [line for line in PAGE["Cells that differ from the default in one factor"].splitlines() if "/8 " in line]
     others = [line for line in rows if "(default)" not in line]
-    assert all("│ 20/20 │" in line for line in rows)
-    return ["20", "20", str(len(others))]
+    assert all("│  8/8 │" in line for line in rows)
+    return ["8", "8", str(len(others))]
 
 
 def _pegs(way: str) -> list[str]:
@@ -133,10 +133,10 @@ def _rms(title: str, name: str) -> list[str]:
 
 # document, what it says (its groups are the figures), what the results hold
 QUOTES: list[tuple[str, str, Callable[[], list[str]]]] = [
-    (HOW_GOOD, r"bench domain --trials 20`: (\d+) of (\d+) inserted in each of the (\d+) cells", _domain),
-    (HOW_GOOD, r"--peg NAME --trials 100`: (\d+) of (\d+) for each", lambda: _pegs("direct")),
+    (HOW_GOOD, r"bench domain --trials 8`: (\d+) of (\d+) inserted in each of the (\d+) cells", _domain),
+    (HOW_GOOD, r"--peg NAME --trials 10`: (\d+) of (\d+) for each", lambda: _pegs("direct")),
     (HOW_GOOD, r"without a touch, (\d+) of (\d+) of each too", lambda: _pegs("swap")),
-    (HOW_GOOD, r"(\d+) of (\d+), 26 of them without a touch", lambda: _stuck(3)),
+    (HOW_GOOD, r"(\d+) of (\d+), 7 of them without a touch", lambda: _stuck(3)),
     (HOW_GOOD, r"without a touch; (\d+) and", lambda: _stuck(0)[:1]),
     (
         HOW_GOOD,
@@ -144,11 +144,11 @@ QUOTES: list[tuple[str, str, Callable[[], list[str]]]] = [
         lambda: [*row(VISION, "sound")[1::-1], row(VISION, "sound")[6]],
     ),
     (HOW_GOOD, r"region holds ([\d.]+), ([\d.]+) and ([\d.]+) %", lambda: _held("1", "2", "3")),
-    (HOW_GOOD, r"tilts enter (\d) of 6, the spiral (\d),", lambda: ["6", compared(1, "spiral", 1)[0]]),
+    (HOW_GOOD, r"tilts enter (\d) of 2, the spiral (\d),", lambda: ["2", compared(1, "spiral", 1)[0]]),
     (
         HOW_GOOD,
         r"fused (\d) of (\d) in ([\d.]+) s, peak (\d+) N",
-        lambda: [*compared(2, "fused", 1), compared(2, "fused", 3)[0], compared(2, "fused", 6)[0]],
+        lambda: [*compared(2, "fused", 1), compared(2, "fused", 3)[0], compared(2, "fused", 8)[0]],
     ),
     (
         HOW_GOOD,
