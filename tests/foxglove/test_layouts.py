@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from google.protobuf import descriptor_pool, message_factory
+from google.protobuf import descriptor_pool
 from google.protobuf.descriptor import Descriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
@@ -119,8 +119,7 @@ def shown_wrongly(layout: Path, recording: Path) -> list[str]:
             pool = descriptor_pool.DescriptorPool()
             for file in FileDescriptorSet.FromString(schema.data).file:
                 pool.Add(file)
-            descriptor = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name)).DESCRIPTOR
-            found = _of_protobuf(descriptor, fields)
+            found = _of_protobuf(pool.FindMessageTypeByName(schema.name), fields)
         else:
             found = _of_json(json.loads(schema.data), fields)
         if not found:
