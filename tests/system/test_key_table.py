@@ -29,7 +29,7 @@ NOT_SPELLED = {
     "services/planning/shell.py": "command",
     "services/hardware/shells/arm.py": "command",
     "services/operator/assembly/display/live.py": "ESTIMATE.reply_echo",
-    "services/operator/topic/listening.py": "chosen.topic",
+    "services/operator/topic/listening.py": "topic",
     "services/operator/bench/speed/bus/ways.py": "TOPIC",
     "services/operator/bench/speed/where_time_goes.py": "echo",
     "services/operator/bench/reliability/kills/watching.py": "command.reply_echo",
