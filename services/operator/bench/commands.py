@@ -43,7 +43,7 @@ COMMANDS = {
     ),
     "vision": OnDemand(
         f"{_HERE}.vision.command:vision",
-        "Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and wrong poses.",
+        "Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals, wrong poses.",
         by_cell=True,
         example="--poses 20 --faults 0",
         panel="Parts",

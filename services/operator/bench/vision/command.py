@@ -197,7 +197,7 @@ def vision(
     report: Annotated[Path | None, typer.Option(help="Of --pictures: the JSON object into a file as well.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals and wrong poses.
+    """Locate the hole over seeds, and with each fault in front of the cameras; print errors, refusals, wrong poses.
 
     With --pictures: in pictures of another renderer, or of yours, with their truth (docs/vision-pictures.md).
     """
