@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-from typing import Any
-
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
-
-from crosspih_common.errors import CrosspihError
-from crosspih_common.modules import module_command
 
 # the operator imports no engine: the hardware service's own program measures
 PROGRAM = "services.hardware.drivers.simulated.engines.rate"
@@ -36,12 +29,3 @@ def table_of(result: EnginesResult) -> Table:
             ratio = f"{rate / baseline[scene]:.2f}" if scene in baseline else ""
             table.add_row(engine, scene, f"{rate:.0f}", f"{rate * 1e-3:.1f}", ratio)
     return table
-
-
-def measured_by(program: str, who: str, *options: str) -> Any:
-    """What a measuring program of a service prints. Raises CrosspihError where it dies."""
-    done = subprocess.run(module_command(program, *options), capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise CrosspihError(f"{who}: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
-    # PyBullet greets on standard output
-    return json.loads(done.stdout.strip().splitlines()[-1])

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from services.operator.bench.options import AsJson, errors_shown
 from services.operator.bench.speed.cell import PROGRAM, CellResult, table_of
-from services.operator.bench.speed.engines import measured_by
+from services.operator.bench.speed.measured_by import measured_by
 
 
 def cell(
@@ -17,8 +17,9 @@ def cell(
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast the simulated cell is, and each physics engine by itself in the same run."""
-    with errors_shown(Console(stderr=True)):
-        result = CellResult(steps_s=measured_by(PROGRAM, "bench cell", "--steps", str(steps)))
+    console = Console(stderr=True)
+    with errors_shown(console):
+        result = CellResult(steps_s=measured_by(PROGRAM, "bench cell", "--steps", str(steps), console=console))
         if as_json:
             print(result.model_dump_json())
         else:

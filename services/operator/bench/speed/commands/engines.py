@@ -8,7 +8,8 @@ import typer
 from rich.console import Console
 
 from services.operator.bench.options import AsJson, errors_shown
-from services.operator.bench.speed.engines import PROGRAM, EnginesResult, measured_by, table_of
+from services.operator.bench.speed.engines import PROGRAM, EnginesResult, table_of
+from services.operator.bench.speed.measured_by import measured_by
 
 
 def engines(
@@ -18,7 +19,7 @@ def engines(
     """Measure how fast each installed physics engine is."""
     console = Console(stderr=True)
     with errors_shown(console):
-        result = EnginesResult(steps_s=measured_by(PROGRAM, "bench engines", "--steps", str(steps)))
+        result = EnginesResult(steps_s=measured_by(PROGRAM, "bench engines", "--steps", str(steps), console=console))
         if as_json:
             print(result.model_dump_json())
         else:

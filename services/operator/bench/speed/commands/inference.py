@@ -8,8 +8,8 @@ import typer
 from rich.console import Console
 
 from services.operator.bench.options import AsJson, errors_shown
-from services.operator.bench.speed.engines import measured_by
 from services.operator.bench.speed.inference import PROGRAM, InferenceResult, table_of
+from services.operator.bench.speed.measured_by import measured_by
 
 
 def inference(
@@ -18,8 +18,10 @@ def inference(
     as_json: AsJson = False,
 ) -> None:
     """Measure what each answer of the inference service costs beside the contact mechanics in it, asked alone."""
-    with errors_shown(Console(stderr=True)):
-        costs = measured_by(PROGRAM, "bench inference", "--rounds", str(rounds), "--seed", str(seed))
+    console = Console(stderr=True)
+    with errors_shown(console):
+        words = ("--rounds", str(rounds), "--seed", str(seed))
+        costs = measured_by(PROGRAM, "bench inference", *words, console=console)
         result = InferenceResult(costs=costs)
         if as_json:
             print(result.model_dump_json())
