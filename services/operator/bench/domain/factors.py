@@ -100,7 +100,7 @@ def factors(workcell: Workcell, hardware: Mapping[str, Any]) -> tuple[Factor, ..
             (
                 FactorLevel("none", {}),
                 FactorLevel("0.02 N/s", _simulated(force_torque={"drift_n_s": 0.02})),
-                FactorLevel("0.1 N/s", _simulated(force_torque={"drift_n_s": 0.1})),
+                FactorLevel("0.05 N/s", _simulated(force_torque={"drift_n_s": 0.05})),
             ),
         ),
         Factor(
