@@ -69,6 +69,23 @@ def _living(processes: dict[int, str]) -> dict[int, str]:
 )
 def test_its_workers_and_their_stacks_end_with_it(signals: tuple[signal.Signals, ...], up: str, tmp_path: Path) -> None:
     arguments = ["bench", "assembly", "--trials", "2", "--cells", "1", "--store", str(tmp_path / "trials.jsonl")]
+    _ends_with_all_it_started(arguments, signals, up, tmp_path, "stopped after 0 of 2 trials")
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="who started whom is read from /proc")
+def test_the_bench_that_results_runs_ends_with_it(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("- {name: one, title: One, command: crosspih bench assembly --trials 2 --seed 1000, quick: ''}\n")
+    arguments = ["results", "--plan", str(plan), "--page", str(tmp_path / "page.md"), "--kept", str(tmp_path / "kept")]
+    arguments += ["--cells", "1"]
+    _ends_with_all_it_started(
+        arguments, (signal.SIGTERM,), "services.router", tmp_path, "the same command goes on from here"
+    )
+
+
+def _ends_with_all_it_started(
+    arguments: list[str], signals: tuple[signal.Signals, ...], up: str, tmp_path: Path, last_words: str
+) -> None:
     bench = subprocess.Popen(
         [sys.executable, "-m", "services.operator", *arguments],
         env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path)},
@@ -90,7 +107,7 @@ def test_its_workers_and_their_stacks_end_with_it(signals: tuple[signal.Signals,
             assert bench.returncode == -signal.SIGKILL
             _wait_until(lambda: not _living(started), "all that it started ends by itself")
         else:
-            assert bench.returncode == 130 and "stopped after 0 of 2 trials" in said, said
+            assert bench.returncode == 130 and last_words in said, said
             assert "Traceback" not in said
             assert not _living(started)
         _wait_until(lambda: not list(tmp_path.glob("crosspih-*")), "the worker's folder is removed")

@@ -29,6 +29,7 @@ from services.operator.bench.cells.conditions import Condition, cell_content
 from services.operator.bench.cells.local_executor import usable_cores
 from services.operator.bench.cells.own_cell import free_port
 from services.operator.bench.cells.pool import ExecutorName
+from services.operator.bench.cells.stopping import stopped_in_order
 from services.operator.bench.options import Cells, RayAddress, Where
 from services.operator.cli.time_left import in_words
 from services.operator.results.page import SectionCounts, make_page, when
@@ -52,7 +53,8 @@ def _run(command: str, environment: dict[str, str]) -> tuple[int, str]:
         try:
             text = process.stdout.read()
         except KeyboardInterrupt:
-            # Ctrl-C reached it too: it stops its cells and says how far it came
+            # it stops its cells and says how far it came; Ctrl-C in a terminal reached it too, which does no harm
+            process.terminate()
             process.wait()
             raise
         return process.wait(), text
@@ -167,7 +169,8 @@ def results(
             console.print(f"{entry.name}: {command}", style="bold", markup=False, highlight=False, soft_wrap=True)
             took = [None if (was := shelf.get(one.name)) is None else was.elapsed_s for one in chosen[number:]]
             console.print(_how_far(number, len(chosen), took), style="dim", highlight=False)
-            printed = _make(entry, command, where if entry.in_cells else (), folder / f"{entry.name}.json", cell)
+            with stopped_in_order():
+                printed = _make(entry, command, where if entry.in_cells else (), folder / f"{entry.name}.json", cell)
             if not watch.unchanged():
                 raise CrosspihError(
                     f"{entry.name}: the sources changed while it ran, so that it is of no one code and is not kept; "
