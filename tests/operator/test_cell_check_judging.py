@@ -225,6 +225,20 @@ def test_the_stream_of_joints_against_an_outcome() -> None:
     assert "no sample" in at(home, 3 * SECOND).found
 
 
+@pytest.mark.parametrize(("period_ms", "right"), [(2, False), (4, True), (8, True), (20, True), (25, False)])
+def test_joints_are_published_as_often_as_an_arm_may_be_slow(period_ms: int, right: bool) -> None:
+    """docs/own-hardware.md: an arm's period is 1 to 20 ms, and it publishes at most 250 times a second."""
+    still = [
+        JointState(
+            stamp_ns=SECOND + index * period_ms * 1_000_000,
+            joints_rad=WORKCELL.home_joints_rad,
+            speeds_rad_s=(0.0,) * 6,
+        )
+        for index in range(20)
+    ]
+    assert (streams.check_joint_rate(still).verdict is Verdict.OK) is right
+
+
 def test_an_outcome_against_its_own_joints_and_what_was_asked() -> None:
     model, flange = WORKCELL.arm(), WORKCELL.pose_flange_peg()
     pose = outcome().pose_base_peg.pose()
