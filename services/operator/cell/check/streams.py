@@ -56,7 +56,7 @@ def check_joint_rate(states: Sequence[JointState]) -> Row:
         return wrong(
             name,
             f"one sample every {period_s * 1e3:.3g} ms by its stamps",
-            "publish 250 samples a second, or one a cycle where the arm is slower (its period may be 20 ms at the most)",
+            "publish 250 samples a second, or one a cycle where the arm is slower (20 ms at the most)",
         )
     return ok(name, f"{1.0 / period_s:.0f} a second")
 
