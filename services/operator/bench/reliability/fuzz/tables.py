@@ -91,12 +91,12 @@ def markdown(decoded: AllDecoded, attacked: Attacked, payloads: int, asked: int,
     """The page `docs/fuzz.md`."""
     defects = sum(row[3] for row in decoded_rows(decoded)) + len(attacked.defects)
     text = [
-        "# Payloads that nobody should send",
+        "# Malformed payloads",
         "",
         f"Made by `crosspih bench fuzz --payloads {payloads} --asked {asked} --seed {seed} --table docs/fuzz.md`. "
-        "Payloads are drawn from each message's own JSON schema: a third fits it with numbers as absurd as it allows, "
-        "a third has a field missing, strange, of another type or out of its range, a third is cut, flipped, doubled, "
-        "nested without end or no JSON at all.",
+        "Payloads are drawn from each message's own JSON schema. A third fits it, with numbers as absurd as it allows. "
+        "In a third a field is missing, strange, of another type or out of its range. A third is cut, flipped, "
+        "doubled, nested without end or not JSON.",
         "",
         f"{summary(decoded, attacked, defects)}.",
         "",
@@ -104,14 +104,14 @@ def markdown(decoded: AllDecoded, attacked: Attacked, payloads: int, asked: int,
     if decoded.sent:
         text += ["## Decoded, key by key", ""]
         text += [*_lines(DECODED, [tuple(map(str, row)) for row in decoded_rows(decoded)])]
-        text += [f"The processes that decoded grew by {decoded.grown_mb:.1f} MB at most after each key's first share."]
-        text += [""]
+        grown = f"{decoded.grown_mb:.1f} MB after each key's first share"
+        text += [f"The memory of the decoding processes grew by at most {grown}.", ""]
     if attacked.parts:
         text += ["## Sent to a running cell", ""]
-        text += ["Commands answer; a sample on a topic has no answer: what counts is that nobody falls over it.", ""]
+        text += ["Commands answer. A sample on a topic has no answer: it only must not make any service fail.", ""]
         text += _lines(ASKED, [tuple(map(str, row)) for row in part_rows(attacked)])
         grown = ", ".join(f"{name} {value:+.1f}" for name, value in attacked.grown_mb.items())
-        text += [f"Memory grown between the first and the last of them, MB: {grown}.", ""]
+        text += [f"Memory growth between the first and the last payload, MB: {grown}.", ""]
     return "\n".join(text)
 
 
