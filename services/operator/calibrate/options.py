@@ -14,6 +14,7 @@ from crosspih_common.client.running_recording import RunningRecording
 from services.operator.assembly.session import Session
 from services.operator.cli.for_cell import CELL_HELP
 
+BOARD_HELP = "squares across x down:square:marker:dictionary, metres: 9x6:0.02:0.015:DICT_4X4_50. Left out: the cell's."
 CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
 ShareOption = Annotated[float, typer.Option(min=0.02, max=1.0, help="Of the arm's own speed limits, in free air.")]
 SpeedOption = Annotated[str | None, typer.Option(help="realtime or max, of a cell that is started for it.")]

@@ -12,17 +12,17 @@ COMMANDS = {
         example="--speed max",
     ),
     "board": OnDemand(
-        f"{_HERE}.pictures:board",
+        f"{_HERE}.board:board",
         "Write the ChArUco board to print: at 100 %, on something flat and stiff; check the ruler on it.",
         example="board.pdf",
     ),
     "stereo": OnDemand(
-        f"{_HERE}.pictures:stereo",
+        f"{_HERE}.stereo:stereo",
         "Both lenses and where the right camera stands, by a ChArUco board; written as locate and drivers read it.",
         example="--cell my-cell.yaml",
     ),
     "hand-eye": OnDemand(
-        f"{_HERE}.pictures:hand_eye",
+        f"{_HERE}.hand_eye:hand_eye",
         "Where the cameras stand in the arm's base: the arm shows them a ChArUco board on its flange.",
         example="--cell my-cell.yaml",
     ),
