@@ -28,7 +28,7 @@ from services.inference.estimator import EstimatorSettings, HolePosePrior, Touch
 from services.inference.estimator.synthetic import GuardedPush, TouchNoise, touch
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 from services.inference.touch_choice.by_rule import next_touch
-from services.operator.bench.pictures.shots import wanted_from
+from services.operator.bench.pictures.kept.shots import wanted_from
 from services.vision.light import linear_light, shown
 from services.vision.locate import locate_rim
 from services.vision.stereo import StereoModel

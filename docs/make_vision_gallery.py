@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.messages import CameraCalibration
-from services.operator.bench.pictures.shots import Shot, wanted_from
+from services.operator.bench.pictures.kept.shots import Shot, wanted_from
 from services.vision.light import linear_light, shown
 from services.vision.locate import locate_rim
 from services.vision.refusals import VisionRefusal

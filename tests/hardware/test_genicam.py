@@ -23,7 +23,7 @@ from services.hardware.drivers.genicam.discovery import discovered
 from services.hardware.drivers.genicam.opening import open_pair
 from services.hardware.drivers.genicam.stereo import GenicamPair
 from services.hardware.drivers.registry import OpenRequest
-from services.operator.bench.pictures.cameras import cell_pair
+from services.operator.bench.pictures.camera.cameras import cell_pair
 from tests.hardware.private_network import FAKE_CAMERA, FOURTH, LEFT, RIGHT, THIRD, FakeCamera, private_network
 
 APART_S = 0.06  # the fake cameras look for a trigger every 40 ms, and the first time after 100 ms

@@ -23,7 +23,7 @@ from services.hardware.hosting import HostedCamera
 from services.hardware.protocols import StereoCapture
 from services.hardware.shells.camera import CameraShell
 from services.hardware.shells.cell_time import CellTime
-from services.operator.bench.pictures.cameras import cell_pair
+from services.operator.bench.pictures.camera.cameras import cell_pair
 
 
 def test_bytes_become_pixels_and_padding_at_the_ends_of_rows_goes() -> None:

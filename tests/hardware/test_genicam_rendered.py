@@ -24,7 +24,7 @@ from services.hardware.config import HardwareConfig
 from services.hardware.drivers.genicam.opening import open_pair
 from services.hardware.drivers.genicam.stereo import GenicamPair
 from services.hardware.drivers.registry import OpenRequest
-from services.operator.bench.pictures.cameras import cell_pair
+from services.operator.bench.pictures.camera.cameras import cell_pair
 from services.operator.bench.protocols import genicam_features as registers
 from services.operator.bench.protocols.genicam import RenderedPair
 from services.operator.bench.protocols.genicam_frames import CellFrames, FileFrames

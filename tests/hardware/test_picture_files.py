@@ -15,7 +15,7 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CaptureStereo
 from services.hardware.config import HardwareConfig
 from services.hardware.hosting import open_cell
-from services.operator.bench.pictures.cameras import cell_pair
+from services.operator.bench.pictures.camera.cameras import cell_pair
 
 SIZE = (480, 640)
 

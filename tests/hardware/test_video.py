@@ -23,7 +23,7 @@ from crosspih_common.messages import CaptureStereo
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.video.source import SourceKind, WantedFormat, kernel_stamp_ns, set_exposure, set_up
 from services.hardware.hosting import HostedCell, open_cell
-from services.operator.bench.pictures.cameras import cell_pair
+from services.operator.bench.pictures.camera.cameras import cell_pair
 
 WIDTH, HEIGHT, BITS = 640, 480, 24
 BEGAN_S = time.monotonic()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from crosspih_common.geometry import Pose
-from services.operator.bench.pictures.judging import figures, judged, least_off
+from services.operator.bench.pictures.judging.verdicts import figures, judged, least_off
 
 TRUE = Pose.from_rotvec([0.2, -0.1, 0.3], [0.4, -0.3, 0.2])
 

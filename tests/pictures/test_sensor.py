@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.operator.bench.pictures.cameras import PictureLens, bent, cell_pair
-from services.operator.bench.pictures.sensor import Sensor, expose, seen
-from services.operator.bench.pictures.tracer import FloatImage, LightLevel
+from services.operator.bench.pictures.camera.cameras import PictureLens, bent, cell_pair
+from services.operator.bench.pictures.camera.sensor import Sensor, expose, seen
+from services.operator.bench.pictures.tracing.tracer import FloatImage, LightLevel
 
 LENS = PictureLens(160, 120, 200.0, 200.0, 79.5, 59.5)
 CLEAN = Sensor(blur_px=0.0, noise_grey=0.0)

@@ -13,12 +13,18 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.messages import CameraCalibration
 from services.operator.bench.commands import app
-from services.operator.bench.pictures import shots, store
-from services.operator.bench.pictures.judging import PicturesReport, PictureVerdict, figures, figures_of, least_off
-from services.operator.bench.pictures.plain_pnp import plain_pose
-from services.operator.bench.pictures.sets import ROWS
-from services.operator.bench.pictures.table import table_of
-from services.operator.bench.pictures.tracer import LightLevel
+from services.operator.bench.pictures.judging.plain_pnp import plain_pose
+from services.operator.bench.pictures.judging.table import table_of
+from services.operator.bench.pictures.judging.verdicts import (
+    PicturesReport,
+    PictureVerdict,
+    figures,
+    figures_of,
+    least_off,
+)
+from services.operator.bench.pictures.kept import shots, store
+from services.operator.bench.pictures.kept.sets import ROWS
+from services.operator.bench.pictures.tracing.tracer import LightLevel
 
 SMALL = Path(__file__).parent / "set"
 WORKCELL = Workcell()

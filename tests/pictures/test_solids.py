@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from crosspih_common.config import Workcell
-from services.operator.bench.pictures.sets import OUTLINES
-from services.operator.bench.pictures.solids import SolidRim, box_solid, disc, prism
-from services.operator.bench.pictures.targets import hole_of
+from services.operator.bench.pictures.kept.sets import OUTLINES
+from services.operator.bench.pictures.scenes.targets import hole_of
+from services.operator.bench.pictures.tracing.solids import SolidRim, box_solid, disc, prism
 
 HOLE = hole_of(Workcell(), "cross")
 

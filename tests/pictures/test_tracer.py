@@ -10,11 +10,11 @@ import pytest
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.cameras import Pair, bent, cell_pair, toed_in
-from services.operator.bench.pictures.rendering import Care, render
-from services.operator.bench.pictures.scenes import SceneSpec
-from services.operator.bench.pictures.sensor import Sensor, seen
-from services.operator.bench.pictures.solids import disc, flat
+from services.operator.bench.pictures.camera.cameras import Pair, bent, cell_pair, toed_in
+from services.operator.bench.pictures.camera.sensor import Sensor, seen
+from services.operator.bench.pictures.scenes.scene import SceneSpec
+from services.operator.bench.pictures.tracing.rendering import Care, render
+from services.operator.bench.pictures.tracing.solids import disc, flat
 
 pytest.importorskip("mitsuba", reason="the pictures' renderer is a development extra")
 
@@ -37,7 +37,7 @@ def area_and_centroid(polygon: Array) -> tuple[float, Array]:
     ids=["parallel", "toed-in and bent"],
 )
 def test_a_disc_lies_where_the_projection_says_to_a_hundredth_of_a_pixel(pair: Pair, tmp_path: Path) -> None:
-    from services.operator.bench.pictures.tracer import Tracer, window_around
+    from services.operator.bench.pictures.tracing.tracer import Tracer, window_around
 
     shape = disc(0.02, 360)
     flat(shape, 0.0).at(POSE).write(tmp_path / "disc.ply")

@@ -15,7 +15,7 @@ from crosspih_common.bus import Bus, open_zenoh
 from crosspih_common.errors import ConfigError, NoService
 from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
 from crosspih_common.messages import CaptureStereo, StereoPair
-from services.operator.bench.pictures.cameras import cell_pair
+from services.operator.bench.pictures.camera.cameras import cell_pair
 from tests.conftest import ServiceProcess
 from tests.hardware.private_network import LEFT, RIGHT, private_network
 

@@ -17,16 +17,14 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.provenance import part_version
 from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import errors_shown
-from services.operator.bench.pictures import renderer, shots, store
-from services.operator.bench.pictures.judging import RENDERED_BY
-from services.operator.bench.pictures.rendering import render
-from services.operator.bench.pictures.sets import NAMED_SEEDS, ROWS, SceneName, pairs_of, scene_of
+from services.operator.bench.pictures.judging.verdicts import RENDERED_BY
+from services.operator.bench.pictures.kept import shots, store
+from services.operator.bench.pictures.kept.sets import NAMED_SEEDS, ROWS, SceneName, pairs_of, scene_of
+from services.operator.bench.pictures.tracing import renderer
+from services.operator.bench.pictures.tracing.rendering import render
 
 # what a scene's light rests on, of this package
-MAKERS = (
-    "cameras", "finishes", "lights", "materials", "renderer", "rendering", "scenes", "sets", "solids", "surroundings",
-    "targets", "tracer",
-)  # fmt: skip
+MAKERS = ("camera.cameras", "kept.sets", "scenes", "tracing")
 RENDERED = Path("results/pictures")
 SMALL = Path("tests/pictures/set")
 

@@ -8,10 +8,10 @@ from rich.console import Console
 
 from crosspih_common.errors import CrosspihError
 from services.operator.bench.cells.bar import Bar
-from services.operator.bench.pictures import shots
-from services.operator.bench.pictures.asking import answers
 from services.operator.bench.pictures.command import RENDERED, SMALL
-from services.operator.bench.pictures.judging import PicturesReport, PictureVerdict, figures
+from services.operator.bench.pictures.judging.asking import answers
+from services.operator.bench.pictures.judging.verdicts import PicturesReport, PictureVerdict, figures
+from services.operator.bench.pictures.kept import shots
 
 NAMED = "rendered"
 

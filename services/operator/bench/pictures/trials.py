@@ -15,8 +15,8 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from services.operator.bench.cells.conditions import Condition, merged
 from services.operator.bench.cells.trials import TrialJob
-from services.operator.bench.pictures.scenes import drawn_pose
-from services.operator.bench.pictures.shots import Picture, Shot, WantedShot, wanted_from
+from services.operator.bench.pictures.kept.shots import Picture, Shot, WantedShot, wanted_from
+from services.operator.bench.pictures.scenes.scene import drawn_pose
 
 ROWS = ("matt", "metal_soft", "metal_hard", "lamp", "black", "bright", "through", "blind")
 SHOWN = Path("results/pictures/shown")

@@ -22,8 +22,8 @@ from services.operator.assembly.session import Session
 from services.operator.assembly.stack import cell_session
 from services.operator.bench.cells.bar import Bar
 from services.operator.bench.options import AsJson, errors_shown
+from services.operator.bench.pictures.judging.table import table_of
 from services.operator.bench.pictures.running import bench_pictures
-from services.operator.bench.pictures.table import table_of
 from services.operator.cli.failure import Failed, failure_of
 from services.operator.scoring.score import pose_error
 from services.operator.scoring.statistics import wilson95

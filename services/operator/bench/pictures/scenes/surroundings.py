@@ -13,9 +13,9 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes.cross import cross_outline
-from services.operator.bench.pictures.lights import Emitters, panel
-from services.operator.bench.pictures.materials import Surface, cut_metal, grey, matt, metal, plastic
-from services.operator.bench.pictures.solids import Solid, box_solid, convex_solid, disc, flat, prism, tube
+from services.operator.bench.pictures.scenes.lights import Emitters, panel
+from services.operator.bench.pictures.scenes.materials import Surface, cut_metal, grey, matt, metal, plastic
+from services.operator.bench.pictures.tracing.solids import Solid, box_solid, convex_solid, disc, flat, prism, tube
 
 Part = tuple[str, Solid, Surface]
 BACKGROUNDS = ("dark", "bright", "clutter", "half")

@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
-from services.operator.bench.pictures import store, targets
-from services.operator.bench.pictures.cameras import cell_pair
-from services.operator.bench.pictures.sensor import expose
-from services.operator.bench.pictures.sets import ROWS, PictureRow, SceneName, pairs_of, scene_of
+from services.operator.bench.pictures.camera.cameras import cell_pair
+from services.operator.bench.pictures.camera.sensor import expose
+from services.operator.bench.pictures.kept import store
+from services.operator.bench.pictures.kept.sets import ROWS, PictureRow, SceneName, pairs_of, scene_of
+from services.operator.bench.pictures.scenes import targets
 
 Picture = NDArray[np.uint8] | NDArray[np.uint16]
 TRUTH, SET, SCENES = "truth.json", "set.json", "scenes"

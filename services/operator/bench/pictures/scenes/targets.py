@@ -13,8 +13,8 @@ from crosspih_common.config import Workcell
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Outline
 from crosspih_common.shapes.cross import cross_outline
-from services.operator.bench.pictures.materials import Surface, matt, plastic
-from services.operator.bench.pictures.solids import Solid, SolidRim, disc, flat, prism, walls
+from services.operator.bench.pictures.scenes.materials import Surface, matt, plastic
+from services.operator.bench.pictures.tracing.solids import Solid, SolidRim, disc, flat, prism, walls
 
 Part = tuple[str, Solid, Surface]
 MADE = (

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from services.operator.bench.pictures.cameras import Pair, bent, cell_pair, resized, toed_in
-from services.operator.bench.pictures.finishes import FINISHES
-from services.operator.bench.pictures.rendering import Care
-from services.operator.bench.pictures.scenes import HOLE, SceneSpec
-from services.operator.bench.pictures.sensor import Sensor
+from services.operator.bench.pictures.camera.cameras import Pair, bent, cell_pair, resized, toed_in
+from services.operator.bench.pictures.camera.sensor import Sensor
+from services.operator.bench.pictures.scenes.finishes import FINISHES
+from services.operator.bench.pictures.scenes.scene import HOLE, SceneSpec
+from services.operator.bench.pictures.tracing.rendering import Care
 
 Rng = np.random.Generator
 OUTLINES = ("square", "triangle", "hexagon", "star", "spline", "keyway", "round", "ell", "tee")

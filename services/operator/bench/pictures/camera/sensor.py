@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.cameras import PictureLens
-from services.operator.bench.pictures.tracer import FloatImage, LightLevel
+from services.operator.bench.pictures.camera.cameras import PictureLens
+from services.operator.bench.pictures.tracing.tracer import FloatImage, LightLevel
 
 GRID_STEP = 8
 MAX_SUBPIXELS = 3

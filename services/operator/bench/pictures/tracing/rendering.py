@@ -13,10 +13,10 @@ from crosspih_common.config import Workcell
 from crosspih_common.errors import CrosspihError
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.cameras import Pair
-from services.operator.bench.pictures.scenes import MadeScene, SceneSpec, covered, make
-from services.operator.bench.pictures.store import MAX_SHARE, Rendered
-from services.operator.bench.pictures.tracer import LightLevel, Tracer, TraceWindow, draw_levels, window_around
+from services.operator.bench.pictures.camera.cameras import Pair
+from services.operator.bench.pictures.kept.store import MAX_SHARE, Rendered
+from services.operator.bench.pictures.scenes.scene import MadeScene, SceneSpec, covered, make
+from services.operator.bench.pictures.tracing.tracer import LightLevel, Tracer, TraceWindow, draw_levels, window_around
 
 MIN_HIDDEN, MAX_HIDDEN = 0.05, 0.34
 TRIES = 40

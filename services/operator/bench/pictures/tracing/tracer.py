@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.renderer import mitsuba
+from services.operator.bench.pictures.tracing.renderer import mitsuba
 
 MAX_BOUNCES = 6
 CLOSE_M = 5e-4

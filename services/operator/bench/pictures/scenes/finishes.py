@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.solids import TEXTURE_EXTENT_M
+from services.operator.bench.pictures.tracing.solids import TEXTURE_EXTENT_M
 
 FloatTexture = NDArray[np.float32]
 SIZE = 1024

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from services.operator.bench.pictures.finishes import FloatTexture, blotches, heights_of
-from services.operator.bench.pictures.renderer import mitsuba
+from services.operator.bench.pictures.scenes.finishes import FloatTexture, blotches, heights_of
+from services.operator.bench.pictures.tracing.renderer import mitsuba
 
 Surface = dict[str, Any]
 

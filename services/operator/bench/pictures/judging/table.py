@@ -7,7 +7,7 @@ from collections import Counter
 from rich import box
 from rich.table import Table
 
-from services.operator.bench.pictures.judging import PicturesReport, RowFigures, Span
+from services.operator.bench.pictures.judging.verdicts import PicturesReport, RowFigures, Span
 
 COLUMNS = (
     "row", "holes", "none", "found", "wrong", "lateral mm", "depth mm", "tilt °", "roll °", "in 95%", "ms", "plain",

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from services.operator.bench.pictures.tracer import FloatImage, LightLevel
+from services.operator.bench.pictures.tracing.tracer import FloatImage, LightLevel
 
 MAX_SHARE = 4.0
 """The brightest light that is kept, as a share of full scale: what is blurred must know how bright it was."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures.materials import grey
-from services.operator.bench.pictures.renderer import mitsuba
-from services.operator.bench.pictures.solids import disc, flat
+from services.operator.bench.pictures.scenes.materials import grey
+from services.operator.bench.pictures.tracing.renderer import mitsuba
+from services.operator.bench.pictures.tracing.solids import disc, flat
 
 LIGHTS = ("soft", "box", "dome", "strip", "ring", "side", "lamp")
 Emitters = dict[str, Any]

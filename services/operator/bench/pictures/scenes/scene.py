@@ -17,12 +17,12 @@ from shapely import Polygon, box
 from crosspih_common.config import Workcell
 from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
-from services.operator.bench.pictures import surroundings, targets
-from services.operator.bench.pictures.cameras import Pair
-from services.operator.bench.pictures.finishes import FINISHES, FloatTexture, blotches, with_marks
-from services.operator.bench.pictures.lights import Emitters, make_lights
-from services.operator.bench.pictures.materials import Surface, cut_metal, machined, matt, metal, plastic
-from services.operator.bench.pictures.solids import Solid, SolidRim, flat
+from services.operator.bench.pictures.camera.cameras import Pair
+from services.operator.bench.pictures.scenes import surroundings, targets
+from services.operator.bench.pictures.scenes.finishes import FINISHES, FloatTexture, blotches, with_marks
+from services.operator.bench.pictures.scenes.lights import Emitters, make_lights
+from services.operator.bench.pictures.scenes.materials import Surface, cut_metal, machined, matt, metal, plastic
+from services.operator.bench.pictures.tracing.solids import Solid, SolidRim, flat
 
 HOLE = "hole"
 SURFACES = ("matt", "painted", "plastic", *FINISHES, "anodised", "black", "paper")

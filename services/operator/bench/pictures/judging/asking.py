@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 
 from crosspih_common.config import Workcell
-from services.operator.bench.pictures.judging import RENDERED_BY, PictureVerdict, figures_of, judged, least_off
-from services.operator.bench.pictures.plain_pnp import plain_pose
-from services.operator.bench.pictures.shots import Shot, WantedShot
+from services.operator.bench.pictures.judging.plain_pnp import plain_pose
+from services.operator.bench.pictures.judging.verdicts import RENDERED_BY, PictureVerdict, figures_of, judged, least_off
+from services.operator.bench.pictures.kept.shots import Shot, WantedShot
 from services.operator.locate.worker import OfflineVision
 
 

@@ -1,0 +1,1 @@
+"""Which pictures there are, and how they are kept in files."""

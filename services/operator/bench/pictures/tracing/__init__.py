@@ -1,0 +1,1 @@
+"""Scenes as triangles, and the path tracer that renders them."""
