@@ -17,7 +17,7 @@ from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
 from crosspih_common.messages import CaptureStereo, StereoPair
 from services.operator.bench.pictures.camera.cameras import cell_pair
 from tests.conftest import ServiceProcess
-from tests.hardware.private_network import LEFT, RIGHT, private_network
+from tests.hardware.drivers.genicam.private_network import LEFT, RIGHT, private_network
 
 DEADLINE_S = 120.0
 

@@ -41,7 +41,7 @@ from services.vision.refusals import VisionRefusal
 from services.vision.shell import VisionShell
 from services.vision.stereo import StereoModel
 from tests.conftest import started_router
-from tests.vision.drawn_pairs import Look, drawn_pair
+from tests.vision.pictures.drawn_pairs import Look, drawn_pair
 
 EVERY, WARM_UP = 20, 60
 KINDS = ["arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"]

@@ -22,7 +22,7 @@ from services.vision.locate import Located, locate_rim
 from services.vision.refusals import NotTheDrawing
 from services.vision.stereo import Camera, StereoModel
 from services.vision.straightness import left_over, lenses_of
-from tests.vision.drawn_pairs import Floats, Look, drawn_pair
+from tests.vision.pictures.drawn_pairs import Floats, Look, drawn_pair
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())

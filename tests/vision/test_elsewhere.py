@@ -10,7 +10,7 @@ from crosspih_common.shapes import Hole
 from services.vision.fit.solve import Doubts
 from services.vision.locate import locate_rim
 from services.vision.refusals import NotTheDrawing, VisionRefusal
-from tests.vision.drawn_pairs import Look, drawn_pair
+from tests.vision.pictures.drawn_pairs import Look, drawn_pair
 from tests.vision.test_doubts import HALF_RANGES, HOLE, NOMINAL, STEREO, TRUTH
 
 SEEN_FROM = STEREO.pose_base_camera.inverse() @ TRUTH

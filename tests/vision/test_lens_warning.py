@@ -24,7 +24,7 @@ from crosspih_common.messages import (
 from crosspih_common.service.lifecycle import ServiceContext
 from services.vision.config import VisionConfig
 from services.vision.shell import VisionShell
-from tests.vision.lenses import calibration_of, fine_pair, seen_by
+from tests.vision.pictures.lenses import calibration_of, fine_pair, seen_by
 
 TRUTH = Workcell().hole_prior.pose_base_hole() @ Pose.from_rotvec([0.05, -0.04, 0.06], [0.004, -0.003, 0.006])
 STILL = Pose.identity()

@@ -27,7 +27,7 @@ from services.vision.refusals import (
     WrongImage,
 )
 from services.vision.stereo import StereoModel
-from tests.vision.plain_look import plain_look
+from tests.vision.pictures.plain_look import plain_look
 
 WORKCELL = Workcell()
 HOLE = WORKCELL.hole.shape(WORKCELL.peg.shape())

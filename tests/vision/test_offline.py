@@ -18,7 +18,7 @@ from services.vision import offline
 from services.vision.locate import Located
 from services.vision.offline import serve
 from services.vision.refusals import NoCross, VisionRefusal
-from tests.vision.lenses import OWN, calibration_of, fine_pair, seen_by
+from tests.vision.pictures.lenses import OWN, calibration_of, fine_pair, seen_by
 
 NOMINAL = Workcell().hole_prior.pose_base_hole()
 TRUTH = NOMINAL @ Pose.from_rotvec([0.05, -0.04, 0.06], [0.004, -0.003, 0.006])

@@ -19,7 +19,7 @@ from services.hardware.shells.hardware import HardwareShell
 from services.vision.config import VisionConfig
 from services.vision.second_look import LAMPS, Lighting, next_look
 from services.vision.shell import VisionShell
-from tests.vision.plain_look import PLAIN_CAMERA
+from tests.vision.pictures.plain_look import PLAIN_CAMERA
 
 
 def test_light_is_changed_towards_what_was_refused() -> None:

@@ -9,7 +9,7 @@ each clipped. The load is the axial force, or a share of |F| when the peg leans 
 carry far more than its axial force says. A load beyond F_max lets the peg come back.
 
 All in plain floats: of three numbers or nine, a call of NumPy costs more than the sums, and this is reckoned in every
-cycle. tests/hardware/test_admittance_law.py holds it to the same law in NumPy and SciPy.
+cycle. tests/hardware/control/test_admittance_law.py holds it to the same law in NumPy and SciPy.
 """
 
 from __future__ import annotations

@@ -62,7 +62,8 @@ class OneCommand(TyperCommand):
 class OnDemand:
     """Where a command, or a Typer app of several, is found: `package.module:name`; and what the list says of it.
 
-    `says` is the first paragraph of the command's own help: tests/operator/test_on_demand.py holds the two together.
+    `says` is the first paragraph of the command's own help: tests/operator/cli/test_on_demand.py checks that the two
+    agree.
     """
 
     where: str
