@@ -20,18 +20,9 @@ from crosspih_common.keys import (
     author_key,
 )
 from crosspih_common.messages import FtCalibration, IdentifyPayload
+from tests.force_torque.made_calibrations import CALIBRATION, FORGED
 
 CELL = "c"
-CALIBRATION = FtCalibration(
-    bias=(0.0,) * 6,
-    weight_n=9.55,
-    centroid_m=(0.0, 0.0, 0.04),
-    gravity_base=(0.0, 0.0, -1.0),
-    residual_force_n=0.01,
-    residual_moment_nm=0.001,
-    poses=6,
-)
-FORGED = CALIBRATION.model_copy(update={"weight_n": 0.5})
 
 
 class Stranger:

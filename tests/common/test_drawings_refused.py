@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from ezdxf.document import Drawing
 
 from crosspih_common.shapes.drawn import DrawingRefused
 from crosspih_common.shapes.importing import DrawingRead, read_drawing
+from tests.common.drawn_dxf import dxf
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="60mm" viewBox="0 0 60 60">'
 STEP = '<path d="M 10 12 H 50 V 44 H 24 V 36 H 10 Z"/>'
@@ -198,15 +198,6 @@ def test_two_hundred_thousand_points_are_read_or_refused(tmp_path: Path) -> None
                      for n, a in enumerate(angles[::100]))  # fmt: skip
     with pytest.raises(DrawingRefused, match="corners once its curves are chords, more than 64; simplify it"):
         svg(tmp_path, f'<polygon points="{rough}"/>').outline()
-
-
-def dxf(folder: Path, draw: Callable[[Drawing], object], unit: int = 4) -> DrawingRead:
-    document = Drawing.new()
-    document.units = unit
-    draw(document)
-    path = folder / "drawn.dxf"
-    document.saveas(path)
-    return read_drawing(path)
 
 
 CORNERS = [(10, 12), (50, 12), (50, 44), (24, 44), (24, 36), (10, 36)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from crosspih_common.shapes.importing import DrawingRead, read_drawing
 from crosspih_common.shapes.named import NAMED, Sizes, tapered
 from crosspih_common.shapes.outline import symmetry_of
 from services.inference.estimator.bore import BoreWalls
+from tests.common.drawn_dxf import dxf
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" width="{w}" height="{h}" viewBox="{box}">{inside}</svg>'
 K = 0.5522847498307936  # of a circle's quarter by a Bezier
@@ -25,15 +25,6 @@ K = 0.5522847498307936  # of a circle's quarter by a Bezier
 def svg(folder: Path, inside: str, w: str = "60mm", h: str = "60mm", box: str = "0 0 60 60") -> DrawingRead:
     path = folder / "drawn.svg"
     path.write_text(HEAD.format(w=w, h=h, box=box, inside=inside), encoding="utf-8")
-    return read_drawing(path)
-
-
-def dxf(folder: Path, draw: Callable[[Drawing], object], unit: int = 4) -> DrawingRead:
-    document = Drawing.new()
-    document.units = unit
-    draw(document)
-    path = folder / "drawn.dxf"
-    document.saveas(path)
     return read_drawing(path)
 
 

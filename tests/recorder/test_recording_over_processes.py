@@ -45,6 +45,7 @@ from crosspih_common.messages import (
 )
 from crosspih_common.recording import read_recording
 from crosspih_common.recording.viewers import for_viewers
+from tests.force_torque.made_calibrations import CALIBRATION
 
 DEADLINE_S = 60.0  # a process reads its imports for half a minute beside twenty busy ones
 CELL = "rec1"
@@ -115,16 +116,7 @@ def phase(stamp_ns: int) -> AssemblyPhase:
 
 
 def calibration(stamp_ns: int) -> FtCalibration:
-    return FtCalibration(
-        stamp_ns=stamp_ns,
-        bias=(0.0,) * 6,
-        weight_n=9.55,
-        centroid_m=(0.0, 0.0, 0.04),
-        gravity_base=(0.0, 0.0, -1.0),
-        residual_force_n=0.01,
-        residual_moment_nm=0.001,
-        poses=6,
-    )
+    return CALIBRATION.model_copy(update={"stamp_ns": stamp_ns})
 
 
 PIXELS = np.arange(640 * 480, dtype=np.uint32).reshape(480, 640).astype(np.uint8)

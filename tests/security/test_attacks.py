@@ -26,17 +26,8 @@ from crosspih_common.security.access import SERVICES
 from services.operator.security.issuing import Authority, issue_all, write_pair
 from tests.bus.test_zenoh_bus import ask_until_there
 from tests.conftest import ServiceProcess, started_router
+from tests.force_torque.made_calibrations import FORGED
 from tests.security.attacks import CELL, DEADLINE_S, Secured, asked_outright, listening_ports
-
-FORGED = FtCalibration(
-    bias=(0.0,) * 6,
-    weight_n=0.5,
-    centroid_m=(0.0, 0.0, 0.04),
-    gravity_base=(0.0, 0.0, -1.0),
-    residual_force_n=0.01,
-    residual_moment_nm=0.001,
-    poses=6,
-)
 
 
 @pytest.fixture(scope="module")

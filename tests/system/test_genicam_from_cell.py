@@ -10,25 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosspih_common.aravis import load
 from crosspih_common.bus import Bus, open_zenoh
-from crosspih_common.errors import ConfigError, NoService
+from crosspih_common.errors import NoService
 from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
 from crosspih_common.messages import CaptureStereo, StereoPair
 from services.operator.bench.pictures.camera.cameras import cell_pair
 from tests.conftest import ServiceProcess
-from tests.hardware.drivers.genicam.private_network import LEFT, RIGHT, private_network
+from tests.hardware.drivers.genicam.private_network import LEFT, RIGHT, camera_network
 
 DEADLINE_S = 120.0
 
 
 @pytest.fixture(autouse=True)
 def network() -> Iterator[None]:
-    try:
-        load()
-    except ConfigError as error:
-        pytest.skip(str(error))
-    with private_network():
+    with camera_network():
         yield
 
 

@@ -18,6 +18,7 @@ from crosspih_common.messages import (
     Strategy,
 )
 from services.operator.assembly.session import Session
+from tests.force_torque.made_calibrations import FORGED
 from tests.system.running_cell import DEADLINE_S, RunningCell
 
 # (what is sent, its label, what the event must name)
@@ -83,15 +84,6 @@ def test_a_number_that_is_none_is_refused_by_its_server(cell: RunningCell, sessi
 
 def test_a_forged_calibration_is_nobodys(cell: RunningCell, session: Session) -> None:
     """The planner would never calibrate again by itself, and every assembly would end: so it is not to be believed."""
-    forged = FtCalibration(
-        bias=(0.0,) * 6,
-        weight_n=0.5,
-        centroid_m=(0.0, 0.0, 0.04),
-        gravity_base=(0.0, 0.0, -1.0),
-        residual_force_n=0.01,
-        residual_moment_nm=0.001,
-        poses=6,
-    )
     key, events = FT_CALIBRATION.key(cell.name), session.bus.latest(EVENTS, depth=64)
     latest = session.bus.latest(FT_CALIBRATION)
     said: list[str] = []
@@ -99,7 +91,7 @@ def test_a_forged_calibration_is_nobodys(cell: RunningCell, session: Session) ->
     with open_zenoh(cell.endpoint) as outsider:
         sender = outsider.sender(key, recover=True, history=1)
         for _ in range(60):
-            sender.put(encode(forged), label_with_seq(FtCalibration, 0))
+            sender.put(encode(FORGED), label_with_seq(FtCalibration, 0))
             told = events.wait_for(  # the recorder says so too
                 lambda event: (event.service, event.code) == ("planning", "forged_state") and key in event.text, 0.5
             )
@@ -107,7 +99,7 @@ def test_a_forged_calibration_is_nobodys(cell: RunningCell, session: Session) ->
                 break
         assert told is not None and outsider.author in told.text
     assert said and outsider.author in said[0]
-    assert latest.wait_for(lambda one: one.weight_n == forged.weight_n, 0.0) is None
+    assert latest.wait_for(lambda one: one.weight_n == FORGED.weight_n, 0.0) is None
 
 
 def test_a_fabricated_identify_changes_no_calibration(cell: RunningCell, session: Session) -> None:

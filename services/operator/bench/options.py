@@ -72,10 +72,24 @@ def trials_of(
             progress.say(f"  watch it: {watch_command(job)}")
         on_done(job, figures)
 
+    return run_kept(jobs, progress, cells, executor, ray_address, store, record, count)
+
+
+def run_kept(
+    jobs: list[TrialJob],
+    progress: CellsProgress,
+    cells: int | None,
+    executor: ExecutorName,
+    ray_address: str | None,
+    store: Path | None,
+    record: bool = False,
+    on_done: Callable[[TrialJob, TrialFigures], object] = lambda job, figures: None,
+) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:
+    """As `trials_of`, with a progress of the bench's own."""
     kept = None if store is None else ResultStore(store)
     try:
         done = run_trials(
-            jobs, cells=cells, executor=executor, ray_address=ray_address, store=kept, record=record, on_done=count,
+            jobs, cells=cells, executor=executor, ray_address=ray_address, store=kept, record=record, on_done=on_done,
             progress=progress,
         )  # fmt: skip
     except TrialsEnded as ended:

@@ -3,7 +3,6 @@ whether this machine's wall clock is that of the cell's."""
 
 from __future__ import annotations
 
-import threading
 from typing import TYPE_CHECKING
 
 from crosspih_common.errors import CrosspihError
@@ -59,23 +58,12 @@ def _clocks_apart(bus: Bus) -> str:
 def _with_signs_of_life(state: StackState) -> StackState:
     from crosspih_common.bus import Bus, open_zenoh  # the messages: not for a stack that is down
     from crosspih_common.config import cell_name
+    from services.operator.topic.listening import alive_services
 
-    wanted = {row.service for row in state.services if row.phase is ServicePhase.RUNNING} - {ROUTER}
-    alive: set[str] = set()
-    changed = threading.Condition()
-
-    def on_alive(service: str, lives: bool) -> None:
-        with changed:
-            (alive.add if lives else alive.discard)(service)
-            changed.notify_all()
-
+    wanted = frozenset(row.service for row in state.services if row.phase is ServicePhase.RUNNING) - {ROUTER}
     try:
         with Bus(open_zenoh(endpoint(), CONNECT_S), cell_name(cell_path()), "operator") as bus:
-            bus.watch_alive(on_alive)
-            with changed:
-                changed.wait_for(lambda: wanted <= alive, HEAR_S)
-                noticed = noted(state, set(alive))
-            return with_clock(noticed, _clocks_apart(bus))
+            return with_clock(noted(state, alive_services(bus, wanted, HEAR_S)), _clocks_apart(bus))
     except CrosspihError:
         return state  # no router, or no cell's file: the launcher's own table is all there is
 

@@ -14,17 +14,15 @@ from rich.console import Console
 
 from crosspih_common.messages import OwnStrategy, Strategy
 from crosspih_common.messages.assembly import AnyStrategy
-from crosspih_common.provenance import ResultStore
 from services.operator.bench.cells.conditions import Condition
 from services.operator.bench.cells.pool import ExecutorName
 from services.operator.bench.cells.progress import CellsProgress
-from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob, TrialsEnded, run_trials
+from services.operator.bench.cells.trials import DEFAULT_STORE, TrialJob
 from services.operator.bench.compare.comparison import Comparison, compare_strategies
 from services.operator.bench.compare.figure import check_suffix, save_figure
 from services.operator.bench.compare.table import compare_table
-from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, errors_shown
+from services.operator.bench.options import AsJson, Cells, RayAddress, Store, Where, errors_shown, run_kept
 from services.operator.cli.chosen_strategy import chosen
-from services.operator.scoring.score import TrialFigures
 
 POOR = {"lateral_m": 0.0025, "depth_m": 0.002, "rotation_rad": 0.0524}
 POORLY = f"off by {POOR['lateral_m'] * 1e3:g} mm and {math.degrees(POOR['rotation_rad']):.0f}° an axis"
@@ -108,7 +106,8 @@ def compare(
                 {"estimator": estimator or [], "network": network or []},
             )
         ]
-        done, ended = _trials(console, jobs, cells, executor, ray_address, store)
+        # failures are many here and meant to be: they stand in the table, not above the bar
+        done, ended = run_kept(jobs, CellsProgress(console, "compare"), cells, executor, ray_address, store)
         if done:
             comparison = compare_strategies(seed, done)
             _show(comparison, as_json)
@@ -132,25 +131,6 @@ def _rows(
 
 def _with(condition: Condition, setting: str, name: str) -> Condition:
     return condition.model_copy(update={"overrides": {**condition.overrides, "inference": {setting: name}}})
-
-
-def _trials(
-    console: Console, jobs: list[TrialJob], cells: int | None, executor: ExecutorName, ray_address: str | None,
-    store: Path | None,
-) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:  # fmt: skip
-    # failures are many here and meant to be: they stand in the table, not above the bar
-    kept = None if store is None else ResultStore(store)
-    try:
-        done = run_trials(
-            jobs, cells=cells, executor=executor, ray_address=ray_address, store=kept,
-            progress=CellsProgress(console, "compare"),
-        )  # fmt: skip
-    except TrialsEnded as ended:
-        return ended.done, ended
-    finally:
-        if kept is not None:
-            kept.close()
-    return list(zip(jobs, done, strict=True)), None
 
 
 def _show(comparison: Comparison, as_json: bool) -> None:

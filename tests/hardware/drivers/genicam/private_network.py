@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from crosspih_common.aravis import load
+from crosspih_common.errors import ConfigError
+
 CLONE_NEWNET = 0x40000000
 LEFT, RIGHT, THIRD, FOURTH = ADDRESSES = "127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"
 FAKE_CAMERA = "arv-fake-gv-camera-0.8"
@@ -39,6 +42,17 @@ def private_network() -> Iterator[None]:
             yield
         finally:
             assert libc.setns(own.fileno(), CLONE_NEWNET) == 0, os.strerror(ctypes.get_errno())
+
+
+@contextmanager
+def camera_network() -> Iterator[None]:
+    """`private_network`; skips the test also where aravis' library is not there."""
+    try:
+        load()
+    except ConfigError as error:
+        pytest.skip(str(error))
+    with private_network():
+        yield
 
 
 class FakeCamera:

@@ -31,7 +31,7 @@ from tests.hardware.drivers.genicam.private_network import (
     RIGHT,
     THIRD,
     FakeCamera,
-    private_network,
+    camera_network,
 )
 
 APART_S = 0.06  # the fake cameras look for a trigger every 40 ms, and the first time after 100 ms
@@ -43,11 +43,7 @@ OWN = {"left": THIRD, "right": FOURTH}  # of the cameras that a test starts for 
 def network() -> Iterator[None]:
     if shutil.which(FAKE_CAMERA) is None:
         pytest.skip(f"no {FAKE_CAMERA}: apt install aravis-tools")
-    try:
-        load()
-    except ConfigError as error:
-        pytest.skip(str(error))
-    with private_network():
+    with camera_network():
         yield
 
 

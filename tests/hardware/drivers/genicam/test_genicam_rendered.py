@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 import pytest
 
-from crosspih_common.aravis import load
 from crosspih_common.bus import Bus
 from crosspih_common.bus.memory import MemoryHub
 from crosspih_common.config import Workcell
@@ -28,7 +27,7 @@ from services.operator.bench.pictures.camera.cameras import cell_pair
 from services.operator.bench.protocols import genicam_features as registers
 from services.operator.bench.protocols.genicam import RenderedPair
 from services.operator.bench.protocols.genicam_frames import CellFrames, FileFrames
-from tests.hardware.drivers.genicam.private_network import LEFT, RIGHT, private_network
+from tests.hardware.drivers.genicam.private_network import LEFT, RIGHT, camera_network
 
 SIZE = (480, 640)
 APART_S = 0.05  # on a machine that is busy with other things
@@ -41,11 +40,7 @@ LAMPS = [
 
 @pytest.fixture(scope="module", autouse=True)
 def network() -> Iterator[None]:
-    try:
-        load()
-    except ConfigError as error:
-        pytest.skip(str(error))
-    with private_network():
+    with camera_network():
         yield
 
 

@@ -24,13 +24,13 @@ from crosspih_common.messages import (
     MoveLinear,
     RawWrenchBatch,
     ResetCell,
-    SetPayload,
     StopReason,
 )
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
 from services.hardware.hosting import HostedCell, open_cell
+from tests.hardware.drivers.simulated.payload import know_payload
 
 WORKCELL = Workcell()
 FT = SimulatedSensorConfig()
@@ -165,12 +165,7 @@ def test_unreachable_and_nan_and_directionless_commands_are_refused(cell: Hosted
 
 
 def test_a_guarded_move_in_free_air_reaches_its_limit(cell: HostedCell) -> None:
-    cell.arm.set_payload(
-        SetPayload(
-            bias=FT.bias, weight_n=9.81 * FT.payload_kg, centroid_ft_m=FT.payload_centroid_m,
-            gravity_base=(0.0, 0.0, -1.0),
-        )
-    )  # fmt: skip
+    know_payload(cell, FT)
     outcome = cell.arm.guarded_move(GuardedMove(direction_base=(0.0, 0.0, -2.0), speed_m_s=0.05, travel_limit_m=0.02))
     assert outcome.stop_reason is StopReason.TRAVEL_LIMIT
     assert outcome.travel_m == pytest.approx(0.02, abs=2e-6)
@@ -245,14 +240,7 @@ def test_reset_places_the_peg_and_refuses_to_place_it_inside_the_fixture(cell: H
 def test_compensation_uses_the_payload_it_is_given(cell: HostedCell) -> None:
     goal = nearest(WORKCELL.arm(), WORKCELL.arm().pose_base_flange(HOME + 0.25), HOME)
     without = cell.arm.follow(FollowTrajectory(knots=knots(HOME, goal, seconds=3.0)))
-    cell.arm.set_payload(
-        SetPayload(
-            bias=FT.bias,
-            weight_n=9.81 * FT.payload_kg,
-            centroid_ft_m=FT.payload_centroid_m,
-            gravity_base=(0.0, 0.0, -1.0),
-        )
-    )
+    know_payload(cell, FT)
     known = cell.arm.follow(FollowTrajectory(knots=knots(goal, HOME, seconds=3.0)))
     assert known.peak_force_n < 1.5 < without.peak_force_n
 

@@ -18,7 +18,6 @@ from crosspih_common.messages import (
     GuardedMoveOutcome,
     MoveLinear,
     ResetCell,
-    SetPayload,
     StopReason,
 )
 from crosspih_common.messages.base import PoseData, floats
@@ -26,6 +25,7 @@ from services.hardware.config import HardwareConfig
 from services.hardware.control.guarded import onset
 from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
 from services.hardware.hosting import HostedCell, open_cell
+from tests.hardware.drivers.simulated.payload import know_payload
 
 WORKCELL = Workcell()
 PEG = WORKCELL.peg.shape()
@@ -41,19 +41,8 @@ def opened(friction: float = 0.1, noisy: bool = True, **more: Any) -> HostedCell
     sensor = FT if noisy else SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0)
     config = SimulatedConfig(friction_coefficient=friction, force_torque=sensor, **more)
     cell = open_cell(WORKCELL, HardwareConfig(simulated=config), realtime=False)
-    know_payload(cell)
+    know_payload(cell, FT)
     return cell
-
-
-def know_payload(cell: HostedCell) -> None:
-    cell.arm.set_payload(
-        SetPayload(
-            bias=FT.bias,
-            weight_n=9.81 * FT.payload_kg,
-            centroid_ft_m=FT.payload_centroid_m,
-            gravity_base=(0.0, 0.0, -1.0),
-        )
-    )
 
 
 @pytest.fixture
@@ -262,7 +251,7 @@ def test_no_move_goes_by_force_before_the_payload_is_known() -> None:
                 press()
             assert refusal.value.code == "no_payload"
         assert cell.arm.joint_state() == into
-        know_payload(cell)
+        know_payload(cell, FT)
         assert touch(cell, retreat_m=0.002).stop_reason is StopReason.CONTACT
     finally:
         cell.close()

@@ -10,7 +10,7 @@ import pytest
 
 from crosspih_common.config import PegDrawing, Workcell
 from crosspih_common.geometry import Pose
-from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, SetPayload, StopReason
+from crosspih_common.messages import AdmittanceMove, GuardedMove, ResetCell, StopReason
 from crosspih_common.messages.base import PoseData, floats
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.simulated.config import SimulatedConfig, SimulatedSensorConfig
@@ -18,6 +18,7 @@ from services.hardware.drivers.simulated.engines.arm_bodies import arm_bodies
 from services.hardware.drivers.simulated.scene.fixture_mesh import chamfer_meshes, fixture_meshes
 from services.hardware.drivers.simulated.scene.scene_mesh import RenderMesh
 from services.hardware.hosting import HostedCell, open_cell
+from tests.hardware.drivers.simulated.payload import know_payload
 
 FT = SimulatedSensorConfig(noise_n=0.0, noise_nm=0.0)
 ELL_M = tuple((x * 1e-3, y * 1e-3) for x, y in ((-24, -6), (4, -6), (4, 22), (-4, 22), (-4, 6), (-24, 6)))
@@ -29,14 +30,7 @@ def opened(peg: PegDrawing, friction: float = 0.1) -> Iterator[tuple[HostedCell,
     config = SimulatedConfig(friction_coefficient=friction, force_torque=FT)
     cell = open_cell(workcell, HardwareConfig(simulated=config), realtime=False)
     try:
-        cell.arm.set_payload(
-            SetPayload(
-                bias=FT.bias,
-                weight_n=9.81 * FT.payload_kg,
-                centroid_ft_m=FT.payload_centroid_m,
-                gravity_base=(0.0, 0.0, -1.0),
-            )
-        )
+        know_payload(cell, FT)
         yield cell, workcell
     finally:
         cell.close()
