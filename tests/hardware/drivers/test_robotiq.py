@@ -15,13 +15,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from crosspih_common.config import Workcell
+from crosspih_common.config import Workcell, load_cell
 from crosspih_common.errors import ConfigError
+from crosspih_common.messages import Dwell, StopReason
 from services.hardware.config import HardwareConfig
 from services.hardware.drivers.registry import OpenRequest
 from services.hardware.drivers.robotiq import opening
 from services.hardware.drivers.robotiq.config import RobotiqConfig
 from services.hardware.drivers.robotiq.wire import PACKET, StreamReader, crc16, identity, wrench_of
+from services.hardware.hosting import open_cell
+from tests.conftest import ROOT
 from tests.hardware.drivers.peers import Peer, Told, serving, wait_until
 
 pytest.importorskip("pymodbus")
@@ -188,3 +191,28 @@ def test_what_cannot_be_is_refused_with_its_mend(tmp_path: Path) -> None:
 def test_where_it_is_must_be_said_once(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError, match="serial"):
         RobotiqConfig.model_validate(wrong)
+
+
+def test_the_simulated_cell_measures_the_same_behind_the_protocol(tmp_path: Path) -> None:
+    """docs/examples/sensor-behind-ft300.yaml against the same cell without a protocol between."""
+    file = load_cell(ROOT / "docs" / "examples" / "sensor-behind-ft300.yaml")
+    arm = frozenset({"arm", "force_torque"})
+    direct = open_cell(file.workcell, HardwareConfig(), realtime=False, wanted=arm)
+    try:
+        expected = direct.arm.dwell(Dwell(duration_s=0.3)).wrench_raw
+    finally:
+        direct.close()
+    line = tmp_path / "ttyFT300"
+    with serving("robotiq", "--serial", str(line), "--feed-port", "0") as peer:
+        content = file.section("hardware", HardwareConfig).model_dump()
+        content["robotiq"].update(serial=str(line))
+        content["options"]["feed"] = f"127.0.0.1:{peer.ports['feed']}"
+        content["limits"].update(missed_cycles=10_000, sensor_timeout_s=1.0, holder_timeout_s=5.0)
+        cell = open_cell(file.workcell, HardwareConfig.model_validate(content), realtime=True, wanted=arm)
+        try:
+            found = cell.arm.dwell(Dwell(duration_s=0.3))
+        finally:
+            cell.close()
+    assert found.stop_reason is StopReason.COMPLETED
+    # the FT 300 tells hundredths of a newton and thousandths of a newton metre
+    assert np.linalg.norm(expected[:3]) > 5.0 and found.wrench_raw == pytest.approx(expected, abs=0.1)
