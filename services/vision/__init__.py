@@ -1,1 +1,1 @@
-"""Where the hole is, from a stereo pair."""
+"""Measures the pose of the hole from a pair of stereo pictures."""

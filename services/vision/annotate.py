@@ -1,4 +1,5 @@
-"""The pictures as the paper's Figure 6: the cross region in a red rectangle, its centre a red dot; ours adds a rim."""
+"""Annotated pictures as in the paper's Figure 6: the cross region in a red rectangle, its centre a red dot, and the
+fitted rim."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ Grey = NDArray[np.uint8]
 
 
 def annotated(grey: Grey, region: Region, side: int) -> Grey:
-    """RGB picture of one side (0 left, 1 right) with the dark region that was seen."""
+    """RGB picture of one side (0 left, 1 right) with the dark region that was found."""
     left, top, width, height = region.box_px
     return _framed(
         np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), dtype=np.uint8),
@@ -29,7 +30,8 @@ def annotated(grey: Grey, region: Region, side: int) -> Grey:
 
 
 def annotated_rim(grey: Grey, side: int, rim: Rim, stereo: StereoModel, pose_camera_hole: Pose) -> Grey:
-    """RGB picture of one side (0 left, 1 right) with the fitted rim, and the hole's axis, out of the face."""
+    """RGB picture of one side (0 left, 1 right) with the fitted rim and the hole's axis, drawn outward from the
+    face."""
     picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), dtype=np.uint8)
     lines = stereo.project(pose_camera_hole.apply(np.stack([rim.outer_m, rim.inner_m])))[side]
     fixed = np.round(lines * 2**SUBPIXEL_BITS).astype(np.int32)

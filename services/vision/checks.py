@@ -1,4 +1,4 @@
-"""What a fit must be like to be believed, and what to do where it is not."""
+"""Checks that decide whether a fit can be trusted, and the advice given where it cannot."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from services.vision.refusals import (
     TooDark,
 )
 
-# of the rim: that must lie inside both pictures, look like a rim, and the share of its edges that must
+# least share of the rim inside both pictures; least share that looks like a rim; least share of edges that do
 MIN_INSIDE, MIN_SUPPORT, MIN_EDGES = 0.6, 0.5, 0.5
 MAX_SATURATED = 0.25
-# the rim beside something saturated is seen by half: it is believed where nothing pulls at calibration and drawing
+# a rim with saturated parts is only half visible: it is accepted if calibration and drawing are not in conflict with it
 MAX_RIM_SATURATED, MAX_SATURATED_OFFSET, MAX_SATURATED_SIZES = 0.5, 4.0, 10.0
-# a chamfer that is white alone, the inside seen: its outer line looks wider by where the blur is cut off
+# with only the chamfer saturated and the inside visible: clipping of the blur makes the outer line look wider
 WHITE_RIM_INSIDE, WHITE_RIM_SIZES = 0.1, 18.0
 STEP_NOISES, MIN_STEP_GREY = 4.0, 4.0
-# a face darker than that could hide a hole
+# a face darker than this could hide a hole
 DARK_GREY = 25.0
-# on such a face a step of less, times the noise, is what is wrong with it when the rim is not seen well
+# on such a face, a step below this many noises is the cause reported when the rim is not seen well
 DIM_NOISES = 8.0
 MAX_RESIDUAL = 0.1
-# how rough what is seen at the rim may be, share of the step; and where less than that of the rim looks like one
+# largest roughness at the rim, share of the step; a stricter bound where less than this share looks like a rim
 MAX_ROUGH, MAX_ROUGH_COVERED, COVERED = 0.35, 0.16, 0.85
-# chi2 of what the pictures say against the calibration (2) and against the drawing (4)
+# chi2 of the conflict with the calibration (2 dof) and with the drawing (4 dof)
 MAX_OFFSET, MAX_SIZES = 7.0, 25.0
 PRIOR_SLACK = 1.3
 
 
 def require_sound(quality: Quality, rim: Rim) -> None:
-    """Raises the VisionRefusal that says best what is wrong with a fit."""
+    """Raises the VisionRefusal that best describes the fault of a fit."""
     if quality.saturated > MAX_SATURATED:
         raise TooBright(
             f"{quality.saturated:.0%} of the face beside the rim is saturated, want less than {MAX_SATURATED:.0%}: "
@@ -76,7 +76,7 @@ def require_sound(quality: Quality, rim: Rim) -> None:
                 "the right part, and the right way round?"
             )
         raise too_dark
-    # in each picture by itself: one that shows it all does not speak for one that shows something else
+    # each picture by itself: a picture with the whole rim does not vouch for one that shows something else
     seen = quality.support.mean(axis=1)
     edges = np.mean(quality.support > 0.5, axis=1)
     if seen.min() < MIN_SUPPORT or edges.min() < MIN_EDGES:
@@ -89,7 +89,7 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             f"{hidden_parts(quality.support, rim)}: take away what covers it, or light the dark side"
         )
     rough_most = MAX_ROUGH if quality.supported > COVERED else MAX_ROUGH_COVERED
-    # what noise alone leaves says nothing against the rim, however low its step
+    # a residual of the size of the noise is no objection, however low the step
     noise = quality.noise_grey / max(quality.step_grey, 1.0)
     unexplained = float(np.sqrt(max(quality.residual**2 - noise**2, 0.0)))
     if unexplained > MAX_RESIDUAL or quality.rough > rough_most:
@@ -100,7 +100,7 @@ def require_sound(quality: Quality, rim: Rim) -> None:
             f"{MAX_RESIDUAL:.0%}, and its texture is {quality.rough:.0%} of it, want less than {rough_most:.0%}: use "
             "a larger, softer light"
         )
-    # an outline of another size pulls at the calibration as well, and harder at the drawing
+    # an outline of another size conflicts with the calibration as well, and more strongly with the drawing
     drawing_first = quality.sizes_conflict > quality.offset_conflict
     if quality.offset_conflict > MAX_OFFSET and not drawing_first:
         du, dv = quality.offset_px
@@ -120,7 +120,7 @@ def require_sound(quality: Quality, rim: Rim) -> None:
 
 
 def require_drawn_edges(elsewhere: list[tuple[int, float]]) -> None:
-    """Raises NotTheDrawing where edges of the rim (their number, and by how much outward, m) are elsewhere."""
+    """Raises NotTheDrawing where edges of the rim (their number, and their offset outward, m) lie elsewhere."""
     if elsewhere:
         group, offset = max(elsewhere, key=lambda one: abs(one[1]))
         raise NotTheDrawing(
@@ -130,7 +130,8 @@ def require_drawn_edges(elsewhere: list[tuple[int, float]]) -> None:
 
 
 def require_inside_prior(nominal: Pose, half_ranges: Array, pose_base_hole: Pose) -> None:
-    """Raises OutsidePrior for a pose farther from `nominal` than `half_ranges` (6,), m and rad, and some slack."""
+    """Raises OutsidePrior if the pose differs from `nominal` by more than `half_ranges` (6,), m and rad, and some
+    slack."""
     off = nominal.inverse() @ pose_base_hole
     error = np.concatenate([off.translation_m, off.rotvec_rad()])
     worst = int(np.argmax(np.abs(error) / half_ranges))

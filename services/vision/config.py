@@ -9,7 +9,7 @@ from crosspih_common.config.section import Section
 
 
 class ExtraNoise(Section):
-    """A worse camera than the simulated one: an error added to every pose found, one sd each, about the hole's axes."""
+    """A worse camera than the simulated one: an error added to every pose, one sd per axis of the hole frame."""
 
     lateral_m: float = Field(default=0.0, ge=0.0, le=0.02)
     depth_m: float = Field(default=0.0, ge=0.0, le=0.02)
@@ -17,8 +17,8 @@ class ExtraNoise(Section):
 
 
 class CalibrationDoubt(Section):
-    """How far the cameras may be from their calibration, one standard deviation each. What the hole may be off by
-    stands in `cell.hole.tolerance`."""
+    """The uncertainty of the camera calibration, one standard deviation each. The uncertainty of the hole's pose stands
+    in `cell.hole.tolerance`."""
 
     offset_sd_px: float = Field(default=0.03, ge=0.001, le=2.0, description="the right picture against the left one")
     k1_sd: float = Field(default=0.001, ge=0.0, le=0.5, description="of a lens whose distortion is calibrated")

@@ -1,4 +1,4 @@
-"""How sure a pose is: the fit's own covariance, what its edges show of it, and what the fit cannot know of itself."""
+"""The covariance of a pose: from the fit, from the disagreement of its edges, and from errors the fit cannot see."""
 
 from __future__ import annotations
 
@@ -10,22 +10,21 @@ from services.vision.fit.quality import Quality
 from services.vision.fit.rim import Rim
 from services.vision.fit.solve import Fit
 
-# chi2 of what the pictures say against the calibration (2) and against the drawing (4): from there on they make the
-# covariance larger
+# chi2 of the conflict with the calibration (2 dof) and with the drawing (4 dof); above it the covariance is enlarged
 OFFSET_FREE, SIZES_FREE = 2.0, 6.0
-# of the fit's own covariance the part that all edges share (sizes, calibration, blur, lines and shades of all that face
-# one way): by what they differ shows in the edges themselves. And of what shows there: edges that face one way go
-# astray together, so that each counts what the next one counts again. Both as measured, so that 95 % of the truths
-# lie in the region that is said to hold them
+# SHARED: factor on the fit's covariance for errors that all edges share (sizes, calibration, blur, lines and shades of
+# edges that face one way). APART: factor on the covariance from the disagreement of the edges, because edges that face
+# one way are off together and are counted twice. Both are calibrated so that the 95 % regions hold 95 % of the truths
 SHARED, APART = 0.25, 0.625
-# marks move all edges that face one way: with a texture of 2 % of the step the shared variances are doubled
+# marks on the face move all edges that face one way: a texture of 2 % of the step doubles the shared variances
 TEXTURED = 50.0
 
 
 def covariance_of(fit: Fit, rim: Rim, quality: Quality, half_ranges: Array, beside: Array) -> Array:
-    """What edges share (calibration, drawing, blur), more where the pictures pull at calibration or drawing and on a
-    textured face; what they differ by (noise, glints, what covers them); and what stands `beside` (6, 6), other poses
-    and the lenses' doubt; with what is known without any picture: half_ranges (6,), m and rad."""
+    """The covariance (6, 6) of x, y, z, rx, ry, rz of the hole's frame, m and rad: errors that edges share
+    (calibration, drawing, blur), enlarged on conflicts and on a textured face; plus errors by which edges differ
+    (noise, glints, occlusion); plus `beside` (6, 6), from rival poses and the lenses' doubt. It is combined with the
+    prior half_ranges (6,), m and rad."""
     strain = max(quality.offset_conflict / OFFSET_FREE, quality.sizes_conflict / SIZES_FREE, 1.0)
     shared = SHARED * strain * (1.0 + TEXTURED * quality.rough) * fit.covariance[:6, :6]
     known = np.linalg.inv(shared + APART * jackknife(fit, rim) + beside) + np.diag(3.0 / half_ranges**2)

@@ -1,4 +1,4 @@
-"""What a cell's file says of how exactly hole and calibration are known, as the fit takes it."""
+"""Converts the cell file's tolerances of hole and calibration into the doubts that the fit uses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from services.vision.fit.solve import Doubts
 
 
 def doubts_of(tolerance: HoleTolerance, calibration: CalibrationDoubt) -> Doubts:
-    """A broken edge moves either line of the chamfer; a chamfer too wide moves the outer one."""
+    """A broken edge can move either line of the chamfer; a chamfer that is too wide moves the outer one."""
     return Doubts(
         outer_sd_m=hypot(tolerance.edge_break_m, tolerance.chamfer_m),
         inner_sd_m=tolerance.edge_break_m,

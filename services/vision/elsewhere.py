@@ -1,7 +1,7 @@
-"""Edges that are not where the drawing has them: both pictures show a straight one in the face's plane beside it.
+"""Detects edges that differ from the drawing: both pictures show a straight edge beside it in the face's plane.
 
-What covers a rim lies above the face and what is in the hole lies below it: seen from two places its border moves
-against the face, and that of another outline does not.
+An object that covers the rim lies above the face, and the inside of the hole lies below it. Seen from two cameras,
+their borders shift against the face; the border of a different outline does not.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from services.vision.fit.solve import Fit, Images
 from services.vision.fit.steps import sample
 from services.vision.stereo import StereoModel
 
-# of a group's profiles: with fewer that look like the rim in either picture it is looked for elsewhere
+# share of a group's profiles: if fewer look like the rim in either picture, its edge is looked for elsewhere
 MAX_SUPPORT = 0.6
-# how far to both sides, how finely, how much is smoothed, and what still is the drawn edge itself, m
+# search reach to both sides, step, smoothing, and the distance that still counts as the drawn edge itself, m
 REACH_M, STEP_M, SMOOTH_M, SELF_M = 10e-3, 0.125e-3, 0.25e-3, 1.7e-3
-# what another drawn edge lies that near to belongs to it, m
+# anything that lies this near to another drawn edge belongs to that edge, m
 OTHER_M = 1.2e-3
-# both pictures agree on the place to so much, m and px
+# largest disagreement of the two pictures on the place, m and px
 AGREE_M, AGREE_PX = 0.15e-3, 0.25
-# the step's height, as a share of the rim's; how much of it all profiles along the edge share; and, as a share of it,
-# what may be seen where the drawing has the edge
+# least height of the step, as a share of the rim's; least share of it common to all profiles along the edge; and the
+# largest step allowed at the drawn edge, as a share of it
 MIN_HEIGHT, MIN_ALIKE, MAX_DRAWN = 0.3, 0.75, 0.35
 
 
 def edges_elsewhere(
     images: Images, stereo: StereoModel, rim: Rim, fit: Fit, quality: Quality
 ) -> list[tuple[int, float]]:
-    """Groups of the rim that lie elsewhere in the face's plane, and by how much outward, m."""
+    """Groups of the rim whose edge lies elsewhere in the face's plane, and the offset outward, m."""
     found = []
     for group in np.flatnonzero(quality.support.max(axis=0) < MAX_SUPPORT):
         offset = _elsewhere(images, stereo, rim, fit, int(group), MIN_HEIGHT * quality.step_grey)

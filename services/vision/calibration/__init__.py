@@ -1,1 +1,1 @@
-"""Cameras calibrated by pictures of a ChArUco board: stereo, and where they stand by an arm that shows it."""
+"""Camera calibration from pictures of a ChArUco board: the stereo pair, and its pose in the base of an arm."""

@@ -3,15 +3,16 @@
 Every job has `do` and `board` (the pattern's one line, `crosspih_common.config.board`):
 
 - `see`: `pair` {"left", "right": files, null for none; "encodings": two of docs/wire.md, null for files; "gamma"}.
-  Answers the corners found in each and by both, and what is still missing of all pairs seen so far. A file is looked
-  at once, also for the later jobs. With `draw` {"left", "right": files to write; "wanted": two outlines in pixels, or
-  null} both pictures are drawn for people, as JPEG.
-- `stereo`: `pairs`, `model` (the size of the distortion, null: by the held-out error).
+  Answers the corners found in each picture and in both, and what is still missing in all pairs seen so far. Each file
+  is read once and kept for later jobs. With `draw` {"left", "right": files to write; "wanted": two outlines in pixels,
+  or null} both pictures are drawn for people, as JPEG.
+- `stereo`: `pairs`, `model` (the size of the distortion model; null: chosen by the held-out error).
 - `hand_eye`: `pairs`, `flanges` (4 x 4 each, `pose_base_flange`), `calibration` (the camera message), `doubt`
-  (what `stereo` said of its own certainty, or null).
+  (the uncertainty that `stereo` reported, or null).
 - `board`: `out`, a file that ends in .pdf or .png: the board in true size.
 
-A job that cannot be done is answered by {"error": {"field", "text"}}, data that fix nothing by {"refused": text}.
+A job that cannot be done is answered by {"error": {"field", "text"}}, data that determine no result by
+{"refused": text}.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from services.vision.light import linear_light
 from services.vision.offline import BadJob, read_picture
 from services.vision.stereo import Camera
 
-ROUGH_FOCAL = 0.7  # of a lens nobody knows yet, by the picture's width: good enough for advice
+ROUGH_FOCAL = 0.7  # focal length of an uncalibrated lens over the picture's width: good enough for advice
 Matrix = tuple[tuple[float, float, float, float], ...]
 
 
@@ -58,7 +59,7 @@ class PairJob(BaseModel):
 
 
 class DrawJob(BaseModel):
-    """Where the pictures go that people look at, and the outline that the board should have next in each."""
+    """Where to write the pictures for people, and the outline that the board should have next in each."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -68,7 +69,8 @@ class DrawJob(BaseModel):
 
 
 class DoubtJob(BaseModel):
-    """How surely `stereo` knew the cameras: the size of the distortion, its values in their order, the covariance."""
+    """The uncertainty of the cameras by `stereo`: the size of the distortion model, its values in order, the
+    covariance."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -90,7 +92,7 @@ class DoubtJob(BaseModel):
 
 
 class CalibrationJob(BaseModel):
-    """One line of standard input; which fields count is in the module's words."""
+    """One line of standard input; the module's docstring says which fields each job uses."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -108,7 +110,7 @@ class CalibrationJob(BaseModel):
 
 
 class Calibrator:
-    """What was seen so far, by file."""
+    """Answers jobs; keeps the corners found so far, by file."""
 
     def __init__(self) -> None:
         self._boards: dict[str, Board] = {}

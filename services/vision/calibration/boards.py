@@ -1,4 +1,4 @@
-"""The board as OpenCV knows it: corners found in pictures, and its drawing in true size."""
+"""The board in OpenCV's terms: finds its corners in pictures, and gives its drawing in true size."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.geometry.pose import Array
 from services.vision.calibration.registration import register_corners
 
-FINE_SIDE_PX = 1200  # a picture with a shorter side is looked at larger for its markers
+FINE_SIDE_PX = 1200  # a picture with a shorter side is enlarged to find its markers
 MIN_CORNERS = 6
 REFINE_SHARE, MIN_WINDOW_PX, MAX_WINDOW_PX = 0.9, 2, 8
 REFINE_STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
-MIN_REGISTERED_SHARE = 0.5  # of the corners; where fewer are, all are refined by their gradients
-MAX_MOVED_SHARE = 0.25  # of a square: a corner that was refined farther is another one
+MIN_REGISTERED_SHARE = 0.5  # of the corners; where fewer were registered, all are refined by their gradients
+MAX_MOVED_SHARE = 0.25  # of a square: a corner that moved farther in the refinement is a different one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,8 @@ NONE = Corners(np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
 
 
 class Board:
-    """A pattern with OpenCV's dictionary. Raises ConfigError where there is none of that name, or it is too small."""
+    """A pattern with OpenCV's dictionary. Raises ConfigError if no dictionary has that name, or it has too few
+    markers."""
 
     def __init__(self, pattern: BoardPattern) -> None:
         self.pattern = pattern
@@ -56,11 +57,11 @@ class Board:
         )
         self._dictionary = dictionary
         charuco = cv2.aruco.CharucoParameters()
-        charuco.tryRefineMarkers = True  # small or tilted ones whose bits are not sure are found by where they belong
+        charuco.tryRefineMarkers = True  # small or tilted markers with uncertain bits are found by their expected place
         self._detector = cv2.aruco.CharucoDetector(self._board, charuco)
 
     def find(self, picture: NDArray[np.uint8]) -> Corners:
-        """The corners in a grey picture, refined; none where fewer than six are sure, or all lie on one line."""
+        """The corners in a grey picture, refined; none if fewer than six are certain, or all lie on one line."""
         times = int(np.ceil(FINE_SIDE_PX / min(picture.shape)))
         looked_at = picture
         if times > 1:
@@ -79,7 +80,7 @@ class Board:
         return self._registered(picture, corners) or self._refined(picture, corners)
 
     def _registered(self, picture: NDArray[np.uint8], corners: Corners) -> Corners | None:
-        """By the drawing laid over the picture; None where the squares are too small in it for that."""
+        """Refined by laying the drawing over the picture; None where the squares are too small in it for that."""
         where = self.pattern.corners_m()[corners.ids][:, :2]
         found = register_corners(picture, corners.pixels, where / self.pattern.square_m, self.pattern)
         if int(found.sound.sum()) < max(MIN_CORNERS, MIN_REGISTERED_SHARE * len(corners)):
@@ -87,7 +88,7 @@ class Board:
         return Corners(corners.ids[found.sound], found.pixels[found.sound])
 
     def _refined(self, picture: NDArray[np.uint8], corners: Corners) -> Corners:
-        """By gradients in a window that no marker reaches into, of a size of its own for each corner."""
+        """Refined by gradients in a window that no marker reaches into, of its own size for each corner."""
         where = self.pattern.corners_m()[corners.ids][:, :2]
         found = cv2.findHomography(where, corners.pixels, cv2.RANSAC, 3.0)
         to_pixels = np.asarray(found[0], dtype=float)
@@ -110,7 +111,7 @@ class Board:
         return Corners(corners.ids[sound], refined[sound])
 
     def black_m(self) -> list[Array]:
-        """All that is black, as rectangles (left, top, width, height), m from the top left of the board."""
+        """All black areas, as rectangles (left, top, width, height), m from the top left of the board."""
         pattern, found = self.pattern, []
         side = pattern.square_m
         for row in range(pattern.rows):
@@ -128,7 +129,7 @@ class Board:
 
 
 def _side_px(to_pixels: Array, where_m: Array, square_m: float) -> Array:
-    """(n,): how narrow a square at each corner (n, 2) is seen, px: between its nearer two sides."""
+    """(n,): how wide a square at each corner (n, 2) appears, px: the distance between its nearer two sides."""
 
     def seen(points: Array) -> Array:
         mapped = np.column_stack([points, np.ones(len(points))]) @ to_pixels.T

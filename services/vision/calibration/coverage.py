@@ -17,7 +17,7 @@ SIDES = ("left", "right")
 
 
 def parts_seen(pairs: list[Pair], sizes: tuple[tuple[int, int], tuple[int, int]]) -> list[list[list[int]]]:
-    """How many corners each camera has seen in each of 3 x 3 parts of its picture, [camera][row][column]."""
+    """(3 x 3) counts for each camera, [camera][row][column]: the corners seen in each part of its picture."""
     counts = np.zeros((2, 3, 3), dtype=int)
     for pair in pairs:
         for side, (corners, (width, height)) in enumerate(zip(pair, sizes, strict=True)):
@@ -28,7 +28,7 @@ def parts_seen(pairs: list[Pair], sizes: tuple[tuple[int, int], tuple[int, int]]
 
 
 def missing_parts(counts: list[list[list[int]]]) -> list[str]:
-    """What to show next, by parts of the pictures."""
+    """Advice on what to show next, by the parts of the pictures."""
     said = []
     for side, name in enumerate(SIDES):
         empty = [
@@ -43,7 +43,7 @@ def missing_parts(counts: list[list[list[int]]]) -> list[str]:
 
 
 def missing_poses(poses_camera_board: list[Pose], pattern: BoardPattern) -> list[str]:
-    """What to show next, by tilts and distances of the board before the left camera."""
+    """Advice on what to show next, by the tilts and distances of the board in front of the left camera."""
     said = []
     if len(poses_camera_board) < MIN_PAIRS:
         said.append(f"{len(poses_camera_board)} pairs show the board; take {MIN_PAIRS} or more")
@@ -70,7 +70,8 @@ def missing_poses(poses_camera_board: list[Pose], pattern: BoardPattern) -> list
 
 
 def tilt(pose_camera_board: Pose) -> Array:
-    """(2,): how far the board's normal leans right and down in the camera's picture, rad; 0, 0 square to its axis.
+    """(2,): how far the board's normal leans right and down in the camera's picture, rad; (0, 0): the board faces the
+    camera.
 
     Positive: that edge is farther away.
     """

@@ -1,4 +1,4 @@
-"""What a picture of the board shows, drawn for people: its corners, what each part has seen, what comes next."""
+"""Draws a picture of the board for people: its corners, the parts covered so far, and the outline wanted next."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def drawn(
 ) -> NDArray[np.uint8]:
     """One camera's picture (height, width), in colour and at most `WIDE_PX` wide.
 
-    `before` are the corners of its other pictures, `counts` (3 x 3) how many fell into each part with these; a part
-    with too few is tinted. `wanted_px` (n, 2) is the outline that the board should have next.
+    `before` are the corners of its other pictures, `counts` (3 x 3) how many fell into each part, these included; a
+    part with too few is tinted. `wanted_px` (n, 2) is the outline that the board should have next.
     """
     scale = min(1.0, WIDE_PX / grey.shape[1])
     small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else grey
@@ -64,7 +64,7 @@ def _say(shown: NDArray[np.uint8], text: str, at: tuple[int, int], colour: tuple
 
 
 def write_drawn(shown: NDArray[np.uint8], path: Path) -> None:
-    """A JPEG that replaces the one before as a whole. Raises OSError."""
+    """Write a JPEG; it replaces the file in one step. Raises OSError."""
     done, data = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     assert done, "OpenCV writes JPEG"
     partial = path.with_name(path.name + ".partial")

@@ -1,8 +1,8 @@
-"""Where the cameras stand in the arm's base, by an arm that shows them a board: eye to hand.
+"""The pose of the cameras in the arm's base, by an arm that shows them a board (eye-to-hand calibration).
 
 Park and Martin's closed form gives a start (OpenCV 5 has no calibrateHandEye any more); then the camera's pose and the
-board's pose on the flange are fitted to all corners of both pictures at once, in pixels. What the arm itself is off by
-shows as residual, pose by pose, and is in the intervals, which are by leaving poses out.
+board's pose on the flange are fitted to all corners of both pictures at once, in pixels. The arm's own errors appear as
+residuals, pose by pose. They are included in the intervals, which come from leaving poses out.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ STEPS = np.array([STEP_RAD] * 3 + [STEP_M] * 3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandEyeFit:
-    """pose_base_camera (the left one) and pose_flange_board, the fit of both (12 unknowns: rotation vector and place of
-    a small change of the camera's pose in its own frame, then of the board's), and what was left out: mm and degrees
-    between where the board is seen and where it was to be, and px."""
+    """pose_base_camera (the left one) and pose_flange_board; the fit of both (12 unknowns: rotation vector and
+    translation of a small change of the camera's pose in its own frame, then of the board's); and the errors at poses
+    that were left out: mm and degrees between the measured and the predicted board, and px."""
 
     pose_base_camera: Pose
     pose_flange_board: Pose
@@ -41,8 +41,8 @@ class HandEyeFit:
 
 
 def turning(poses_base_flange: list[Pose]) -> tuple[Array, Array]:
-    """How far the flange was turned about each of three axes (3,), rad rms, least first, and the axes (3, 3), rows, in
-    the flange's frame. The largest is the axis that it was turned about most."""
+    """The flange's rotation about each of three axes (3,), rad rms, smallest first, and the axes (3, 3), rows, in the
+    flange's frame. The last axis is the one with the largest rotation."""
     mean = Rotation.from_matrix(np.array([pose.rotation for pose in poses_base_flange])).mean()
     turns = np.array([(mean.inv() * Rotation.from_matrix(pose.rotation)).as_rotvec() for pose in poses_base_flange])
     sizes, axes = np.linalg.eigh(turns.T @ turns / len(turns))
@@ -50,7 +50,7 @@ def turning(poses_base_flange: list[Pose]) -> tuple[Array, Array]:
 
 
 def missing_turns(poses_base_flange: list[Pose]) -> list[str]:
-    """What to show next: an axis about which the flange was hardly turned."""
+    """Advice on what to show next: an axis about which the flange was hardly turned."""
     if len(poses_base_flange) < 2:
         return [f"{len(poses_base_flange)} poses; take 12 or more"]
     said = [] if len(poses_base_flange) >= 10 else [f"{len(poses_base_flange)} poses; take 12 or more"]
@@ -135,7 +135,7 @@ class CameraDoubt:
 
 
 def _by_cameras(rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, doubt: CameraDoubt) -> Array:
-    """(12, 12): what the cameras' own covariance adds to that of the two poses, to first order."""
+    """(12, 12): what the cameras' covariance adds to that of the two poses, to first order."""
     rig = doubt.rig
 
     def off(shared: Array, rigged: Array) -> Array:
@@ -160,14 +160,14 @@ def _by_board(
     rows: Rows, flanges: list[Pose], camera: Pose, board: Pose, cameras: tuple[Camera, Camera], pose_left_right: Pose,
     fit: GroupedFit,
 ) -> Array:  # fmt: skip
-    """(12, 12): what a board adds that is not quite as its pattern says."""
+    """(12, 12): the covariance added by a board that deviates from its pattern."""
 
     def off(of: Rows, shared: Array) -> Array:
         to_camera, on_flange = (camera @ pose_of(shared[:6])).inverse(), board @ pose_of(shared[6:])
         poses = np.array([vector_of(to_camera @ flange @ on_flange) for flange in flanges])
         return of.off_px(of.in_left_m(poses), cameras, pose_left_right)
 
-    here = replace(fit, shared=np.zeros(12))  # of small changes of both poses
+    here = replace(fit, shared=np.zeros(12))  # for small changes of both poses
     changes = np.stack([off(moved, here.shared) for moved in rows.with_a_corner_moved()], axis=1)
     steps = np.concatenate([STEPS, STEPS])
     moved = moved_by(changes - off(rows, here.shared)[:, None], lambda shared, _: off(rows, shared), here, rows.groups,
@@ -179,10 +179,10 @@ def calibrate_hand_eye(
     pairs: list[Pair], flanges: list[Pose], pattern: BoardPattern, cameras: tuple[Camera, Camera],
     pose_left_right: Pose, folds: int = 5, doubt: CameraDoubt | None = None,
 ) -> HandEyeFit:  # fmt: skip
-    """The left camera in the base, from pairs and `pose_base_flange` of each.
+    """The left camera in the base, from pairs and the `pose_base_flange` of each.
 
-    `doubt`: how surely the cameras themselves are known; it goes into the intervals.
-    Raises CalibrationRefused naming the poses that are missing.
+    `doubt`: the uncertainty of the cameras, which is included in the intervals.
+    Raises CalibrationRefused, which names the poses that are missing.
     """
     kept = [index for index, pair in enumerate(pairs) if len(pair[0]) + len(pair[1])]
     pairs, flanges = [pairs[index] for index in kept], [flanges[index] for index in kept]
@@ -223,7 +223,7 @@ def calibrate_hand_eye(
 
 
 def _apart(camera: Pose, board: Pose, flanges: list[Pose], boards: list[Pose], middle: Array) -> tuple[Array, Array]:
-    """Where the board is seen against where it should be, (n,) mm at its middle and (n,) degrees."""
+    """The measured against the predicted pose of the board: (n,) mm at its middle and (n,) degrees."""
     expected = [camera.inverse() @ flange @ board for flange in flanges]
     away = [
         1e3 * np.linalg.norm(one.apply(middle) - other.apply(middle))

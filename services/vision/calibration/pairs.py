@@ -1,4 +1,4 @@
-"""Pairs of pictures of the board as numbers: what each row of a fit is, and the board's pose in one pair."""
+"""Pairs of pictures of the board as arrays: the rows of a fit, and the board's pose in one pair."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from services.vision.calibration.boards import Corners
 from services.vision.stereo import Camera
 
 Pair = tuple[Corners, Corners]
-# a corner of a good board: how far it is printed, or bowed, from where its pattern says; it is so in every picture
+# how far a corner of a good board is from its place in the pattern (print, bow); the same in every picture
 PRINTED_SD_M = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Corners of all pairs, one a row: the pair (m,), the camera (m,) 0 or 1, where on the board (m, 3), and pixels
-    (m, 2)."""
+    """Corners of all pairs, one per row: the pair (m,), the camera (m,) 0 or 1, the place on the board (m, 3), m, and
+    pixels (m, 2)."""
 
     pair: NDArray[np.int64]
     side: NDArray[np.int64]
@@ -32,7 +32,7 @@ class Rows:
 
     @classmethod
     def of(cls, pairs: list[Pair], pattern: BoardPattern) -> Rows:
-        """Of corners found; a picture without any adds none."""
+        """From the corners found; a picture without corners adds no rows."""
         corners_m = pattern.corners_m()
         pair, side, points, pixels = [], [], [], []
         for index, both in enumerate(pairs):
@@ -47,14 +47,14 @@ class Rows:
         )  # fmt: skip
 
     def of_pairs(self, chosen: NDArray[np.int64]) -> Rows:
-        """Those of some pairs, which are then numbered from 0 in that order."""
+        """The rows of the chosen pairs, renumbered from 0 in that order."""
         number = np.full(int(self.pair.max()) + 1, -1)
         number[chosen] = np.arange(len(chosen))
         kept = number[self.pair] >= 0
         return Rows(number[self.pair[kept]], self.side[kept], self.points_m[kept], self.pixels[kept])
 
     def where(self, kept: NDArray[np.bool_]) -> Rows:
-        """Some rows."""
+        """The rows where `kept` (m,) is true."""
         return Rows(self.pair[kept], self.side[kept], self.points_m[kept], self.pixels[kept])
 
     @property
@@ -63,7 +63,8 @@ class Rows:
         return np.repeat(self.pair, 2)
 
     def with_a_corner_moved(self) -> list[Rows]:
-        """The same pictures of boards on which one corner lies elsewhere by `PRINTED_SD_M`, along x, y or z."""
+        """For each corner and each of x, y, z: the same pictures of a board on which that corner is moved by
+        `PRINTED_SD_M`."""
         found = []
         for corner in np.unique(self.points_m, axis=0):
             here = np.all(self.points_m == corner, axis=1)
@@ -73,13 +74,14 @@ class Rows:
         return found
 
     def in_left_m(self, poses: Array) -> Array:
-        """(m, 3): the corners in the left camera's frame, of boards at poses (n, 6): rotation vector and place."""
+        """(m, 3): the corners in the left camera's frame, m, of boards at poses (n, 6): rotation vector and
+        translation."""
         rotations = Rotation.from_rotvec(poses[:, :3]).as_matrix()
         turned = np.einsum("mij,mj->mi", rotations[self.pair], self.points_m)
         return np.asarray(turned + poses[self.pair, 3:], dtype=float)
 
     def off_px(self, in_left_m: Array, cameras: tuple[Camera, Camera], pose_left_right: Pose) -> Array:
-        """(2 m,): pictures less what cameras would show of corners (m, 3)."""
+        """(2 m,), px: the measured pixels minus the projections of corners (m, 3) in the left camera's frame, m."""
         off = np.empty((len(self.pair), 2))
         left = self.side == 0
         off[left] = self.pixels[left] - cameras[0].project(in_left_m[left])
@@ -89,17 +91,17 @@ class Rows:
 
 
 def vector_of(pose: Pose) -> Array:
-    """(6,): rotation vector and place."""
+    """(6,): rotation vector, rad, and translation, m."""
     return np.concatenate([pose.rotvec_rad(), pose.translation_m])
 
 
 def pose_of(vector: Array) -> Pose:
-    """The way back."""
+    """The inverse of `vector_of`."""
     return Pose.from_rotvec(vector[:3], vector[3:])
 
 
 def board_pose(corners: Corners, pattern: BoardPattern, camera: Camera) -> Pose | None:
-    """`pose_camera_board` by one picture alone; None where it shows too little."""
+    """`pose_camera_board` from one picture alone; None where it shows too little."""
     if not len(corners):
         return None
     slopes = camera.slopes(corners.pixels)
@@ -116,7 +118,8 @@ def board_pose(corners: Corners, pattern: BoardPattern, camera: Camera) -> Pose 
 
 
 def starts(pairs: list[Pair], pattern: BoardPattern, cameras: tuple[Camera, Camera], pose_left_right: Pose) -> Array:
-    """(n, 6): the board in the left camera's frame, by the left picture, or by the right one where that shows more."""
+    """(n, 6): the board in the left camera's frame, by the left picture, or by the right one if that shows more
+    corners."""
     found = np.zeros((len(pairs), 6))
     for index, (left, right) in enumerate(pairs):
         by_left, by_right = board_pose(left, pattern, cameras[0]), board_pose(right, pattern, cameras[1])

@@ -1,4 +1,4 @@
-"""A board to print: a PDF of one page in true size, drawn of rectangles, or a PNG with its resolution in it."""
+"""A board to print: a one-page PDF in true size, drawn from rectangles, or a PNG that states its resolution."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def pdf_of(board: Board) -> bytes:
 
 
 def png_of(board: Board) -> bytes:
-    """The same squares without a ruler, 8 bits grey at 300 dpi, which stands in the file (pHYs)."""
+    """The same squares without a ruler, 8-bit grey at 300 dpi; the file states the resolution (pHYs)."""
     dots = PNG_DOTS_A_METRE
     width, height = np.rint((board.pattern.size_m + 2 * MARGIN_M) * dots).astype(int)
     picture = np.full((height, width), 255, dtype=np.uint8)
@@ -74,7 +74,7 @@ def png_of(board: Board) -> bytes:
 
 
 def write_board(board: Board, path: Path) -> None:
-    """By the name's ending: .pdf or .png. Raises ValueError for another."""
+    """Write a .pdf or .png, by the file name's ending. Raises ValueError for another ending."""
     makers = {".pdf": pdf_of, ".png": png_of}
     maker = makers.get(path.suffix.lower())
     if maker is None:

@@ -1,11 +1,11 @@
-"""Corners of a checkered board by laying its drawing over the picture, a corner at a time.
+"""Refines the corners of a checkered board by laying its drawing over the picture, one corner at a time.
 
-`cv2.cornerSubPix` looks for gradients in a square window. On a board that is tilted by 50 degrees the window that no
-marker reaches into is some two pixels wide, and one corner in twenty is then off by a quarter of a pixel or more. Here
-the four squares around a corner are drawn as the picture would show them (their perspective, each pixel's area, the
-picture's blur), and shifted until they fit, along the squares' whole sides (Lucas and Kanade 1981, with a gain and an
-offset a corner, as in Baker and Matthews 2004). Pixels that a marker's blur reaches are left out: where a marker is
-printed in its square is not exact in boards that are drawn from pixels.
+`cv2.cornerSubPix` looks for gradients in a square window. On a board that is tilted by 50 degrees, a window that
+excludes the markers is only about two pixels wide, and one corner in twenty is then off by a quarter of a pixel or
+more. Here the four squares around a corner are drawn as the picture would show them (perspective, the area of each
+pixel, the picture's blur) and shifted until they fit, along the whole sides of the squares (Lucas and Kanade 1981, with
+a gain and an offset per corner, as in Baker and Matthews 2004). Pixels reached by the blur of a marker are left out:
+on boards drawn from pixels, the place of a marker within its square is not exact.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from crosspih_common.config.board import BoardPattern
 from crosspih_common.geometry.pose import Array
 
 HALF, MAX_HALF_PX = 0.5, 20.0  # of a square: how far the window reaches along the sides, and at most
-SUBPIXELS = 3  # each way
+SUBPIXELS = 3  # in each direction
 MIN_BLUR_PX, MAX_BLUR_PX, BLUR_FOUND_PX = 0.35, 3.0, 0.03
-BLUR_CORNERS = 8  # by so many the blur is measured
-# pixels nearer to a marker than so many of the blur are left out; while the blur is not known, as if it were this
+BLUR_CORNERS = 8  # the blur is measured from this many corners
+# pixels nearer to a marker than this many blurs are left out; the blur to assume while it is not measured
 GUARD_BLURS, USUAL_BLUR_PX = 1.5, 0.8
 STEPS, DONE_PX, STUCK_PX, MAX_STEP_PX = 5, 5e-3, 0.03, 1.5
 MIN_PIXELS, MIN_CONTRAST, MAX_SD_PX = 16, 4.0, 0.15
 WILD_SD, WILD_PX = 4.0, 0.1
-TERMS, BENT_FROM = (10, 6), (20, 12)  # to the third or second order; corners that are needed for each
+TERMS, BENT_FROM = (10, 6), (20, 12)  # third-order and second-order fit: number of terms; corners needed for each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registered:
-    """Pixels (n, 2), which of them are sound (n,), and one standard deviation of each (n,), px, of one coordinate."""
+    """Pixels (n, 2), which of them are sound (n,), and the standard deviation of each coordinate (n,), px."""
 
     pixels: Array
     sound: NDArray[np.bool_]
@@ -42,8 +42,8 @@ class Registered:
 
 
 class _Board:
-    """From squares to pixels and back: a homography, and what a lens bends (px), to the third order: a lens bends by
-    the cube of the distance from its middle, and a bow that is not drawn shifts a corner."""
+    """Maps squares to pixels and back: a homography, and the lens's bend (px) to third order. Lens distortion grows
+    with the cube of the distance from the middle, and an unmodelled bend would shift a corner."""
 
     def __init__(self, to_pixels: Array, middle: Array) -> None:
         self._to_pixels, self._middle = to_pixels, middle
@@ -51,21 +51,21 @@ class _Board:
         self.bent = np.zeros((TERMS[0], 2))
 
     def terms(self, squares: Array) -> Array:
-        """(..., 10): all products of the third order and below."""
+        """(..., 10): all products up to the third order."""
         x, y = np.moveaxis(squares - self._middle, -1, 0)
         xx, xy, yy = x * x, x * y, y * y
         return np.stack([np.ones_like(x), x, y, xx, xy, yy, xx * x, xx * y, x * yy, y * yy], axis=-1)
 
     def straight_px(self, squares: Array) -> Array:
-        """Without what the lens bends."""
+        """The pixels without the lens's bend."""
         return _mapped(self._to_pixels, np.asarray(squares, dtype=float))
 
     def px(self, squares: Array) -> Array:
-        """(..., 2)."""
+        """(..., 2): pixels of places in squares (..., 2)."""
         return np.asarray(self.straight_px(squares) + self.terms(squares) @ self.bent, dtype=float)
 
     def squares(self, pixels: Array) -> Array:
-        """(..., 2), from pixels."""
+        """(..., 2): places in squares, from pixels."""
         squares = _mapped(self._to_squares, pixels)
         if np.any(self.bent):
             for _ in range(2):
@@ -73,14 +73,14 @@ class _Board:
         return squares
 
     def per_square(self, squares: Array) -> Array:
-        """(2, 2): pixels a square along the board's x and y, columns, at one place."""
+        """(2, 2): pixels per square along the board's x and y (columns), at one place."""
         step = 0.01
         ahead, behind = squares + step * np.eye(2), squares - step * np.eye(2)
         return np.asarray((self.straight_px(ahead) - self.straight_px(behind)).T / (2.0 * step))
 
 
 class _Window:
-    """A corner's surroundings in the picture, and the drawing of its four squares there."""
+    """The surroundings of a corner in the picture, and the drawing of its four squares there."""
 
     def __init__(self, picture: Array, corner: Array, board: _Board, marker: float) -> None:
         self._corner, self._board, self._marker = corner, board, marker
@@ -99,7 +99,7 @@ class _Window:
         self._pixels = np.stack(np.meshgrid(self._columns, self._rows), axis=-1).astype(float)
 
     def drawn(self, shift: Array) -> Array:
-        """(rows, columns): the share of each pixel that is white, the drawing moved by so many pixels."""
+        """(rows, columns): the white share of each pixel, for the drawing shifted by `shift` (2,), px."""
         inside = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
         x, y = (self._columns[:, None] + inside).ravel(), (self._rows[:, None] + inside).ravel()
         squares = self._board.squares(np.stack(np.meshgrid(x, y), axis=-1) - shift)
@@ -108,7 +108,7 @@ class _Window:
         return np.asarray(white.reshape(shape).mean(axis=(1, 3)), dtype=float)
 
     def looked_at(self, shift: Array, guard_px: float) -> NDArray[np.bool_]:
-        """(rows, columns): pixels near the corner, and no nearer to a marker."""
+        """(rows, columns): pixels near the corner that keep the guard distance from every marker."""
         away = (self._pixels - self._start - shift) @ self._per_pixel.T
         near = np.all(np.abs(away) < self._half, axis=-1)
         near[:2] = near[-2:] = False
@@ -122,8 +122,8 @@ class _Window:
     def laid_over(
         self, drawn: Array, shift: Array, blur_px: float, guard_px: float
     ) -> tuple[Array, Array, Array] | None:
-        """Offset, gain and gain times the shift that is left (4,), what is left of the greys (m,), and the design
-        (m, 4); None where too little is seen."""
+        """Offset, gain and gain times the remaining shift (4,), the residual greys (m,), and the design matrix (m, 4);
+        None where too little is seen."""
         blurred = cv2.GaussianBlur(drawn, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE)
         kept = self.looked_at(shift, guard_px)
         if int(kept.sum()) < MIN_PIXELS:
@@ -138,7 +138,7 @@ class _Window:
         return found, grey - design @ found, design
 
     def registered(self, drawn: Array, blur_px: float) -> tuple[Array, float] | None:
-        """Where the corner is (2,), px, and its standard deviation; None where it does not settle."""
+        """The corner's place (2,), px, and its standard deviation; None if the iteration does not settle."""
         shift = np.zeros(2)
         for number in range(STEPS):
             laid = self.laid_over(drawn if number == 0 else self.drawn(shift), shift, blur_px, GUARD_BLURS * blur_px)
@@ -157,9 +157,9 @@ class _Window:
 
 
 def register_corners(picture: NDArray[np.uint8], pixels: Array, squares: Array, pattern: BoardPattern) -> Registered:
-    """Corners at `squares` (n, 2), in squares from the board's top left, from where they were found roughly (n, 2), px.
+    """Refine the corners at `squares` (n, 2), in squares from the board's top left, from rough places (n, 2), px.
 
-    None is sound where the rough ones do not lie on a board in perspective.
+    No corner is sound if the rough ones do not lie on a board in perspective.
     """
     lost = Registered(pixels, np.zeros(len(pixels), dtype=bool), np.full(len(pixels), np.nan))
     found, _ = cv2.findHomography(squares, pixels, cv2.RANSAC, 3.0)
@@ -168,12 +168,13 @@ def register_corners(picture: NDArray[np.uint8], pixels: Array, squares: Array, 
         return lost
     board, grey = _Board(to_pixels, squares.mean(axis=0)), picture.astype(float)
     marker, now, blur_px = pattern.marker_m / pattern.square_m, lost, 0.0
-    for number in range(2):  # the second time with what the lens bends
+    for number in range(2):  # the second time with the lens's bend
         windows = [_Window(grey, corner, board, marker) for corner in squares]
         drawn = [np.zeros((0, 0)) if window.empty else window.drawn(np.zeros(2)) for window in windows]
         blur_px = blur_px or _blur_px(windows, drawn)
         if blur_px < MIN_BLUR_PX + BLUR_FOUND_PX:
-            return lost  # drawn, not taken by a camera: without blur an edge between pixels has no place of its own
+            # a drawing, not a camera picture: without blur the place of an edge between pixels is undefined
+            return lost
         now = _all(windows, drawn, blur_px, pixels)
         if number == 0 and not _bend(board, squares, now):
             break
@@ -190,7 +191,7 @@ def _all(windows: list[_Window], drawn: list[Array], blur_px: float, pixels: Arr
 
 
 def _blur_px(windows: list[_Window], drawn: list[Array]) -> float:
-    """One blur for the whole picture: the one that leaves least of some corners, spread over the board."""
+    """One blur for the whole picture: the one with the least residual over some corners, spread over the board."""
     there = [index for index, window in enumerate(windows) if not window.empty]
     some = [there[int(one)] for one in np.linspace(0, len(there) - 1, min(BLUR_CORNERS, len(there)))]
 
@@ -207,7 +208,7 @@ def _blur_px(windows: list[_Window], drawn: list[Array]) -> float:
 
 
 def _bend(board: _Board, squares: Array, now: Registered) -> bool:
-    """Tell the board how the lens bends it; False where too few corners do."""
+    """Fit the lens's bend into the board's mapping; False if too few corners support it."""
     off, kept = now.pixels - board.straight_px(squares), now.sound
     for _ in range(3):
         enough = [count for count, needed in zip(TERMS, BENT_FROM, strict=True) if int(kept.sum()) >= needed]
@@ -223,6 +224,6 @@ def _bend(board: _Board, squares: Array, now: Registered) -> bool:
 
 
 def _mapped(matrix: Array, points: Array) -> Array:
-    """(..., 2) by a homography."""
+    """(..., 2): points mapped by a homography."""
     mapped = points @ matrix[:, :2].T + matrix[:, 2]
     return np.asarray(mapped[..., :2] / mapped[..., 2:], dtype=float)

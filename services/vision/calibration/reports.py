@@ -1,4 +1,4 @@
-"""What was found as plain data, with intervals, residuals in px, mm and degrees, and what is doubtful about it."""
+"""Calibration results as plain data, with intervals, residuals in px, mm and degrees, and doubts about them."""
 
 from __future__ import annotations
 

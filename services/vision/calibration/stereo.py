@@ -1,7 +1,7 @@
-"""Two cameras from pairs of pictures of a board: each lens, and where the right one stands.
+"""Calibrates two cameras from pairs of pictures of a board: each lens, and the pose of the right camera.
 
-OpenCV's calibrateCamera gives a start; then all pairs of both cameras are fitted at once, the board's pose in each pair
-being an unknown of its own. How many numbers of distortion a lens is given is decided by pairs that were left out.
+OpenCV's calibrateCamera gives a start; then all pairs of both cameras are fitted at once, with the board's pose in each
+pair as an unknown. Pairs that are left out of the fit decide how many distortion coefficients a lens gets.
 """
 
 from __future__ import annotations
@@ -26,47 +26,48 @@ MODELS: dict[str, tuple[int, ...]] = {
     "k1 to k6, p1 p2": (0, 1, 2, 3, 4, 5, 6, 7),
 }  # fmt: skip
 NUMBERS = 8
-GIVEN_UP = 2  # models in a row that are no better: larger ones are not tried
-BETTER = 0.03  # a larger model must beat a smaller one by this share of its held-out error
+GIVEN_UP = 2  # stop after this many larger models in a row that are not better
+BETTER = 0.03  # a larger model must reduce the held-out error by this share
 MIN_PAIRS, MIN_TILT_RAD = 5, np.deg2rad(10.0)
 WILD_SD, WILD_PX = 5.0, 0.5
-MEDIAN_OF_TWO = 1.1774  # sd, of the length of a vector of two normal numbers
+MEDIAN_OF_TWO = 1.1774  # median length of a vector of two normal numbers, in sd
 STEP_PX, STEP_BEND, STEP_RAD, STEP_M = 1e-3, 1e-6, 1e-6, 1e-7
 Sizes = tuple[tuple[int, int], tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """Both cameras as unknowns (p,): fx, fy, cx, cy and the distortion's numbers of each, then the right one's pose."""
+    """Both cameras as unknowns (p,): fx, fy, cx, cy and the distortion coefficients of each, then the right one's
+    pose."""
 
     sizes: Sizes
     numbers: tuple[int, ...]
 
     @property
     def width(self) -> int:
-        """Unknowns of one camera."""
+        """The number of unknowns of one camera."""
         return 4 + len(self.numbers)
 
     def names(self) -> list[str]:
-        """What each unknown is."""
+        """The names of the unknowns."""
         each = ["fx", "fy", "cx", "cy", *(("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")[n] for n in self.numbers)]
         return [*(f"left {name}" for name in each), *(f"right {name}" for name in each),
                 "right rx", "right ry", "right rz", "right x", "right y", "right z"]  # fmt: skip
 
     def steps(self) -> Array:
-        """(p,): small changes."""
+        """(p,): step sizes for numerical derivatives."""
         each = [STEP_PX] * 4 + [STEP_BEND] * len(self.numbers)
         return np.array([*each, *each, *[STEP_RAD] * 3, *[STEP_M] * 3])
 
     def cameras(self, shared: Array) -> tuple[Camera, Camera]:
-        """Both, by the unknowns."""
+        """Both cameras, from the unknowns (p,)."""
         left, right = (
             Camera.of(self.model(shared[side * self.width : (side + 1) * self.width], side)) for side in (0, 1)
         )
         return left, right
 
     def model(self, own: Array, side: int) -> CameraModel:
-        """One as the camera message has it."""
+        """One camera in the form of the camera message."""
         distortion = np.zeros(NUMBERS)
         distortion[list(self.numbers)] = own[4:]
         count = 0 if not self.numbers else max(4, max(self.numbers) + 1)
@@ -83,7 +84,7 @@ class Rig:
         return pose_of(shared[2 * self.width :])
 
     def from_other(self, other: Rig, shared: Array) -> Array:
-        """The unknowns of this rig by those of one with other numbers of distortion."""
+        """The unknowns of this rig, from those of a rig with another number of distortion coefficients."""
         found = []
         for side in (0, 1):
             own = shared[side * other.width : (side + 1) * other.width]
@@ -94,8 +95,8 @@ class Rig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoFit:
-    """The rig and its fit, the size of the distortion model with what each size left on pairs that were left out
-    (px), the rows that were used and those that were thrown out as wild."""
+    """The rig and its fit, the size of the distortion model with the held-out error of each size (px), and the rows
+    that were used and those that were removed as outliers."""
 
     rig: Rig
     fit: GroupedFit
@@ -153,7 +154,7 @@ def _fitted(rig: Rig, rows: Rows, shared: Array, own: Array) -> GroupedFit:
 
 
 def _by_board(rig: Rig, rows: Rows, fit: GroupedFit) -> Array:
-    """(p, p): what a board adds that is not quite as its pattern says. It is the same board in all pictures."""
+    """(p, p): the covariance added by a board that deviates from its pattern. All pictures show the same board."""
     cameras, right = rig.cameras(fit.shared), rig.right(fit.shared)
     changes = [
         board.off_px(board.in_left_m(fit.own), cameras, right) - fit.residual for board in rows.with_a_corner_moved()
@@ -168,7 +169,7 @@ def _by_board(rig: Rig, rows: Rows, fit: GroupedFit) -> Array:
 
 
 def _left_out_px(rig: Rig, rows: Rows, shared: Array, own: Array, folds: int) -> float:
-    """The rms over pairs that were left out, px: their board's pose fitted to both pictures, nothing else."""
+    """The rms over held-out pairs, px: only their board's pose is fitted, to both pictures."""
     squares, count = 0.0, 0
     everything = np.arange(len(own))
     for left_out in held_out_folds(len(own), folds):
@@ -180,7 +181,7 @@ def _left_out_px(rig: Rig, rows: Rows, shared: Array, own: Array, folds: int) ->
 
 
 def posed(rows: Rows, cameras: tuple[Camera, Camera], pose_left_right: Pose, own: Array) -> GroupedFit:
-    """The board's pose in each pair, by cameras that are known."""
+    """Fit the board's pose in each pair, with known cameras."""
 
     def residual(_: Array, poses: Array) -> Array:
         return rows.off_px(rows.in_left_m(poses), cameras, pose_left_right)
@@ -190,7 +191,7 @@ def posed(rows: Rows, cameras: tuple[Camera, Camera], pose_left_right: Pose, own
 
 
 def not_wild(fit: GroupedFit) -> NDArray[np.bool_]:
-    """(m,): the corners of a fit that are no farther off than chance lets them be, against the typical one."""
+    """(m,): true for the corners of a fit that are no outliers; the scale is the typical residual."""
     off = np.linalg.norm(fit.residual.reshape(-1, 2), axis=1)
     return np.asarray(off < max(WILD_SD * float(np.median(off)) / MEDIAN_OF_TWO, WILD_PX))
 
@@ -200,8 +201,8 @@ def calibrate_stereo(
 ) -> StereoFit:
     """Both cameras, from pairs that show the board in at least one picture each.
 
-    `model` is one of `MODELS`; None: by the held-out error. Raises CalibrationRefused naming the pictures that are
-    missing: too few, or all square to the cameras, which cannot tell a focal length from a distance.
+    `model` is one of `MODELS`; None: chosen by the held-out error. Raises CalibrationRefused, which names the missing
+    pictures: too few, or all parallel to the image planes, which cannot separate the focal length from the distance.
     """
     pairs = [pair for pair in pairs if len(pair[0]) or len(pair[1])]
     if len(pairs) < MIN_PAIRS:
@@ -230,7 +231,7 @@ def calibrate_stereo(
             left_out[name] = _left_out_px(sized, rows, sized.from_other(rig, fit.shared), fit.own, folds)
         except CalibrationRefused:
             if best:
-                continue  # more numbers than these pairs can tell apart
+                continue  # more coefficients than these pairs can determine
             raise
         if not best or left_out[name] < (1.0 - BETTER) * left_out[best]:
             best, in_vain = name, 0

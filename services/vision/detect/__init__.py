@@ -1,4 +1,4 @@
-"""Find the hole near its prior by the drawing's outline, in both pictures, whatever the light."""
+"""Finds the hole near its prior by the outline of the drawing, in both pictures, in any light."""
 
 from services.vision.detect.candidate_poses import Candidate, candidates
 

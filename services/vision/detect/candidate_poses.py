@@ -1,4 +1,4 @@
-"""Poses at which both pictures show the rim, for a fit to start from."""
+"""Candidate poses of the rim in both pictures, as starts for the fit."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ SEARCH_SAMPLES, SAMPLES = 64, 96
 SKIP_CORNER_PX = 1.5
 PRIOR_SLACK = 1.3
 STARTS, KEPT, MAX_ = 8, 4, 5
-# reach along the rim's normals, px of the level, one iteration each: by edges, then by the two steps of a chamfer
+# search reach along the rim's normals, px of the level, one value per iteration: first edges, then the two steps of a
+# chamfer
 FIRST_PX, EDGES_PX, STEPS_PX = (5.0, 4.0, 3.0), (2.5, 2.0, 2.0), (3.0, 2.5, 2.0, 2.0)
-# how far two rims are apart at least, px, to be worth refining both, and to be two answers
+# least distance of two rims, px: to refine both, and to count as two answers
 WORTH_PX, SAME_PX = 1.5, 0.7
 MIN_UNEXPLAINED = 0.001
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A pose at which the rim may be, and what speaks for it.
+    """A pose at which the rim may be, and its score.
 
     `score` 0 to 1: how much of the rim looks like it, the mean over both pictures.
     """
@@ -41,10 +42,10 @@ class Candidate:
 def candidates(
     images: Sequence[Floats], stereo: StereoModel, hole: Rimmed, nominal: Pose, half_ranges: Array
 ) -> list[Candidate]:
-    """Where the hole may be: one to five poses, whatever the pictures show; the score says what each is worth.
+    """Where the hole may be: always one to five poses; the score says how well each is supported.
 
-    Those first that leave least of what is near the rim unexplained. The first is mostly within a pixel, one of them
-    nearly always: a fit of each decides.
+    Sorted by how little of the picture near the rim they leave unexplained. The first is mostly within a pixel, one of
+    them nearly always. A fit from each decides.
 
     `images` left and right, (height, width) each, grey 0 to 255, linear in light; `nominal` is `pose_base_hole` by the
     cell's drawing, `half_ranges` (6,) how far it may be off, m and rad.
@@ -83,8 +84,8 @@ def candidates(
 
 
 def _with_slips(poses: Poses, samples: RimSamples) -> Poses:
-    """The poses, and the first one aside by a chamfer's width in four directions: one line of a chamfer that is bright
-    on one side and dark on the other is easily taken for the other line."""
+    """The poses, and copies of the first one shifted by a chamfer's width in four directions: if one line of a chamfer
+    is bright on one side and dark on the other, it is easily mistaken for the other line."""
     width = float(np.abs(samples.inner_m - samples.outer_m)[:, 2].max())
     steps = np.zeros((4, 6))
     steps[:, :2] = width * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
@@ -95,12 +96,12 @@ def _with_slips(poses: Poses, samples: RimSamples) -> Poses:
 
 
 def _rank(seen: Array) -> Array:
-    """(K,): what is left unexplained of each profile, (2, K, M), by its logarithm, as a likelihood counts it."""
+    """(K,): the mean logarithm of the unexplained share of each profile (2, K, M), as in a likelihood."""
     return np.asarray(-np.log(1.0 + MIN_UNEXPLAINED - seen).mean(axis=(0, 2)))
 
 
 def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array, least_px: float) -> list[int]:
-    """Poses, best first, without those whose rim nowhere lies farther than that from a better one's."""
+    """Indices of poses, best first, without those whose rim lies within `least_px` of a better one's everywhere."""
     where = stereo.project(poses.apply(samples.at(0.5)))
     result: list[int] = []
     for index in np.argsort(score)[::-1]:
@@ -110,6 +111,6 @@ def _apart(samples: RimSamples, stereo: StereoModel, poses: Poses, score: Array,
 
 
 def _pixel_m(stereo: StereoModel, pose_camera_hole: Pose) -> float:
-    """What one pixel of the coarser picture covers at the hole, m."""
+    """The size of one pixel of the coarser picture at the hole, m."""
     seen = stereo.project(pose_camera_hole.apply(np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])))
     return float(1e-3 / np.linalg.norm(seen[:, 1] - seen[:, 0], axis=-1).min())

@@ -1,7 +1,7 @@
-"""The first look: where in the prior do both pictures show edges that run as the rim does?
+"""Coarse search: finds where in the prior both pictures show edges that run as the rim does.
 
-Shape-based matching with quantised, spread orientations (Hinterstoisser et al., LINEMOD, 2012; Steger 2002 for edges
-whose contrast does not count), both pictures scored together: the pose that explains one picture explains the other.
+Shape-based matching with quantised, spread orientations (Hinterstoisser et al., LINEMOD, 2012; Steger 2002 for edges of
+either contrast). Both pictures are scored together: the right pose explains both.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ EXTENT_PX = 38.0  # of the rim in the coarse picture
 STEP_PX = 1.5  # by which the rim's farthest point moves from one turn, or one depth, to the next
 MAX_STEPS = 15
 MARGIN_PX = 3
-# an edge counts fully when it stands out from the noise, and from edges as steep all around it: texture
+# an edge counts fully when it stands out from the noise, and from equally steep edges around it (texture)
 NOISE_SHARE = 2.0
 AROUND_SHARE = 1.0
 AROUND_PX = 11
-SHARE = 0.5  # of the chamfer: which of its two lines is seen is not known yet
-APART = (1, 1, 2, 2)  # of two starts: depth, turn, and across, in steps
+SHARE = 0.5  # of the chamfer: it is not yet known which of its two lines is seen
+APART = (1, 1, 2, 2)  # least distance of two starts: depth, turn, and two across, in steps
 POOL = 600
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchGrid:
-    """The poses to look at, `pose_camera_hole`: turned and shifted along the axis (D, T), each with the rim's points
-    (2, D, T, M, 2) in the pictures, px, its orientation's bin (2, D, T, M), and how far its centre goes
-    (2, D, G, G, 2), px, when moved across by `across_m` (G,), x in the last."""
+    """The poses to test, `pose_camera_hole`: turned and shifted along the axis (D, T), each with the rim's points (2,
+    D, T, M, 2) in the pictures, px, their orientation bin (2, D, T, M), and the shift of its centre (2, D, G, G, 2),
+    px, when it moves across by `across_m` (G,), with x as the last grid axis."""
 
     along_m: Array
     turns_rad: Array
@@ -49,7 +49,7 @@ class SearchGrid:
 
     @classmethod
     def of(cls, samples: RimSamples, stereo: StereoModel, nominal: Pose, half_ranges: Array) -> SearchGrid:
-        """`nominal` is `pose_camera_hole` by the prior, `half_ranges` (6,) how far it may be off, m and rad."""
+        """`nominal` is `pose_camera_hole` by the prior, `half_ranges` (6,) its uncertainty, m and rad."""
         rim = samples.at(SHARE)
         seen = stereo.project(nominal.apply(rim))
         extent = np.ptp(seen, axis=1).max(axis=1)
@@ -57,7 +57,7 @@ class SearchGrid:
         scale = np.array(factors)[:, None]
         ends = stereo.project(nominal.apply(_on_axes(half_ranges)))  # (2, 6, 2): -x, x, -y, y, -z, z
         apart = np.linalg.norm(ends[:, 1::2] - ends[:, 0::2], axis=-1) / scale  # (2, 3) coarse px
-        # along the axis the two centres move against each other; half of it is taken up by a shift across
+        # along the axis the two centres move in opposite directions; a shift across takes up half of it
         drift = (ends[0, 5] - ends[0, 4]) / factors[0] - (ends[1, 5] - ends[1, 4]) / factors[1]
         depths = _steps(max(0.5 * float(np.linalg.norm(drift)), float(apart[:, 2].max()) * 0.25))
         radius = float((extent / np.array(factors)).max()) * 0.5
@@ -95,7 +95,7 @@ class SearchGrid:
 
 
 def best_starts(levels: tuple[Level, Level], grid: SearchGrid, count: int) -> list[Pose]:
-    """The poses of the grid that both pictures support best, apart from each other, best first."""
+    """The poses of the grid with the best support in both pictures, apart from each other, best first."""
     score = sum(_scores(levels[side], grid, side) for side in range(2))
     assert isinstance(score, np.ndarray)
     flat = score.ravel()
@@ -111,7 +111,7 @@ def best_starts(levels: tuple[Level, Level], grid: SearchGrid, count: int) -> li
 
 
 def oriented(level: Level) -> Floats:
-    """(BINS, height, width): 0 to 1, how much of an edge with its normal in each bin's direction, either sign."""
+    """(BINS, height, width): edge strength, 0 to 1, with the normal in each bin's direction, either sign."""
     gx, gy = level.gradient[..., 0], level.gradient[..., 1]
     size = np.sqrt(gx * gx + gy * gy) + np.float32(1e-6)
     double_cos, double_sin = (gx * gx - gy * gy) / size, 2.0 * gx * gy / size
@@ -127,7 +127,7 @@ def oriented(level: Level) -> Floats:
 
 
 def _scores(level: Level, grid: SearchGrid, side: int) -> Floats:
-    """(D, T, G, G): the mean share of edge along the rim in one picture."""
+    """(D, T, G, G): the mean edge strength along the rim in one picture."""
     maps = oriented(level)
     points = np.rint(level.to_level(grid.points_px[side])).astype(int)
     shifts = np.rint(grid.shifts_px[side] / level.factor).astype(int)
@@ -149,7 +149,7 @@ def _scores(level: Level, grid: SearchGrid, side: int) -> Floats:
 
 
 def _on_axes(half_ranges: Array) -> Array:
-    """(6, 3): -x, x, -y, y, -z, z by the half ranges, m."""
+    """(6, 3): the points -x, x, -y, y, -z, z at the half ranges, m."""
     return np.asarray(np.kron(np.diag(half_ranges[:3]), np.array([[-1.0], [1.0]])))
 
 
@@ -158,5 +158,5 @@ def _steps(travel_px: float) -> int:
 
 
 def _grid(half: float, count: int) -> Array:
-    """`count` values, each in the middle of its share of -half to half."""
+    """`count` values from -half to half: the middles of equal intervals."""
     return np.asarray(half * ((2.0 * np.arange(count) + 1.0) / count - 1.0))

@@ -14,7 +14,7 @@ from crosspih_common.geometry.pose import Array
 Floats = NDArray[np.float32]
 SMOOTH_PX = 1.0
 MIN_NOISE_GREY = 0.1
-# the mean absolute second difference is the noise's where nothing is seen; a low quantile of it leaves texture out
+# noise = the mean absolute second difference of an empty area; a low quantile over the picture leaves texture out
 QUANTILE = 0.4
 QUANTILE_OF_NORMAL = 0.5244
 
@@ -30,7 +30,7 @@ class Window:
 
     @classmethod
     def around(cls, points_px: Array, margin_px: float, factor: int) -> Window:
-        """What holds points (..., 2) with a margin, a multiple of `factor` wide and high."""
+        """The window that holds points (..., 2) with a margin; its sides are multiples of `factor`."""
         flat = points_px.reshape(-1, 2)
         low = np.floor(flat.min(axis=0) - margin_px).astype(int)
         size = np.ceil(flat.max(axis=0) + margin_px).astype(int) - low + 1
@@ -38,7 +38,8 @@ class Window:
         return cls(int(low[0]), int(low[1]), int(size[0]), int(size[1]))
 
     def cut(self, image: Floats) -> tuple[Floats, NDArray[np.bool_] | None]:
-        """The window's pixels, beyond the border the border's; and which are in the picture, None when all are."""
+        """The pixels of the window (beyond the border: the border's), and a mask of those in the picture, None if all
+        are."""
         height, width = image.shape
         right, bottom = self.left + self.width, self.top + self.height
         if self.left >= 0 and self.top >= 0 and right <= width and bottom <= height:
@@ -50,9 +51,9 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """A window of a picture: `grey` (height, width), its smoothed gradients (height, width, 2), x and y, grey a pixel
-    of this level, 0 beyond the picture, and the noise of both, one sd. A level pixel is `factor` by `factor` of the
-    picture's, which is `size_px` wide and high."""
+    """A window of a picture: `grey` (height, width); its smoothed gradients (height, width, 2), x and y, grey per pixel
+    of this level, 0 beyond the picture; and the noise of both, one sd. A level pixel covers `factor` by `factor` pixels
+    of the picture, which is `size_px` (width, height)."""
 
     grey: Floats
     gradient: Floats
@@ -90,7 +91,7 @@ class Level:
         )
 
     def to_level(self, points_px: Array) -> Array:
-        """Where pixels (..., 2) of the picture lie in this level; integers are pixel centres in both."""
+        """Places in this level of pixels (..., 2) of the picture; integers are pixel centres in both."""
         corner = np.array([self.window.left, self.window.top])
         return np.asarray((points_px - corner + 0.5) / self.factor - 0.5)
 

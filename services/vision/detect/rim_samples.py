@@ -1,4 +1,4 @@
-"""Points along the rim, evenly spaced, of any outline: what a picture is searched for."""
+"""Evenly spaced points along the rim of any outline, for the search in a picture."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import Rimmed
 
-SMOOTH_RAD = 0.35  # where the rim turns by less it is one smooth section: the facets of a curve
-MAX_SKIP = 0.25  # of a section that is short: its middle is always sampled
+SMOOTH_RAD = 0.35  # corners that turn by less are facets of a smooth curve
+MAX_SKIP = 0.25  # of a short section: its middle is always sampled
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RimSamples:
-    """Points on the rim in the hole frame, m: `outer_m` and `inner_m` (M, 3), straight across the chamfer from each
-    other; `along` (M, 3) the rim's direction there; `smooth` (M, M) the weighted mean of each with its neighbours of
-    the same section, rows that add up to 1; `round` says that a turn about the axis changes nothing."""
+    """Points on the rim in the hole frame, m: `outer_m` and `inner_m` (M, 3), opposite each other across the chamfer;
+    `along` (M, 3) the rim's direction there; `smooth` (M, M) averages each point with its neighbours of the same
+    section (rows add up to 1); `round` is true if a turn about the axis changes nothing."""
 
     outer_m: Array
     inner_m: Array
@@ -27,7 +27,7 @@ class RimSamples:
 
     @classmethod
     def of(cls, hole: Rimmed, count: int, skip_m: float) -> RimSamples:
-        """`count` samples, evenly along the rim but for `skip_m` on both sides of each corner, m."""
+        """`count` samples, evenly along the rim except for `skip_m` on both sides of each corner, m."""
         outer, inner = hole.outer_rim_m(), hole.inner_rim_m()
         run = np.roll(inner, -1, axis=0) - inner
         length = np.linalg.norm(run, axis=1)
