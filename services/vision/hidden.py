@@ -1,4 +1,4 @@
-"""Which part of the rim is not seen, in the words of the drawing."""
+"""Names the hidden parts of the rim by the axes of the drawing."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import Rim
 
-HIDDEN = 0.5  # of an edge's profiles: fewer than that look like the rim
-ON_AXIS_RAD = np.deg2rad(32.0)  # the sides of a cross's arm still lie at its axis
+HIDDEN = 0.5  # share of an edge's profiles that look like the rim; below it the edge is hidden
+ON_AXIS_RAD = np.deg2rad(32.0)  # angle from an axis; the sides of a cross's arm still count as on its axis
 MAX_NAMED = 3
 MOSTLY = 0.8
 SIDES = ("left", "right")
@@ -31,7 +31,7 @@ def hidden_parts(support: Array, rim: Rim) -> str:
 
 
 def _place(x_m: float, y_m: float) -> str:
-    """Where a place lies about the hole's axis: +x, -y, +x+y, ..."""
+    """The direction of a place from the hole's axis: +x, -y, +x+y, ..."""
     along_x, along_y = (np.arctan2(abs(across), abs(along)) < ON_AXIS_RAD for along, across in
                         ((x_m, y_m), (y_m, x_m)))  # fmt: skip
     signs = f"{'+' if x_m > 0.0 else '-'}x", f"{'+' if y_m > 0.0 else '-'}y"

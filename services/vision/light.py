@@ -1,4 +1,4 @@
-"""From the numbers of a picture to the light on the sensor: what the fit works with, whatever the camera sent."""
+"""Converts the numbers of a picture to linear light on the sensor, which the fit uses for every camera."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FULL = 255.0
 # of red, green and blue (ITU-R BT.601), on linear light
 GREY = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 SENSOR_BITS = (10, 12, 14, 16)
-# of an 8 bit picture all levels, of a deeper one the mean of what demosaicing needs: it works on whole numbers
+# scale of light (0 to 255) to 16 bit numbers for demosaicing, which works on whole numbers; exact for 8 bit pictures
 FINE = 257.0
 DEMOSAIC = {
     "rggb": cv2.COLOR_BayerRGGB2GRAY,
@@ -26,8 +26,8 @@ DEMOSAIC = {
 
 
 def sensor_bits(pixels: Pixels) -> int:
-    """How many bits the sensor has: 8, or of a 16 bit picture the fewest of 10, 12, 14 and 16 that hold its brightest
-    pixel, since sensors of fewer bits fill the low ones."""
+    """The sensor's bits: 8, or for a 16 bit picture the fewest of 10, 12, 14 and 16 that hold its brightest pixel,
+    because sensors with fewer bits fill the low ones."""
     if pixels.dtype == np.uint8:
         return 8
     brightest = int(pixels.max(initial=0))
@@ -35,7 +35,7 @@ def sensor_bits(pixels: Pixels) -> int:
 
 
 def undone(share: Light, gamma: Gamma) -> Light:
-    """Light (0 to 1) of numbers (0 to 1)."""
+    """Light (0 to 1) from numbers (0 to 1), with the gamma undone."""
     if gamma is Gamma.LINEAR:
         return share
     low, high = share / 12.92, ((np.maximum(share, 0.0) + 0.055) / 1.055) ** 2.4
@@ -65,7 +65,7 @@ def linear_light(pixels: Pixels, encoding: str, gamma: Gamma) -> Light:
 
 
 def shown(light: Light, gamma: Gamma) -> NDArray[np.uint8]:
-    """The picture for people, (height, width) uint8: with the gamma that it came with."""
+    """The picture for people, (height, width) uint8, with the camera's gamma applied."""
     if gamma is Gamma.LINEAR:
         return np.asarray(np.rint(np.clip(light, 0.0, FULL)), dtype=np.uint8)
     share = np.clip(light / np.float32(FULL), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""From a pair of pictures to the hole's pose, or to the reason why not: find, fit, judge."""
+"""From a pair of pictures to the hole's pose, or to a refusal with its reason: find, fit, judge."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ from services.vision.refusals import (
 from services.vision.stereo import StereoModel
 from services.vision.straightness import lenses_of
 
-# candidates that are tried, so many at first of those about one place; and how good, against the best, one must be
+# candidates tried; candidates at one place tried first; least score; and least score as a share of the best one's
 TRIED, STARTS, MIN_SCORE, COMPETES = 4, 2, 0.6, 0.9
-# a rival counts e times less for each such share by which it is worse than the best; one that counts for more than that
-# may not be farther away, m: a chamfer's width or two
+# a rival's weight falls by e for each such share by which it is worse than the best; a rival with more than this weight
+# must lie within this distance, m: a chamfer's width or two
 RIVAL_WORSE, RIVAL_COUNTS, MAX_RIVAL_DISTANCE_M = 0.12, 0.3, 2.5e-3
-# another hole in the pictures: as well supported, and that far away, px
+# another hole in the pictures: its least support against the best, and its least distance, px
 OTHER_SCORE, APART_PX = 0.85, 8.0
-CERTAIN_ENOUGH = Doubts()  # a machined part and a calibration, as they mostly are
+CERTAIN_ENOUGH = Doubts()  # typical values of a machined part and a calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame, the figures behind it, both
-    pictures with what was seen in them, and what a user should be told though there is a pose."""
+    """`pose_base_hole`, its covariance (6, 6) in x, y, z, rx, ry, rz of the hole frame (m and rad), the figures behind
+    it, both pictures with annotations, and warnings for the user."""
 
     pose_base_hole: Pose
     covariance: Array
@@ -67,7 +67,7 @@ class Located:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """What is asked of one pair."""
+    """The inputs for one pair."""
 
     images: Images
     stereo: StereoModel
@@ -79,8 +79,8 @@ class _Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """The best fit about one place; and of all others there that explain the pictures nearly as well how far they are,
-    the farthest, m, and their spread about the best (6, 6), m and rad."""
+    """The best fit about one place; the distance of the farthest other pose there that explains the pictures nearly as
+    well, m; and the spread of these about the best (6, 6), m and rad."""
 
     uncovered: Uncovered
     apart_m: float
@@ -89,7 +89,7 @@ class _Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Attempt:
-    """What one candidate came to: the fit, and the part of the rim that it is of."""
+    """The result of one candidate: the fit, and the part of the rim that it used."""
 
     fit: Fit
     rim: Rim
@@ -102,8 +102,8 @@ Picture: TypeAlias = "Light | Pixels"
 
 
 def as_light(image: Picture, stereo: StereoModel, side: str) -> Light:
-    """Linear light (height, width), 0 to 255, of the camera's size: a float32 picture is that already, the numbers of
-    another (mono or RGB, 8 or 16 bit) get the camera's gamma undone. WrongImage otherwise."""
+    """Linear light (height, width), 0 to 255, of the camera's size. A float32 picture is linear already; for another
+    (mono or RGB, 8 or 16 bit) the camera's gamma is undone. Raises WrongImage."""
     camera = stereo.left if side == "left" else stereo.right
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise WrongImage(f"{side}: got {image.shape}, the calibration says ({camera.height_px}, {camera.width_px})")
@@ -123,8 +123,8 @@ def locate_rim(
     half_ranges: Array,
     doubts: Doubts = CERTAIN_ENOUGH,
 ) -> Located:
-    """The 6-DoF fit of the rim. `nominal` is the hole in the base by the cell's drawing, `half_ranges` (6,) how far it
-    may be off, m and rad; `doubts`: how exactly drawing and calibration are known. Raises a VisionRefusal."""
+    """The 6-DoF fit of the rim. `nominal` is `pose_base_hole` by the cell's drawing, `half_ranges` (6,) its
+    uncertainty, m and rad; `doubts`: the uncertainty of drawing and calibration. Raises a VisionRefusal."""
     images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
     if not np.any(stereo.pose_left_right.translation_m):
         raise NotAStereoPair(
@@ -174,7 +174,7 @@ def locate_rim(
 
 
 def _places(task: _Task, found: list[Candidate]) -> Iterator[list[Pose]]:
-    """The candidates by where they are, the likeliest first: those about the same place are starts of one fit."""
+    """The candidates grouped by place, the likeliest first; those about the same place are starts of one fit."""
     rest = [one for one in found if one.score >= MIN_SCORE * found[0].score][:TRIED]
     while rest:
         centre = task.stereo.project(rest[0].pose_camera_hole.translation_m)
@@ -189,11 +189,12 @@ def _places(task: _Task, found: list[Candidate]) -> Iterator[list[Pose]]:
 
 
 def _attempt(task: _Task, starts: list[Pose]) -> _Attempt:
-    """What one place comes to: from few starts, and from all where that is no sound fit. Raises a VisionRefusal."""
+    """The fit at one place: from a few starts, and from all of them if that fit is not sound. Raises a
+    VisionRefusal."""
     try:
         return _judged(task, _fitted(task, starts[:STARTS]))
     except (FlatPrint, ShallowPocket, NotSeenInside):
-        # the rim is found: no other start shows more of the inside
+        # the rim is found: other starts show no more of the inside
         raise
     except VisionRefusal:
         if len(starts) <= STARTS:
@@ -202,8 +203,8 @@ def _attempt(task: _Task, starts: list[Pose]) -> _Attempt:
 
 
 def _fitted(task: _Task, starts: list[Pose]) -> _Found:
-    """The best fit stands for all, whether it is then found sound or not; others that explain as much widen its
-    covariance. Raises PoorFit where there is none."""
+    """The best fit, sound or not; others that explain as much widen its covariance. Raises PoorFit where there is
+    none."""
     found = fit_uncovered(task.images, task.coarse, task.fine, task.stereo, starts, task.doubts)
     if found is None:
         raise PoorFit("no pose explains what is seen at the rim: light it more evenly, uncover it")
@@ -211,7 +212,7 @@ def _fitted(task: _Task, starts: list[Pose]) -> _Found:
 
 
 def _beside(pose: Pose, rivals: list[Rival]) -> tuple[float, Array]:
-    """How far away, m, the farthest rival is that counts; and the spread of all about the pose (6, 6), m and rad."""
+    """Distance of the farthest rival that counts, m; and the spread of all about the pose (6, 6), m and rad."""
     apart_m, spread, counted = 0.0, np.zeros((6, 6)), 1.0
     for rival in rivals:
         counts = float(np.exp(-max(rival.worse - 1.0, 0.0) / RIVAL_WORSE))
@@ -226,7 +227,7 @@ def _beside(pose: Pose, rivals: list[Rival]) -> tuple[float, Array]:
 
 def _judged(task: _Task, found: _Found) -> _Attempt:
     fit, rim = found.uncovered.fit, found.uncovered.rim
-    # of how much is seen the whole rim is asked, of all else the part that the fit is of
+    # visibility is judged on the whole rim, everything else on the part that was fitted
     quality = replace(quality_of(fit, rim, task.doubts), support=found.uncovered.support)
     require_sound(quality, task.fine)
     require_drawn_edges(edges_elsewhere(task.images, task.stereo, task.fine, fit, quality))
@@ -306,7 +307,7 @@ def _figures(attempt: _Attempt) -> dict[str, float]:
 
 
 def _lens_figures(lens: LensDoubt) -> dict[str, float]:
-    """What the lenses' doubt alone is worth, one sd: the depth in mm; and the k1 that rim and edges speak for."""
+    """The depth error by the lenses' doubt alone, one sd, mm; and the k1 estimated from rim and edges."""
     return {
         "lens_depth_sd_mm": float(np.sqrt(lens.of_pose()[2, 2])) * 1e3,
         "k1_left": float(lens.k1[0]),

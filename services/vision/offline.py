@@ -1,9 +1,9 @@
 """Vision without a bus: `python -m services.vision.offline` reads one job a line and answers one line, both JSON.
 
 A job: {"left": [paths], "right": [paths], "calibration": {the camera message}, "cell": path or null, "annotated":
-folder or null, "method": "rim" or "paper", "rectified": bool}. Several pictures a camera are the same hole under as
-many lights, first with first. `rectified`: the calibration tells no distortion because it was taken out, not because
-nobody looked.
+folder or null, "method": "rim" or "paper", "rectified": bool}. Several pictures per camera show the same hole under
+different lights, paired in order. `rectified`: the calibration has no distortion because the pictures are rectified,
+not because the distortion is unknown.
 
 An answer: {"located": bool, "pose_base_hole": 4 x 4 or null, "covariance": 6 x 6 (x, y, z, rx, ry, rz of the hole's own
 frame, m and rad) or null, "refusal": null or {"code", "text"}, "time_s": number, "quality": {name: number},
@@ -45,14 +45,14 @@ from services.vision.straightness import lenses_of
 
 METHODS = {LocateMethod.RIM: locate_rim, LocateMethod.PAPER: locate_paper}
 SIDES = ("left", "right")
-# two lights show one hole: what they say of it differs by no more than this squared distance (chi2, 6 dof, 99.99 %)
+# two lights show one hole: their poses differ by at most this squared distance (chi2, 6 dof, 99.99 %)
 CONTRADICTION = 27.86
-# what one light shows for certain and another may hide: there is no such hole
+# refusals that are certain under one light, even if another light shows no fault: there is no such hole
 NO_HOLE = frozenset({"flat_print", "shallow_pocket"})
 
 
 class BadJob(Exception):
-    """A job that cannot be done: which field, and how to mend it."""
+    """A job that cannot be done: the field at fault, and how to correct it."""
 
     def __init__(self, field: str, text: str) -> None:
         super().__init__(f"{field}: {text}")
@@ -75,7 +75,7 @@ class Job(BaseModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What is known before a picture is seen."""
+    """The knowledge before a picture is seen."""
 
     stereo: StereoModel
     hole: Rimmed
@@ -98,8 +98,8 @@ class Scene:
 
 
 def read_picture(path: str, field: str) -> tuple[Pixels, str]:
-    """The numbers of a picture as they are stored, uint8 or uint16, and `mono` or `bgr`. A flag that a viewer should
-    turn it is not followed: the calibration is of what the sensor saw. Raises BadJob."""
+    """The numbers of a picture as stored, uint8 or uint16, and `mono` or `bgr`. An orientation flag for viewers is
+    ignored, because the calibration refers to the sensor's picture. Raises BadJob."""
     try:
         stored = np.fromfile(path, dtype=np.uint8)
     except OSError as error:
@@ -115,7 +115,7 @@ def read_picture(path: str, field: str) -> tuple[Pixels, str]:
 
 
 def lights_of(job: Job, stereo: StereoModel) -> list[tuple[Light, Light]]:
-    """The pairs, linear light. Raises BadJob: a picture that is none, or of another size than the calibration's."""
+    """The pairs in linear light. Raises BadJob for a file that is no picture, or not of the calibration's size."""
     if len(job.left) != len(job.right):
         raise BadJob(
             "right", f"{len(job.left)} pictures left and {len(job.right)} right; give one of each camera for each light"
@@ -139,7 +139,7 @@ def lights_of(job: Job, stereo: StereoModel) -> list[tuple[Light, Light]]:
 
 
 def best_of(found: list[Located]) -> Located:
-    """The surest of what several lights gave. Raises Doubtful where two of them contradict each other."""
+    """The most certain of the results under several lights. Raises Doubtful where two of them contradict each other."""
     surest = min(found, key=lambda one: float(np.linalg.slogdet(one.covariance)[1]))
     for other in found:
         delta = surest.pose_base_hole.inverse() @ other.pose_base_hole
@@ -155,7 +155,8 @@ def best_of(found: list[Located]) -> Located:
 
 
 def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Located | None, list[VisionRefusal]]:
-    """The hole by the surest of the pairs, and why others gave none; None where none did or they contradict."""
+    """The most certain pose among the pairs, and the refusals of the others; None where all refuse or two
+    contradict."""
     found: list[Located] = []
     refusals: list[VisionRefusal] = []
     for left, right in pairs:
@@ -176,7 +177,7 @@ def locate(job: Job, scene: Scene, pairs: list[tuple[Light, Light]]) -> tuple[Lo
 
 
 def answer(job: Job, cell: CellFile) -> dict[str, Any]:
-    """What stdout gets. Raises BadJob."""
+    """The answer for stdout. Raises BadJob."""
     scene = Scene.of(job.calibration, cell, job.rectified)
     pairs = lights_of(job, scene.stereo)
     started = time.perf_counter()
@@ -201,7 +202,7 @@ def answer(job: Job, cell: CellFile) -> dict[str, Any]:
     quality = {} if found is None else {name: float(value) for name, value in found.diagnostics.items()}
     warnings = () if found is None else found.warnings
     if found is None or job.method is LocateMethod.PAPER:
-        # a lens that is not as calibrated may be why there is no pose
+        # a lens that is not as calibrated may be the reason for the refusal
         lenses = lenses_of(pairs[0], scene.stereo.cameras)
         quality, warnings = quality | lenses.figures(), lenses.warnings()
     return {
@@ -228,7 +229,7 @@ def _write(folder: Path, pictures: list[Any]) -> None:
 
 
 class Cells:
-    """Cells' files, each read once and again when it has changed."""
+    """The cells' files; each is read once, and again after a change."""
 
     def __init__(self) -> None:
         self._read: dict[tuple[str, int], CellFile] = {}

@@ -65,9 +65,9 @@ def locate_paper(
     half_ranges: Array,
     _doubts: Doubts | None = None,
 ) -> Located:
-    """The centre of the dark cross by disparity. It claims nothing of the orientation, so its covariance there, and in
-    position too, is only that of where the hole can be at all: larger than any doubt about drawing or calibration.
-    Raises a VisionRefusal."""
+    """The centre of the dark cross by disparity. The method does not measure the orientation. The covariance is that of
+    the whole range of the hole, for position too: larger than any doubt about drawing or calibration. Raises a
+    VisionRefusal."""
     images = as_light(left, stereo, "left"), as_light(right, stereo, "right")
     regions = find_both(images[0], images[1], stereo, hole, nominal)
     # the paper takes the centre of the region's bounding box

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 
 class VisionRefusal(Exception):
-    """No pose. `code` is stable; the text gives what was measured and the bound. Not `certain`: it is the likeliest
-    name, and another light may show something else."""
+    """No pose. `code` is stable; the text gives the measured value and its bound. If not `certain`, it is the likeliest
+    cause, and another light may show another one."""
 
     code = "vision"
 
@@ -45,7 +45,7 @@ class TooDark(VisionRefusal):
 
 
 class TooBright(VisionRefusal):
-    """The plate is so bright that the sensor is saturated: an edge there is not where it seems."""
+    """The plate is so bright that the sensor is saturated: an edge there appears at the wrong place."""
 
     code = "too_bright"
 

@@ -15,8 +15,8 @@ Grey = NDArray[np.uint8]
 
 MIN_FACE_GREY = 25.0
 BORDER_PX = 3
-# how far area over convex hull may be from the outline's (a Greek cross with arms three times as long as wide: 5/7);
-# perspective and lit walls blur it
+# tolerance of area over convex hull against the outline's (a Greek cross with arms three times as long as wide: 5/7);
+# perspective and lit walls change it
 SOLIDITY_OFF = (-0.115, 0.125)
 MAX_ASPECT = 1.35
 MAX_AREA_OFF = 1.7
@@ -35,8 +35,8 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class ExpectedRegion:
-    """What the hole looks like from about where it should be: area (px) and centre (2,) (px) in a picture, area over
-    that of its convex hull, and longer over shorter side of its tightest box."""
+    """The expected appearance of the hole near its nominal place: area (px) and centre (2,) (px) in a picture, area
+    over that of its convex hull, and longer over shorter side of its tightest box."""
 
     area_px: float
     centre_px: tuple[float, float]
@@ -45,7 +45,7 @@ class ExpectedRegion:
 
 
 def solidity_and_aspect(corners_m: Array) -> tuple[float, float]:
-    """Of an outline (n, 2): area over its convex hull's, longer over shorter side of its tightest box."""
+    """For an outline (n, 2): area over its convex hull's, longer over shorter side of its tightest box."""
     outline = (corners_m / np.abs(corners_m).max() * 1e3).astype(np.float32).reshape(-1, 1, 2)
     (_, (side_a, side_b), _) = cv2.minAreaRect(outline)
     hull = cv2.contourArea(cv2.convexHull(outline))
@@ -81,7 +81,8 @@ def _holes(mask: Grey, expected: ExpectedRegion) -> tuple[list[NDArray[np.int32]
 
 
 def find_hole(grey: Grey, expected: ExpectedRegion, side: str) -> Region:
-    """The one hole in a grey picture. `expected` sets only the shape and scale looked for and what counts as cut off.
+    """The one hole in a grey picture. `expected` sets only the shape and scale of the search and the test for a
+    cut-off.
 
     Raises TooDark, NoCross, TwoCrosses, CutOff.
     """
@@ -91,7 +92,7 @@ def find_hole(grey: Grey, expected: ExpectedRegion, side: str) -> Region:
     if face < MIN_FACE_GREY:
         raise TooDark(f"{side}: the bright part is at grey {face:.0f}, want {MIN_FACE_GREY:.0f} or more")
     found, cut_off = _holes(np.asarray(bright, dtype=np.uint8), expected)
-    # lit bore walls can be nearer to the plate's grey than to the background's: look again among the bright
+    # lit bore walls can be nearer to the plate's grey than to the background's: search again among the bright pixels
     if not found:
         plate = smooth[bright > 0]
         second, _ = cv2.threshold(plate.reshape(1, -1), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)

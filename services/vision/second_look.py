@@ -1,4 +1,4 @@
-"""Which lamp and exposure to try next after a refusal: under the same light it would be refused again."""
+"""The lamp and exposure to try after a refusal: under the same light the picture would be refused again."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 LONGER, SHORTER = 4.0, 0.35
 EXPOSURES = (0.05, 32.0)
 LAMPS = 4
-# what no other light can mend: the hole is not there, or the cell is not what it is thought to be
+# refusals that no other light can change: the hole is not there, or the cell's file is wrong
 HOPELESS = frozenset({"wrong_image", "cut_off", "two_crosses", "outside_prior", "flat_print", "shallow_pocket"})
 
 

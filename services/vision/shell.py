@@ -63,7 +63,7 @@ class VisionShell:
         return pair, pictures
 
     def _warn(self, calibration: CameraCalibration, warnings: tuple[str, ...]) -> None:
-        """Tell people of a calibration once, not at each look."""
+        """Warn about a calibration once, not at each look."""
         if warnings and calibration != self._warned_of:
             self._warned_of = calibration
             self._context.event(Severity.WARNING, "lens_not_as_calibrated", "; ".join(warnings))
@@ -92,7 +92,7 @@ class VisionShell:
                 refusals.append(refusal)
                 look = next_look(look, refusal.code, refusal.certain)
         else:
-            # a lens that is not as calibrated may be why there is no pose
+            # a lens that is not as calibrated may be the reason for the refusal
             self._warn(pair.calibration, lenses_of((lights[0], lights[1]), stereo.cameras).warnings())
             told = str(refusals[0])
             if len(refusals) > 1:
@@ -126,4 +126,4 @@ class VisionShell:
         )
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing to release."""

@@ -1,4 +1,4 @@
-"""What the two cameras are, as the core sees them: projection through each lens, and back from both pictures.
+"""The model of the two cameras: projection through each lens, and triangulation from both pictures.
 
 Everything is exact in the pictures as they were taken: no picture is undistorted, rectified or resampled.
 """
@@ -15,14 +15,14 @@ from crosspih_common.messages import CameraCalibration, CameraModel, DistortionM
 
 UNBEND_STEPS, REFINE_STEPS = 20, 4
 UNBENT = 1e-13
-UNBENT_PX = 1e-6  # how far a ray's pixel may be from the one asked for
+UNBENT_PX = 1e-6  # largest distance between a ray's pixel and the given one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """One camera, z forward, x right, y down: u = fx x'/z + cx, v = fy y'/z + cy, integers at pixel centres; (x', y')
     is bent by the lens: `distortion` (8,) k1, k2, p1, p2, k3, k4, k5, k6 (plumb_bob), or (4,) k1 to k4 (fisheye).
-    `gamma` says how its numbers stand to the light."""
+    `gamma` relates its numbers to the light."""
 
     width_px: int
     height_px: int
@@ -48,7 +48,7 @@ class Camera:
         )
 
     def more_bent(self, k1: float) -> Camera:
-        """The camera with that much added to its lens's k1."""
+        """The camera with `k1` added to its lens's k1."""
         none = self.distortion_model is DistortionModel.NONE
         distortion = np.zeros(8) if none else self.distortion.copy()
         distortion[0] += k1
@@ -56,7 +56,7 @@ class Camera:
         return replace(self, distortion_model=model, distortion=distortion)
 
     def bent(self, slopes: Array) -> Array:
-        """Where the lens moves (x/z, y/z) (..., 2): cv2.projectPoints and cv2.fisheye.projectPoints do the same."""
+        """The slopes (x/z, y/z) (..., 2) after distortion, as in cv2.projectPoints and cv2.fisheye.projectPoints."""
         if self.distortion_model is DistortionModel.NONE:
             return slopes
         x, y = slopes[..., 0], slopes[..., 1]
@@ -78,13 +78,13 @@ class Camera:
         return np.asarray(angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4)))))
 
     def project(self, points_camera_m: Array) -> Array:
-        """Pixels (..., 2) of points (..., 3) in this camera's frame, m, before it (z > 0)."""
+        """Pixels (..., 2) of points (..., 3) in this camera's frame, m, in front of it (z > 0)."""
         slopes = self.bent(points_camera_m[..., :2] / points_camera_m[..., 2:])
         return np.asarray(slopes * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px))
 
     def slopes(self, pixels: Array) -> Array:
-        """(x/z, y/z) (..., 2) of the rays that pixels (..., 2) see; NaN for a pixel that the lens's formula never meets
-        (a barrel distortion bends back beyond some angle)."""
+        """Slopes (x/z, y/z) (..., 2) of the rays of pixels (..., 2); NaN for a pixel that the lens's formula never
+        reaches (a barrel distortion bends back beyond some angle)."""
         pixels = np.asarray(pixels, dtype=float)
         seen = np.stack(
             [(pixels[..., 0] - self.cx_px) / self.fx_px, (pixels[..., 1] - self.cy_px) / self.fy_px], axis=-1
@@ -123,7 +123,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoModel:
-    """Two cameras, equal and parallel or not: `pose_left_right` is the right one in the left one's frame,
+    """Two cameras, equal and parallel or not: `pose_left_right` is the right camera in the left one's frame,
     `pose_base_camera` the left one in the base."""
 
     left: Camera
@@ -133,7 +133,7 @@ class StereoModel:
 
     @classmethod
     def of(cls, calibration: CameraCalibration, correction: Pose | None = None) -> StereoModel:
-        """From the message; `correction` is where the left camera really is, in the frame that the message says."""
+        """From the message; `correction` is the true pose of the left camera in the frame that the message states."""
         pose_base_camera = calibration.pose_base_camera.pose()
         return cls(
             Camera.of(calibration.left),
@@ -154,7 +154,7 @@ class StereoModel:
         return cls(camera, camera, Pose.from_translation([baseline_m, 0.0, 0.0]), pose_base_camera)
 
     def more_bent(self, k1: Array) -> StereoModel:
-        """With that much (2,) added to the k1 of the left lens and of the right one."""
+        """The model with `k1` (2,) added to the k1 of the left and the right lens."""
         left, right = (camera.more_bent(float(more)) for camera, more in zip(self.cameras, k1, strict=True))
         return replace(self, left=left, right=right)
 
@@ -180,7 +180,7 @@ class StereoModel:
     def triangulate(self, left_px: Array, right_px: Array) -> Array:
         """Points (..., 3), m, left camera's frame, nearest in both pictures to pixels (..., 2) of each.
 
-        Least squares of the distances in the two pictures (px, the lens's bend taken out); for equal parallel cameras
+        Least squares of the distances in the two pictures (px, after undistortion); for equal parallel cameras
         that is the paper's Eq. 4 with y by the mean row. A point behind the cameras (z < 0) means that the pixels do
         not belong together or the pictures are swapped; parallel rays give infinity or NaN.
         """
@@ -208,7 +208,7 @@ class StereoModel:
         return point
 
     def _between_rays(self, slopes: Array) -> Array:
-        """The middle of the shortest line between the two rays, slopes (2, ..., 2)."""
+        """The midpoint of the shortest line between the two rays, slopes (2, ..., 2)."""
         ones = np.ones((*slopes.shape[:-1], 1))
         ahead = np.concatenate([slopes, ones], axis=-1)
         one, other = ahead[0], ahead[1] @ self.pose_left_right.rotation.T
@@ -221,7 +221,7 @@ class StereoModel:
         return np.asarray(0.5 * (along_one[..., None] * one + origin + along_other[..., None] * other))
 
     def apart_px(self, left_px: Array, right_px: Array) -> Array:
-        """(..., 2), px: how much farther the two pictures are apart than one point's would be; of equal parallel
-        cameras the difference of the rows. NaN or a z below 0 in `triangulate` says that there is no such point."""
+        """(..., 2), px: the distance between the pictures in excess of one point's; for equal parallel cameras the
+        difference of the rows. NaN or a z below 0 in `triangulate` means that there is no such point."""
         seen = self.project(self.triangulate(left_px, right_px))
         return np.asarray((left_px - seen[0]) - (right_px - seen[1]))

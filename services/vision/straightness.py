@@ -1,8 +1,8 @@
-"""Whether straight edges are straight through the lens as it is calibrated: what is left over, as a k1.
+"""Tests whether straight edges are straight through the calibrated lens; the remaining bow is expressed as a k1.
 
-A wrong or missing distortion moves the rim by less than a stereo pair shows and still spoils the pose; long edges of
-the plate or of what stands about bow by it (the plumb-line method, Brown 1971). Edges of real things are not straight
-to the hundredth of a pixel, so each counts with a bow of its own, and no single one decides.
+A wrong or missing distortion moves the rim by less than a stereo pair shows and still spoils the pose. Long edges of
+the plate or of nearby objects bow by it (the plumb-line method, Brown 1971). Edges of real objects are not straight to
+a hundredth of a pixel, so each is given a bow of its own, and no single edge decides.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from services.vision.light import Light, shown
 from services.vision.stereo import Camera
 
 SEARCH_WIDTH_PX = 400  # lines are looked for in a picture no wider than this
-MIN_LENGTH = 0.1  # of a line, as a share of the picture's width
+MIN_LENGTH = 0.1  # length of a line, as a share of the picture's width
 MAX_EDGES, MIN_EDGES, EDGES_SURE = 24, 3, 4
 ENDS = 0.06  # share of a line at each end that a corner disturbs
 ALONG = 96  # profiles across a line
 REACH_PX, STEP_PX = 6.0, 0.5
 MIN_STEP_NOISE = 4.0  # of the step at an edge, in sd of the profile about it
 MAX_ROUGH_PX = 0.5
-# one sd of how far the middle of a straight edge is off the line through its ends, as seen: 0.05 mm at 0.3 m; and of
-# how far it is ragged: what is not straight in the small is not in the large
+# sd of the sagitta of a real straight edge, as an angle: 0.05 mm at 0.3 m; and factor on its raggedness: an edge that
+# is ragged in the small is not straight in the large
 OWN_BOW_RAD, RAGGED_BOW = 1.6e-4, 1.5
 MAX_ALIKE = 0.8
-DEGREES = 4.0  # of Student's t: one edge that is none of a straight thing counts little
+DEGREES = 4.0  # of Student's t: a single edge of a curved object counts little
 JOIN_STEPS = 8
 SURE, SURE_WITHOUT_ONE = 4.0, 2.5
 MIN_K1 = 0.005
-MAX_K1 = 0.5  # an edge that bows by more is none of a straight thing: a round plate's, a cable's
-HIGHER_SHARE = 0.1  # of a k1: what k2 and the rest may be, which edges about the middle do not tell
+MAX_K1 = 0.5  # an edge that bows by more belongs to no straight object: a round plate's, a cable's
+HIGHER_SHARE = 0.1  # size of k2 and higher terms as a share of k1; edges near the middle do not show them
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOver:
-    """The k1 that would make the edges straight, its sd, how many edges say so, and whether they leave no doubt."""
+    """The k1 that would make the edges straight, its sd, the number of edges, and whether they are conclusive."""
 
     k1: float
     sd: float
@@ -50,7 +50,7 @@ class LeftOver:
 
 @dataclass(frozen=True, slots=True)
 class Lenses:
-    """What straight edges say of the left lens, of the right one, and of both as two of one make."""
+    """The results of straight edges for the left lens, the right one, and both as two lenses of one type."""
 
     left: LeftOver | None
     right: LeftOver | None
@@ -58,12 +58,12 @@ class Lenses:
 
     @property
     def sure(self) -> bool:
-        """Whether no chance explains how the edges bow."""
+        """Whether the bow of the edges is beyond chance."""
         return any(one is not None and one.sure for one in (self.left, self.right, self.both))
 
     def by_side(self) -> tuple[Array, Array]:
-        """k1 (2,) of the left and of the right lens, and its sd (2,): a lens of which too few edges tell is taken for
-        the other's like; without any, 0 and infinity."""
+        """k1 (2,) of the left and the right lens, and its sd (2,). A lens with too few edges is assumed to be like the
+        other; without any edges, 0 and infinity."""
         found = [one or self.both for one in (self.left, self.right)]
         twice = np.sqrt(2.0) if self.left is None and self.right is None else 1.0
         return (
@@ -72,8 +72,8 @@ class Lenses:
         )
 
     def figures(self) -> dict[str, float]:
-        """By name what is left over of each lens, as a k1, where enough edges are seen; `bow_sure` is 1 where that is
-        no chance."""
+        """The remaining k1 of each lens by name, where enough edges are seen; `bow_sure` is 1 where it is beyond
+        chance."""
         told: dict[str, float] = {}
         for name, one in (("_left", self.left), ("_right", self.right), ("", self.both)):
             if one is not None:
@@ -81,7 +81,7 @@ class Lenses:
         return told
 
     def warnings(self) -> tuple[str, ...]:
-        """What to tell a user; nothing where the lenses are as calibrated by all that is seen."""
+        """Warnings for the user; none where the lenses agree with their calibration as far as the edges show."""
         sure = [(side, one) for side, one in (("left", self.left), ("right", self.right)) if one and one.sure]
         if len(sure) != 1 and self.both is not None and self.both.sure:
             sure = [("left and the right", self.both)]
@@ -93,13 +93,13 @@ class Lenses:
 
 
 def lenses_of(images: tuple[Light, Light], cameras: tuple[Camera, Camera]) -> Lenses:
-    """Of the left and the right picture (height, width), linear light."""
+    """From the left and the right picture (height, width), linear light."""
     left, right = (bows(light, camera) for light, camera in zip(images, cameras, strict=True))
     return Lenses(left_over(left), left_over(right), left_over(np.concatenate([left, right])))
 
 
 def bows(light: Light, camera: Camera) -> Array:
-    """(n, 2): what each long edge in a picture (height, width) says of its camera's lens: a k1 and its sd."""
+    """(n, 2): the k1 and its sd from each long edge in a picture (height, width)."""
     edges = _edges(light, _lines(light, camera))
     found = [bow for points in edges if (bow := _of_edge(points, camera)) is not None]
     k1, sd = np.array(found).reshape(-1, 2).T
@@ -108,7 +108,7 @@ def bows(light: Light, camera: Camera) -> Array:
 
 
 def left_over(seen: Array) -> LeftOver | None:
-    """What edges (n, 2), as `bows` gives them, say of one lens, or of two alike; None where they are too few."""
+    """The result of edges (n, 2), as `bows` gives them, for one lens, or for two alike; None where they are too few."""
     if len(seen) < MIN_EDGES:
         return None
     values, sds = seen.T
@@ -133,7 +133,7 @@ def left_over(seen: Array) -> LeftOver | None:
 
 
 def _lines(light: Light, camera: Camera) -> Array:
-    """(n, 2, 2): ends of the longest lines, px, no two of them on one edge."""
+    """(n, 2, 2): ends of the longest lines, px, at most one line per edge."""
     scale = max(1.0, light.shape[1] / SEARCH_WIDTH_PX)
     size = round(light.shape[1] / scale), round(light.shape[0] / scale)
     small = light if scale == 1.0 else cv2.resize(light, size, interpolation=cv2.INTER_AREA)
@@ -154,7 +154,7 @@ def _lines(light: Light, camera: Camera) -> Array:
 
 
 def _same(line: Array, other: Array) -> bool:
-    """Whether the middle of a line lies on another one, and they go the same way."""
+    """Whether the middle of a line lies on another one, with the same direction."""
     along = other[1] - other[0]
     length = float(np.linalg.norm(along))
     along = along / length
@@ -188,7 +188,7 @@ def _of_edge(points: Array, camera: Camera) -> tuple[float, float] | None:
     strength = float(bowed @ bowed)
     if rough > MAX_ROUGH_PX or strength < 1e-9:
         return None
-    # neighbours that are off alike are no two witnesses
+    # neighbours with the same error are not independent
     alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-12), 0.0, MAX_ALIKE))
     ragged = rough * float(np.sqrt((1.0 + alike) / (1.0 - alike) / strength))
     own_bow_px = np.hypot(OWN_BOW_RAD * np.sqrt(camera.fx_px * camera.fy_px), RAGGED_BOW * rough)
@@ -196,8 +196,8 @@ def _of_edge(points: Array, camera: Camera) -> tuple[float, float] | None:
 
 
 def _edges(light: Light, lines: Array) -> list[Array]:
-    """Of lines (n, 2, 2), px, those along a clear single edge: (ALONG, 2), px, where the edge is, each profile across
-    it moved until it is the mean of all."""
+    """For lines (n, 2, 2), px, the ones along a clear single edge: its points (ALONG, 2), px; each profile across the
+    edge is shifted until it matches the mean of all."""
     along = lines[:, 1] - lines[:, 0]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     at = lines[:, :1] + np.linspace(ENDS, 1.0 - ENDS, ALONG)[:, None] * along[:, None]

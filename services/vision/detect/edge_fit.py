@@ -1,7 +1,7 @@
-"""From starts a few pixels off to the rim: edges along its normals in both pictures, in shrinking windows.
+"""Refines starts that are a few pixels off: edges along the rim's normals in both pictures, in shrinking windows.
 
-Iterated closest edges, Gauss-Newton in all six degrees of freedom, all starts at once. Edges count by how they stand
-out from the noise and from what else lies along their profile, whatever their contrast and sign.
+Iterated closest edges, Gauss-Newton in all six degrees of freedom, all starts at once. An edge's weight depends on how
+far it stands out from the noise and from the rest of its profile, whatever its contrast and sign.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from services.vision.detect.rim_samples import RimSamples
 from services.vision.stereo import StereoModel
 
 STEP_PX = 0.5
-NEAR_SHARE = 0.6  # of the window: how far an edge may lie before it counts clearly less
+NEAR_SHARE = 0.6  # share of the window: an edge farther away counts clearly less
 NOISE_SHARE = 1.5
 AROUND_SHARE = 1.0
 TUKEY = 4.685
 MIN_SPREAD_PX = 0.35
-# an edge may be seen at -1, the chamfer's outer line, at 1, its inner one, or between: the same all around
+# an edge may be seen at -1 (the chamfer's outer line), at 1 (its inner line) or between, the same all around the rim
 LINE_SD = 1.0
-# the profile that is compared with two steps: beyond the outer line and beyond the inner one; their blur
+# reach of the profile compared with two steps: beyond the outer and beyond the inner line; the blur of the steps
 FACE_PX, BORE_PX = 3.5, 4.0
 STEP_SPREAD_PX = 0.9
 WIDTH_STEP_PX = 0.5
 STEP_NOISE_SHARE = 1.0
 MIN_STEPS = 0.3
 MIN_UNEXPLAINED = 0.002
-MIN_EDGE = 0.25  # below this share of an edge a profile says nothing
-# profiles near each other see the same edge: one in ten counts, by how they scatter
+MIN_EDGE = 0.25  # a profile with less edge than this is not used
+# neighbouring profiles see the same edge: by their scatter, only one in ten is independent
 INDEPENDENT = 0.1
-# an edge this far from where the rim must be, px of the level, still supports it
+# an edge within this distance of the expected rim, px of the level, supports it
 SUPPORT_PX = 1.25
 SUPPORT_WINDOW_PX = 4.0
-# tables of two steps that are kept, some 8 kB each: their sizes are the pictures', so there is no end of them
+# cached tables of two steps, about 8 kB each; the cache is bounded because the sizes depend on the pictures
 TABLES_KEPT = 64
 
 
@@ -77,7 +77,7 @@ class Poses:
         return Poses(self.rotation @ turn, self.translation_m + shift)
 
     def from_prior(self, prior: Pose) -> Array:
-        """(K, 6): how far each is from the prior, in the prior's frame, m and rad."""
+        """(K, 6): the difference of each pose from the prior, in the prior's frame, m and rad."""
         turn = rotation_of(prior.rotation.T @ self.rotation).as_rotvec()
         return np.column_stack([(self.translation_m - prior.translation_m) @ prior.rotation, turn])
 
@@ -137,8 +137,8 @@ def edges_along(levels: tuple[Level, Level], samples: RimSamples, rim: RimEdges,
 
 
 def steps_along(levels: tuple[Level, Level], samples: RimSamples, rim: RimEdges, offsets_px: Array) -> Array:
-    """(2, K, M, T): 0 to 1, how much of what each profile shows is two steps, one at each line of the chamfer, were the
-    rim `offsets_px` (T,) further in. The three greys of face, chamfer and bore are free, and a slope."""
+    """(2, K, M, T): 0 to 1, the share of each profile explained by two steps, one at each line of the chamfer, with the
+    rim shifted inward by `offsets_px` (T,). The greys of face, chamfer and bore and a slope are free."""
     width = rim.chamfer_px
     widest = float(width.max())
     reach = _offsets_between(float(offsets_px[0]) - FACE_PX, float(offsets_px[-1]) + widest + BORE_PX)
@@ -168,7 +168,8 @@ def steps_along(levels: tuple[Level, Level], samples: RimSamples, rim: RimEdges,
 @lru_cache(maxsize=TABLES_KEPT)
 def _two_steps(width_px: float, reach: int, offsets: int) -> tuple[Floats, Floats]:
     """For profiles of `reach` points and the rim at each of `offsets` places on them: (reach, offsets * 2) orthonormal
-    bases of what a rim with a chamfer that wide looks like, but for its mean, and (reach, offsets) where each looks."""
+    bases of a rim with a chamfer of this width, without its mean, and (reach, offsets) the points that each one
+    uses."""
     at = _offsets_between(-FACE_PX, width_px + BORE_PX)
     columns = [ndtr(at / STEP_SPREAD_PX), ndtr((at - width_px) / STEP_SPREAD_PX)]
     left, size, _ = np.linalg.svd(np.column_stack([c - c.mean() for c in columns]), full_matrices=False)
@@ -192,8 +193,8 @@ def refined(
 ) -> Poses:
     """The poses after one step a window (px of the levels).
 
-    Each profile's edge may be anywhere across the chamfer, the same all around; or, `by_steps`, both its lines are
-    looked for.
+    Each profile's edge may be anywhere across the chamfer, the same all around; with `by_steps`, both lines of the
+    chamfer are fitted.
     """
     line = np.zeros(len(poses))
     spread_of = np.append(half_ranges, LINE_SD)
@@ -208,7 +209,7 @@ def refined(
             offsets = _offsets(window + float(half.max()))
             share = edges_along(levels, samples, rim, offsets)
             beyond = np.maximum(np.abs(offsets) - half[..., None], 0.0)
-        # two steps explain most of many profiles a little off the rim: what they leave unexplained tells
+        # two steps explain much even a little off the rim, so the weight comes from the unexplained part
         likely = share / (1.0 + MIN_UNEXPLAINED - share) if by_steps else share
         likely = likely * np.exp(-0.5 * (beyond / (NEAR_SHARE * window)) ** 2)
         best = np.clip(np.argmax(likely, axis=-1), 1, len(offsets) - 2)[..., None]
@@ -234,7 +235,7 @@ def refined(
 
 
 def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Floats:
-    """(2, K, M): 0 to 1, how much of an edge there is at each sample of the rim, on either line of its chamfer."""
+    """(2, K, M): 0 to 1, the edge strength at each sample of the rim, on either line of its chamfer."""
     rim = RimEdges.of(samples, stereo, poses, levels)
     half = 0.5 * rim.chamfer_px
     offsets = _offsets(SUPPORT_WINDOW_PX + float(half.max()))
@@ -244,13 +245,13 @@ def support(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoMode
 
 
 def likeness(levels: tuple[Level, Level], samples: RimSamples, stereo: StereoModel, poses: Poses) -> Floats:
-    """(2, K, M): 0 to 1, how much each profile of the rim looks like its two steps, half a pixel off at most."""
+    """(2, K, M): 0 to 1, how well two steps explain each profile of the rim, at most half a pixel off."""
     rim = RimEdges.of(samples, stereo, poses, levels)
     return np.asarray(np.max(steps_along(levels, samples, rim, _offsets(STEP_PX)), axis=-1), dtype=np.float32)
 
 
 def _sampled(picture: Floats, rows_px: Floats, beyond: int) -> Floats:
-    """What a picture (height, width) or (height, width, n) holds at points (rows, columns, 2), bilinear."""
+    """Bilinear samples of a picture (height, width) or (height, width, n) at points (rows, columns, 2), px."""
     found = cv2.remap(picture, rows_px[..., 0], rows_px[..., 1], cv2.INTER_LINEAR, borderMode=beyond)
     return np.asarray(found, dtype=np.float32)
 

@@ -1,1 +1,1 @@
-"""Is it a hole at all: what is seen inside must lie deep, or the rim must have the drawing's chamfer."""
+"""Decides whether a fit is a hole: the inside must lie deep, or the rim must have the chamfer of the drawing."""

@@ -1,4 +1,4 @@
-"""The other explanation of a rim with a chamfer: both its lines drawn in the face's plane, a shaded print."""
+"""The alternative to a rim with a chamfer: a shaded print with both lines drawn in the face's plane."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ STEPS = 3
 
 
 def deeper_by(images: Images, rim: Rim, stereo: StereoModel, fit: Fit, doubts: Doubts) -> float:
-    """By how much a chamfer that goes down explains the pictures better than one drawn in the face's plane: difference
-    of the log likelihoods. Below 0: drawn."""
+    """Log likelihood ratio of a chamfer that goes down against one drawn in the face's plane. Below 0 the drawn one is
+    more likely."""
     flat = rim.inner_m.copy()
     flat[..., 2] = 0.0
     state = replace(fit.state, profile_weight=None)

@@ -1,7 +1,7 @@
-"""What is seen inside the rim: does it lie in the face's plane (a print), a little below it (a pocket), or deep?
+"""The depth of what is seen inside the rim: in the face's plane (a print), a little below it (a pocket), or deep.
 
-A picture in the face's plane is seen by both cameras alike once the plane's own shift between them is taken out; walls,
-a bottom or the background are not. The plane's depth is swept, 0 first.
+Both cameras see a picture in the face's plane alike once the shift of that plane is removed; walls, a bottom or the
+background look different. The depth of the plane is swept, starting at 0.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from services.vision.stereo import StereoModel
 
 MAX_POINTS = 1600
 SMOOTH_PX = 1.0  # one sd
-NOISY_GREY = 1.4  # what smoothing leaves of the noise: from there on it makes shares of what is seen
-# away from the inner rim, whose step must not reach in: with the finer smoothing, and more for each px beyond it
+NOISY_GREY = 1.4  # residual noise after smoothing; above it, noise is a relevant share of the signal
+# distance kept from the inner rim, so that its step does not reach in: at the finer smoothing, and added per px of more
 MARGIN_PX, MARGIN_PER_PX = 2.5, 1.5
 MIN_POINTS = 60
 MASK_M = 0.2e-3
@@ -29,10 +29,11 @@ MASK_M = 0.2e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inside:
-    """By depth (D,), m: what of the left picture's inside the right one explains when it lies that deep, 1 all of it.
+    """Parallax sweep over depths (D,), m: how much of the left picture's inside is not explained by the right one at
+    each.
 
-    structure: sd of the inside, smoothed, noise taken out, grey; noise: what noise leaves of it; unexplained (D,): sd
-    of what is left, noise taken out, grey; bright: median grey inside.
+    structure: sd of the smoothed inside without the noise, grey; noise: remaining sd of the noise after smoothing,
+    grey; unexplained (D,): residual sd without the noise, grey; bright: median grey inside.
     """
 
     depths_m: Array
@@ -44,17 +45,17 @@ class Inside:
 
     @property
     def noisy(self) -> bool:
-        """Whether noise makes a share of what is seen."""
+        """Whether noise is a relevant share of the signal."""
         return self.noise > NOISY_GREY
 
     @property
     def uneven(self) -> float:
-        """What may be seen inside, as a share of how bright it is there."""
+        """The unevenness of the inside with half the noise, as a share of its brightness."""
         return float(np.hypot(self.structure, 0.5 * self.noise)) / max(self.bright, 1e-9)
 
 
 def _grid(inner_m: Array, pixel_m: float, margin_px: float) -> Array:
-    """Points (N, 2) of the face's plane inside the outline (n, 2), away from it, m."""
+    """Points (N, 2) of the face's plane inside the outline (n, 2), at a distance from it, m."""
     low, high = inner_m.min(axis=0), inner_m.max(axis=0)
     step = max(pixel_m, float(np.sqrt(np.prod(high - low) / (2.0 * MAX_POINTS))))
     x, y = np.meshgrid(*(np.arange(low[axis] + step / 2, high[axis], step) for axis in range(2)))
@@ -68,8 +69,8 @@ def _grid(inner_m: Array, pixel_m: float, margin_px: float) -> Array:
 
 def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inner_rim_m: Array, depths_m: Array,
                 noise_variance: tuple[float, float], smooth_px: float = SMOOTH_PX) -> Inside:  # fmt: skip
-    """`inner_rim_m` (n, 3) hole frame; `noise_variance` of a pixel of the left and the right picture inside the rim;
-    `smooth_px` by how much both are smoothed first, one sd."""
+    """`inner_rim_m` (n, 3) hole frame; `noise_variance` per pixel of the left and the right picture inside the rim,
+    grey^2; `smooth_px`: sd of the smoothing of both pictures."""
     margin_px = MARGIN_PX + MARGIN_PER_PX * max(smooth_px - SMOOTH_PX, 0.0)
     centre = stereo.project(pose_camera_hole.apply(np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])))
     pixel_m = float(1e-3 / np.linalg.norm(centre[:, 1] - centre[:, 0], axis=-1).min())
@@ -99,7 +100,7 @@ def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inn
         terms = np.column_stack([flat[counted], right[counted]])
         explained = np.linalg.lstsq(terms, left[counted], rcond=None)[0]
         rest = left[counted] - terms @ explained
-        # the right picture's noise comes in as strongly as that picture explains the left one
+        # the right picture's noise enters as strongly as that picture explains the left one
         noise_here = noise_left + (explained[-1] ** 2 * noise_right if noisy else 0.0)
         unexplained.append(max(float(np.mean(rest**2)) - noise_here, 0.0))
     total = max(float(np.mean(structure**2)) - noise_left, 0.0)
@@ -114,7 +115,7 @@ def seen_inside(images: Images, stereo: StereoModel, pose_camera_hole: Pose, inn
 
 
 def _inside_again(stereo: StereoModel, pose: Pose, inner: Array, right_px: Array, margin_px: float) -> Array:
-    """(D, N): whether the right camera sees a place through the rim too, away from its line."""
+    """(D, N): whether the right camera sees each place through the rim too, at a distance from its line."""
     rim = stereo.project(pose.apply(inner))[1].astype(np.float32).reshape(-1, 1, 2)
     low = np.floor(rim.min(axis=0)[0]).astype(int) - 2
     size = np.ceil(rim.max(axis=0)[0]).astype(int) - low + 3

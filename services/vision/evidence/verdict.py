@@ -1,4 +1,4 @@
-"""Whether what was fitted is a hole: three witnesses, in the order of what they are worth.
+"""Decides whether a fit is a hole, by three kinds of evidence, the strongest first.
 
 1. What is seen inside does not lie in the face's plane, nor a little below it (parallax).
 2. The rim has a chamfer: two steps whose middle grey is neither the face's nor the bore's.
@@ -21,64 +21,66 @@ from services.vision.refusals import FlatPrint, NotSeenInside, ShallowPocket
 from services.vision.stereo import StereoModel
 
 DEPTHS_M = np.array([0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.018, 0.03])
-# what is seen inside is more than noise from there on, times the noise; plainly more; and share of the step
+# the inside counts as seen above this many noises; as plainly seen; and above this share of the step
 SEEN_NOISES, PLAIN_NOISES, SEEN_SHARE = 1.1, 2.3, 0.006
-# the inside is asked again when it is smoothed more, one sd, px. By the first, in a noisy picture: plainly seen and so
-# much left by the face's plane, it is deep. By the second, where more noise is left than that, grey, and little is
-# seen: more seen than that, times the noise, and less left than NOT_IN_PLANE, it lies in the face's plane
+# further looks with more smoothing, one sd, px. SMOOTHER, in noisy pictures: plainly seen, with at least this share not
+# explained by the face's plane: deep. SMOOTHEST, where the noise exceeds this grey and the inside is faint: seen above
+# this many noises, with a share below NOT_IN_PLANE not explained: it lies in the face's plane
 SMOOTHER_PX, SMOOTHER_DEEP = 2.0, 0.8
 SMOOTHEST_PX, SMOOTHEST_GREY, SMOOTHEST_NOISES = 3.0, 0.8, 2.0
-# a plane explains the inside when it leaves less of it; one that leaves more than that does not, plainly seen or
-# faintly
+# a plane explains the inside if it leaves a share below EXPLAINED; it does not above the others, for an inside that is
+# plainly or faintly seen
 EXPLAINED, NOT_EXPLAINED, FAINTLY_NOT_EXPLAINED = 0.35, 0.5, 0.72
-NOISY_NOT_EXPLAINED = 0.65  # in a noisy picture, where what both pictures' noise leaves is taken out
-BRIGHT_NOT_EXPLAINED = 0.75  # where the inside is as bright as a pocket's bottom, which shines as the face does
+NOISY_NOT_EXPLAINED = 0.65  # in a noisy picture, where the noise of both pictures is subtracted
+BRIGHT_NOT_EXPLAINED = 0.75  # where the inside is as bright as the bottom of a pocket, which shines as the face does
 FAINTLY_BETTER, PLAINLY_BETTER = 0.08, 0.15
-# what is faintly seen says something where it is no mere shade of ink, nor what glossy ink mirrors, as a share of its
-# grey; and no print's chamfer is drawn beside ink as uneven as the second
+# a faint inside counts only if it is more uneven, as a share of its grey, than shades of ink and reflections in glossy
+# ink; beside an inside more uneven than INK_UNEVEN, the chamfer is not a printed one
 FAINTLY_UNEVEN, INK_UNEVEN = 0.26, 0.15
-# how much better a deep plane explains it than the face's, where it is less uneven but no mirror's: ink stays below
+# gain of a deep plane over the face's plane that counts for a less uneven inside which is no reflection; ink stays
+# below
 FAINTLY_DEEP = 0.28
-# how much better or worse a plane must explain it than another, share of what is seen
+# difference between two planes that counts, share of the structure
 BETTER = 0.12
-# a glossy print mirrors what is far away: it is as even as that, and a deep plane leaves that share of what the face's
-# plane leaves
+# a glossy print reflects distant objects: its inside is at most this uneven, and a deep plane leaves at least this
+# share of the residual of the face's plane
 MIRRORED_UNEVEN, MIRRORED = 0.15, 0.6
-# a bottom DEEP_M below a face, of the face's own surface, is as bright as that share of it
+# a bottom DEEP_M below a face, with the same surface, is this share as bright
 BOTTOM_SHARE = 0.5
-# from the first on a bottom, a wall or the background; up to the second the face itself
+# from DEEP_M on it is a bottom, a wall or the background; up to FLAT_M it is the face itself
 DEEP_M, FLAT_M = 0.012, 0.0008
-# a lit wall is best explained by a plane in its middle, and by that much better than by the face's
+# a plane in the middle of a lit wall explains it best, by at least this much more than the face's plane
 WALL_M, WALL_BETTER = 0.004, 0.1
-# log likelihood of a chamfer that goes down against one that is drawn on the face: where the inside may be ink, and
-# beyond doubt
+# log likelihood ratio of a chamfer that goes down against one drawn on the face: required where the inside may be ink,
+# and where it is plainly seen
 MIN_DEEPER, DEEPER_PLAIN = 20.0, 50.0
-# and in a noisy picture where it is no ink: one to 150 that it is chance
+# the same in a noisy picture where the inside is no ink: odds of 150 to 1
 DEEPER_NOISY = 5.0
-# the chamfer's grey between bore (0) and face (1): nearer to either than that it may be a printed line; plainly none
+# grey of the chamfer between bore (0) and face (1): nearer to either than MIN_CHAMFER it may be a printed line; beyond
+# PLAIN_CHAMFER it is none
 MIN_CHAMFER, PLAIN_CHAMFER = 0.085, 0.3
 CHAMFER_NOISES = 2.0
-# of the face's light: the blackest inks give back more than the first; and nearly all more than the second, which says
-# something where there is a chamfer, and the third, where there plainly is
+# share of the face's light: the blackest inks return more than the first, nearly all inks more than the second; the
+# second is the bound where there is a chamfer, the third where there plainly is one
 BLACK_SHARES = 0.022, 0.034, 0.05
-# with more seen inside than that a hole would show its depth
+# if the inside is seen above this many noises, a hole would show its depth
 FAINT_NOISES = 1.4
-# what the face's plane leaves of what is seen inside, when that does not lie in it
+# least share of the inside that the face's plane leaves unexplained if the inside does not lie in it
 NOT_IN_PLANE = 0.44
 CHAMFERED_M = 1e-4
-# of the inside next to the rim, saturated: with more of it only what is seen inside tells a hole
+# saturated share of the inside next to the rim; above it only the inside can prove a hole
 WHITE_INSIDE = 0.4
-# what is seen inside, with half the noise, as a share of its grey: ink is as even as that in an outline of one step,
-# and in any outline when it is so much brighter than stray light in a black bore, as a share of the face
+# unevenness (`Inside.uneven`) of ink: in an outline of one step; and in any outline if the inside has this brightness,
+# as a share of the face, which is more than stray light in a black bore
 EVEN_ONE_STEP, EVEN, INK_SHARES = 0.15, 0.1, (0.1, 0.6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """inside: the parallax sweep; chamfer: how far the chamfer's grey is from face and from bore, share of the step,
-    the less of both; black: the median grey inside over the face's; deeper: log likelihood of a chamfer that goes down
-    against one that is drawn on the face; chamfered: by the drawing. In pictures that are smoothed more:
-    deep_below_noise, what is seen inside plainly does not lie in the face's plane; flat_below_noise, it does."""
+    """inside: the parallax sweep; chamfer: distance of the chamfer's grey from face or bore, the smaller one, share of
+    the step; black: median grey inside over the face's; deeper: log likelihood ratio of a chamfer that goes down
+    against one drawn on the face; chamfered: whether the drawing has a chamfer. With more smoothing: deep_below_noise,
+    the inside plainly does not lie in the face's plane; flat_below_noise, it does."""
 
     inside: Inside
     chamfer: float
@@ -90,13 +92,13 @@ class Evidence:
 
     @property
     def seen(self) -> float:
-        """What is seen inside, times the noise."""
+        """The structure of the inside over the noise."""
         return self.inside.structure / max(self.inside.noise, 1e-9)
 
 
 def chamfer_shade(fit: Fit, rim: Rim, step_grey: float) -> Array:
-    """(F, 2): by the way that the walls face, and picture, the chamfer's grey: 0 as the bore, 1 as the face; NaN where
-    these are alike."""
+    """(F, 2), by facing of the walls and by picture: grey of the chamfer, 0 as the bore, 1 as the face; NaN where these
+    two are alike."""
     steps = fit.steps
     height = steps.face - steps.bore
     least = max(5.0, 0.2 * step_grey)
@@ -113,13 +115,13 @@ def chamfer_shade(fit: Fit, rim: Rim, step_grey: float) -> Array:
 def evidence_of(
     images: Images, stereo: StereoModel, hole: Rimmed, rim: Rim, fit: Fit, quality: Quality, doubts: Doubts
 ) -> Evidence:
-    """All that tells a hole from a picture of one."""
+    """Collect the evidence for a hole or for a picture of one."""
     noise = tuple(float(np.median(fit.variance[side][..., -3:])) for side in range(2))
     pose = fit.state.pose_camera_hole
     sizes = hole.inner_rim_m(), DEPTHS_M, (noise[0], noise[1])
     inside = seen_inside(images, stereo, pose, *sizes)
     black = inside.bright / max(float(np.median(fit.steps.face)), 1.0)
-    # walls, background and prints are wide: smoothing takes the noise and leaves them
+    # walls, background and prints are wide: smoothing removes the noise and keeps them
     deep_below_noise = flat_below_noise = False
     if inside.noisy:
         smoother = seen_inside(images, stereo, pose, *sizes, SMOOTHER_PX)
@@ -128,7 +130,7 @@ def evidence_of(
             and smoother.structure > PLAIN_NOISES * smoother.noise
             and bool(smoother.unexplained[0] > SMOOTHER_DEEP * smoother.structure)
         )
-    # what is blacker than nearly all ink is none, whatever of the rim's own step reaches in
+    # an inside darker than nearly all ink is no ink, even if some of the rim's step reaches in
     if inside.noise > SMOOTHEST_GREY and _faint(inside) and black > BLACK_SHARES[1]:
         smoothest = seen_inside(images, stereo, pose, *sizes, SMOOTHEST_PX)
         flat_below_noise = smoothest.structure > SMOOTHEST_NOISES * smoothest.noise and bool(
@@ -151,7 +153,7 @@ def _faint(inside: Inside) -> bool:
 
 
 def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
-    """How deep what is seen inside lies, m; infinite where no plane explains it; None where it does not say."""
+    """Depth of the inside, m; infinite where no plane explains it; None where it cannot be told."""
     seen = inside.structure / max(inside.noise, 1e-9)
     if seen < SEEN_NOISES or inside.structure < SEEN_SHARE * quality.step_grey:
         return None
@@ -159,10 +161,11 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
     best = int(np.nanargmin(share))
     depth = float(inside.depths_m[best])
     gain = share[0] - share[best]
-    # the planes are far apart: the deepest of a pocket's is deep where the next one below explains more than that above
+    # the planes are far apart: the last depth of a pocket counts as deep if the next plane explains more than the one
+    # before
     deep_enough = depth > DEEP_M or (depth == DEEP_M and bool(share[best + 1] < share[best - 1]))
     if black > BOTTOM_SHARE:
-        # as bright as a bottom of the face's own surface
+        # as bright as a bottom with the face's surface
         nothing_like_it = share[best] > BRIGHT_NOT_EXPLAINED and inside.uneven > MIRRORED_UNEVEN
         if nothing_like_it or (gain > BETTER and deep_enough):
             return np.inf
@@ -172,12 +175,12 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
             return np.inf
         deep = float(np.nanmin(np.where(inside.depths_m >= DEEP_M, share, np.nan)))
         mirrored = inside.uneven < MIRRORED_UNEVEN and share[best] > MIRRORED * share[0]
-        # a wall of a dark bore, seen down to some depth, or what is behind it
+        # a wall of a dark bore, visible down to some depth, or the background
         if not mirrored and ((gain > WALL_BETTER and depth >= WALL_M) or deep < share[0] - BETTER):
             return np.inf
         shallow = depth <= DEEP_M and share[-1] > share[best] + BETTER
         return depth if shallow and share[best] < EXPLAINED else None
-    # faintly seen: what no plane explains better than another is noise, and says nothing
+    # faint: a structure that all planes explain alike is noise
     faintly = NOISY_NOT_EXPLAINED if inside.noisy else FAINTLY_NOT_EXPLAINED
     told = (share[0] > faintly and gain > FAINTLY_BETTER) or gain > PLAINLY_BETTER
     behind = gain > FAINTLY_DEEP and depth > DEEP_M and inside.uneven > MIRRORED_UNEVEN
@@ -185,10 +188,10 @@ def _depth_by(inside: Inside, black: float, quality: Quality) -> float | None:
 
 
 def judge(evidence: Evidence, quality: Quality) -> None:
-    """Nothing when it is a hole. Raises FlatPrint, ShallowPocket, NotSeenInside: in this order, the certain first."""
+    """Return for a hole. Raises FlatPrint, ShallowPocket or NotSeenInside."""
     inside = evidence.inside
     depth = _depth_by(inside, evidence.black, quality)
-    # what is faintly seen may be noise
+    # a faint structure may be noise
     faint = _faint(inside)
     plain = not (faint and evidence.flat_below_noise)
     if (depth is None and evidence.deep_below_noise) or (depth is not None and np.isinf(depth) and plain):
@@ -209,7 +212,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE and evidence.black < BOTTOM_SHARE
     # a chamfer that is as likely drawn on the face is no proof
     no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > INK_UNEVEN
-    # noise makes a chamfer of a single line, and a likelihood of its own
+    # noise can make a single line look like a chamfer, and changes the likelihood
     noise = max(inside.noise / NOISY_GREY, 1.0) ** 2
     least_of_all = DEEPER_NOISY if inside.noisy else 0.0
     deeper_least = DEEPER_PLAIN if not faint else least_of_all if no_ink else MIN_DEEPER * noise
@@ -224,7 +227,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     one_step = evidence.chamfered and evidence.chamfer <= sure and evidence.black > BLACK_SHARES[0]
     ink = INK_SHARES[0] < evidence.black < INK_SHARES[1]
     if (one_step and inside.uneven < EVEN_ONE_STEP) or (ink and inside.uneven < EVEN):
-        # a black hole under stray light and an even dome could look like that: the name is not certain
+        # a black hole under stray light and an even dome could look like that: not certain
         step = "the outline is one step, without the drawing's chamfer, and " if one_step else ""
         raise FlatPrint(
             f"{step}the inside is evenly {evidence.black:.0%} as bright as the face: most likely a print or a sticker, "

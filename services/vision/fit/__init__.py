@@ -1,1 +1,1 @@
-"""The fine fit of the rim in both pictures, from a start to within a pixel or two."""
+"""The fine fit of the rim in both pictures, from a start within a pixel or two."""

@@ -1,5 +1,5 @@
-"""From a start to the best pose: wide valleys first, few profiles first, and the other places where a bright chamfer
-and a dark one would look alike."""
+"""Climbs from a start to the best pose: wide valleys first, few profiles first; then tries the places that look alike
+because bright and dark chamfers can be confused."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ from services.vision.fit.steps import STEP_PX
 from services.vision.stereo import StereoModel
 
 FEW_PROFILES = 72
-# blur added to the pictures, px^2, most steps with it, with few profiles, and how many times less likely than the best,
+# blur added to the pictures, px^2; most steps with it, with few profiles; and how many times less likely than the best,
 # by the logarithm, a start may be to be followed further
 STAGES = ((1.0, 3, 1.6), (0.0, 3, 1.35))
 FINE_STEPS = 5
-# a chamfer that much brighter than the face, times, is no glint; more than that is no more of one; what it is worth
+# a chamfer up to this much brighter than the face, times, is no glint; the limit of a glint; its weight
 GLINT_FREE, MAX_GLINT, GLINT_GLOSS = 1.15, 1.5, 0.1
 GLOSS_AT = 1  # the fine step after which shine and texture are measured
 SETTLED_M, SETTLED_RAD = 6e-6, 6e-5
-# steps from a rim moved by its chamfer's width, the first of them with the blur held; how many times less likely than
-# the best it may be after one step to be followed; from how many places that are better than all before
+# steps from a rim shifted by its chamfer's width, the first of them with the blur held; how many times less likely than
+# the best a place may be after one step to be followed; number of rounds, each from a place better than all before
 OTHER_STEPS, OTHER_HELD, AT_SECOND_SIGHT, ROUNDS = 5, 3, 1.75, 2
-# what is worse by less than that may be the better one with all profiles; so many are tried with them
+# a place worse by less than this may be better with all profiles; number of places tried with all profiles
 ALIKE_SHARE, FINISHED = 1.2, 3
-# what is worse by more than that is no rival
+# a place worse by more than this is no rival
 RIVAL_SHARE = 1.5
-# nor is what the fit would have ended at, had it not been asked again, ever worse by more: the model that condemns it
-# may be what is wrong
+# the pose that the fit reached before it tried other places never counts as worse than this: the model that rejects it
+# may be wrong
 CAME_TO_WORSE = 1.28
 SAME_M = 0.05e-3
-# a bore is no ridge of light that is brighter, times, than the face and what is farther in, with the noise; a face no
-# darker than that; and minus the log likelihood of one
+# a ridge of light at the bore's edge: brighter, times, than the face and the area farther in, beyond so many noises, on
+# a face at least this bright; the cost of one, minus the log likelihood
 RIDGE_FREE, RIDGE_NOISES, RIDGE_FACE, RIDGE_COST = 1.15, 3.0, 20.0, 12.0
 MARGIN_PX = 40
 
@@ -109,16 +109,15 @@ def _same(one: State, other: State) -> bool:
 
 
 def misfit(fit: Fit | Look, even: Array) -> float:
-    """Mean of log(1 + r^2 / (4 s^2)) over the samples: comparable between poses at one and the same `even`
-    s^2 (2, G)."""
+    """Mean of log(1 + r^2 / (4 s^2)) over the samples. Poses can be compared if they use the same `even` s^2 (2, G)."""
     inside = fit.profiles.inside
     square = fit.steps.residual**2 / even[..., None, None]
     return float(np.sum(np.log1p(0.25 * square) * inside) / max(float(inside.sum()), 1.0))
 
 
 def ridges(fit: Fit | Look) -> float:
-    """How much looks like a chamfer where the bore should begin: brighter than the face and than what is farther in; by
-    edges, in both pictures, 1 for an edge where it is brighter by the face's grey."""
+    """The amount of light that looks like a chamfer where the bore should begin: brighter than the face and than the
+    area farther in; summed over edges that show it in both pictures, 1 for an edge brighter by the face's grey."""
     bore, face = median_of_last(fit.steps.bore), median_of_last(fit.steps.face)
     rest = np.maximum(face, median_of_last(fit.profiles.beyond))
     noise = np.sqrt(median_of_last(fit.variance.reshape(*face.shape, -1)))
@@ -127,7 +126,7 @@ def ridges(fit: Fit | Look) -> float:
 
 
 def unlikely(fit: Fit | Look, even: Array, doubts: Doubts) -> float:
-    """The misfit, and what an odd blur, odd sizes and ridges cost: minus the log likelihood a sample, but for a
+    """The misfit plus the costs of an odd blur, odd sizes and ridges: minus the log likelihood per sample, up to a
     constant."""
     sizes = 0.5 * float(np.sum((fit.state.sizes_m / doubts.sds()) ** 2)) + RIDGE_COST * ridges(fit)
     # neighbours along a profile and along the rim see the same pixels
@@ -137,7 +136,8 @@ def unlikely(fit: Fit | Look, even: Array, doubts: Doubts) -> float:
 
 
 def gloss_of(fit: Fit) -> float:
-    """How differently both cameras see the face beside the rim, as a share of its grey, its overall level aside."""
+    """The difference of the face beside the rim between the cameras, as a share of its grey, without the overall
+    level."""
     face = np.maximum(fit.steps.face, 1.0)
     ratio = np.log(face[0] / face[1])
     # noise alone makes them differ too
@@ -147,8 +147,7 @@ def gloss_of(fit: Fit) -> float:
 
 
 def glint_of(fit: Fit) -> float:
-    """How much brighter than the face the brightest chamfers are, times the face's grey: broken edges shine as they
-    do."""
+    """Excess brightness of the brightest chamfers over the face, times the face's grey; broken edges shine alike."""
     face = np.maximum(fit.steps.face.mean(axis=2), 1.0)
     brightest = float(np.quantile(fit.steps.chamfer.mean(axis=2) / face, 0.8))
     return float(np.clip(brightest - GLINT_FREE, 0.0, MAX_GLINT))
@@ -156,7 +155,7 @@ def glint_of(fit: Fit) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Climbed:
-    """Where few profiles led to: the state after the last step, and the look before it."""
+    """The result with few profiles: the state after the last step, and the look before it."""
 
     state: State
     fit: Fit
@@ -175,8 +174,8 @@ def climb(
 ) -> tuple[Fit | None, list[Rival]]:
     """The best fit from starts about one place, each within a pixel or two of the rim in both pictures, and its rivals.
 
-    Starts that led to one and the same place are followed once, and one that leaves far more unexplained than the best
-    is given up: it is neither the best fit nor a rival of it.
+    Starts that lead to the same place are followed once. A start that leaves far more unexplained than the best is
+    given up: it is neither the best fit nor a rival of it.
     """
     states = [start_state(coarse, start) for start in starts]
     climbed: list[_Climbed] = []
@@ -233,7 +232,7 @@ def _stage(
 
 
 def _worth_following(climbed: list[_Climbed], doubts: Doubts, worse: float) -> list[_Climbed]:
-    """The likeliest first, without those that are elsewhere by nothing or less likely by far."""
+    """The likeliest first, without those at the same place as another or far less likely."""
     if not climbed:
         return []
     cost = [unlikely(one.fit, climbed[0].fit.even, doubts) for one in climbed]
@@ -248,14 +247,14 @@ def _worth_following(climbed: list[_Climbed], doubts: Doubts, worse: float) -> l
 
 
 def glossed(state: State, fit: Fit) -> State:
-    """With the beliefs that its shine asks for, ready for any number of profiles."""
+    """The state with the priors that the shine of the face calls for, ready for any number of profiles."""
     gloss = min(float(np.linalg.norm([gloss_of(fit), roughness_of(fit), GLINT_GLOSS * glint_of(fit)])), MAX_GLOSS)
     effects = {kind: np.maximum(variance, believed(kind, gloss) ** 2) for kind, variance in state.effects.items()}
     return replace(state, effects=effects, gloss=gloss, profile_weight=None)
 
 
 def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, doubts: Doubts) -> Fit:
-    """All profiles, until it settles."""
+    """Iterate with all profiles until the fit settles."""
     for number in range(FINE_STEPS):
         before = state
         state, fit = iterate(images, fine, stereo, state, doubts)
@@ -267,8 +266,8 @@ def finish(images: Images, fine: Rim, stereo: StereoModel, state: State, doubts:
 
 
 def _alike(images: Images, rim: Rim, stereo: StereoModel, climbed: _Climbed, doubts: Doubts) -> list[_Climbed]:
-    """Where the fit may have to be instead: a rim moved by its chamfer's width looks much the same where the chamfers
-    ahead are as bright as the face and those behind as dark as the bore, and where the pictures are blurred."""
+    """Other places where the fit may belong: a rim shifted by its chamfer's width looks much the same if the chamfers
+    ahead are as bright as the face and those behind as dark as the bore, and if the pictures are blurred."""
     width = float(np.median(np.linalg.norm((rim.outer_m - rim.inner_m)[..., :2], axis=-1)))
     if width < 1e-5:
         return []
@@ -278,7 +277,7 @@ def _alike(images: Images, rim: Rim, stereo: StereoModel, climbed: _Climbed, dou
     for axis in (along, np.array([-along[1], along[0]])):
         for way in (axis, -axis):
             moved = perturbed(climbed.state.pose_camera_hole, np.array([*(width * way), 0.0, 0.0, 0.0, 0.0]))
-            # a wrong place is blurred by more than the lens
+            # at a wrong place the blur is larger than the lens's
             state = start_state(rim, moved, float(np.min(climbed.state.blur_px2[:, [0, 2]])))
             passed: list[tuple[float, _Climbed]] = []
             with suppress(np.linalg.LinAlgError):
@@ -291,6 +290,6 @@ def _alike(images: Images, rim: Rim, stereo: StereoModel, climbed: _Climbed, dou
                     passed.append((cost, _Climbed(before, fit)))
                 else:
                     others.append(_Climbed(state, fit))
-                    # where nothing tells one place from the next the way there is as likely as its end
+                    # where neighbouring places look alike, the steps on the way count as much as the last one
                     others += [one for cost, one in passed[1:-1] if cost < min(least, passed[-1][0])]
     return others

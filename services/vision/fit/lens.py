@@ -1,8 +1,8 @@
-"""What a lens that is not as calibrated does to the pose, and what the rim and straight edges say of such a lens.
+"""The effect of a miscalibrated lens on the pose, and what the rim and straight edges tell about such a lens.
 
-A k1 that the calibration lacks moves what is seen at (x, y) = (X/Z, Y/Z) by k1 (x^2 + y^2) (x, y) f. About the rim that
-is nearly a shift, and the fit takes it for another pose: mostly for another depth. No pair of pictures of one rim tells
-the two from each other, so the doubt about k1 goes into the covariance.
+A k1 missing in the calibration moves the image of (x, y) = (X/Z, Y/Z) by k1 (x^2 + y^2) (x, y) f. Around the rim that
+is nearly a shift, and the fit takes it for another pose: mostly for another depth. No pair of pictures of one rim can
+separate the two, so the uncertainty of k1 goes into the covariance.
 """
 
 from __future__ import annotations
@@ -18,26 +18,27 @@ from services.vision.fit.solve import EDGE, POSE, TURN, Doubts, Fit, in_whole
 from services.vision.stereo import StereoModel
 from services.vision.straightness import Lenses
 
-ALIKE = 0.8  # correlation of the two lenses' k1: mostly two of one make
+ALIKE = 0.8  # correlation of the two lenses' k1: mostly two lenses of one type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensDoubt:
-    """The k1 (2,) of the left and the right lens beyond their calibration, its covariance (2, 2), and by how much the
-    fit's pose goes astray per unit of each, `by_k1` (6, 2): x, y, z, rx, ry, rz of the hole's frame, m and rad."""
+    """The k1 (2,) of the left and the right lens beyond their calibration, its covariance (2, 2), and the error of the
+    fit's pose per unit of each, `by_k1` (6, 2): x, y, z, rx, ry, rz of the hole's frame, m and rad."""
 
     k1: Array
     k1_covariance: Array
     by_k1: Array
 
     def of_pose(self) -> Array:
-        """(6, 6): what it adds to the pose's covariance; the pose is not mended, so the mean is an error, too."""
+        """(6, 6): the addition to the pose's covariance. The pose is not corrected, so the mean counts as an error,
+        too."""
         return np.asarray(self.by_k1 @ (self.k1_covariance + np.outer(self.k1, self.k1)) @ self.by_k1.T)
 
 
 def lens_doubt(fit: Fit, rim: Rim, stereo: StereoModel, doubts: Doubts, lenses: Lenses) -> LensDoubt:
-    """By what is believed of a lens before, by the rim, and by straight edges, `lenses`. Where these are sure, `stereo`
-    holds what they say already, and it is their own doubt that is left."""
+    """From the prior of a lens, the rim, and the straight edges `lenses`. Where the edges are sure, `stereo` already
+    includes their correction, and only their own uncertainty remains."""
     by_k1, information, pull = _by_k1(fit, rim, stereo)
     seen, seen_sd = lenses.by_side()
     if lenses.sure:
@@ -54,7 +55,7 @@ def lens_doubt(fit: Fit, rim: Rim, stereo: StereoModel, doubts: Doubts, lenses: 
 
 
 def _by_k1(fit: Fit, rim: Rim, stereo: StereoModel) -> tuple[Array, Array, Array]:
-    """(6, 2) the pose's error by the k1 of each lens; what the rim itself says of them, information (2, 2) and pull."""
+    """The pose's error per k1 of each lens (6, 2); the rim's own information on both k1 (2, 2), and its pull (2,)."""
     ramp = np.linspace(-1.0, 1.0, rim.shape[1])
     across = np.zeros((2, rim.shape[0], fit.local.shape[-1]))
     rows, own, pull = [], np.zeros(2), np.zeros(2)
@@ -62,7 +63,7 @@ def _by_k1(fit: Fit, rim: Rim, stereo: StereoModel) -> tuple[Array, Array, Array
         slopes = np.nan_to_num(camera.slopes(fit.seen.outer_px[side]))
         moved = slopes * np.sum(slopes**2, axis=-1, keepdims=True) * np.array([camera.fx_px, camera.fy_px])
         along_normal = np.sum(moved * fit.seen.normal[side], axis=-1)
-        # an edge moves as a whole and turns; that it bows as well is less than its own unevenness
+        # an edge moves and turns as a whole; its bow is smaller than its own unevenness
         across[side, :, EDGE] = along_normal.mean(axis=1)
         across[side, :, TURN] = along_normal @ ramp / (ramp @ ramp)
         local = np.zeros_like(across)

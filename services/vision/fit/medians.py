@@ -1,4 +1,4 @@
-"""Medians of arrays without NaN: a step of the fit takes a dozen, and numpy's own looks for NaN and for masks first."""
+"""Fast medians of arrays without NaN: a fit step takes a dozen, and numpy's median checks for NaN and masks first."""
 
 from __future__ import annotations
 

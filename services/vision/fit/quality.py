@@ -1,4 +1,4 @@
-"""What speaks for a fit and against it, whatever the light: all of it measured against the height of the step."""
+"""Figures of merit of a fit that do not depend on the light: all are relative to the height of the step."""
 
 from __future__ import annotations
 
@@ -11,28 +11,27 @@ from services.vision.fit.rim import Rim
 from services.vision.fit.solve import COMMON, POSE, Doubts, Fit, parameters
 from services.vision.fit.steps import SATURATED_GREY
 
-# a step is seen that many times the noise of ALONG neighbours' mean
+# a step counts as seen above this many noises of the mean of ALONG neighbours
 STEP_NOISES, ALONG = 4.0, 5
 MIN_STEP_SHARE = 0.15
 MIN_WEIGHT = 0.3
-# of a profile: what is left when the rest is saturated or beyond the border
+# samples of a profile that remain when others are saturated or beyond the border
 SEEN_SAMPLES = 5
 TINY = 1e-9
 MAX_ALIKE, ROUGH_FREE = 0.8, 0.03
-# what is off by less than the root of this share of a belief is no conflict, however little the pictures say of it: of
-# the sizes, and of the offset
+# deviations below the root of this share of a prior sd are no conflict, however little the pictures say: for the sizes,
+# and for the offset
 MIN_SIZES, MIN_OFFSET = 0.1, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quality:
     """step_grey: median height of the step at the rim; noise_grey, face_grey: median; support (2, G): share of each
-    group's profiles that look like the rim; residual: what is left of the greys, share of the step; inside: share of
-    the rim inside the picture, the worse of both; saturated: share of the face beside the rim; rim_saturated: of the
-    profiles across it, any part of them; inside_saturated: of the inside next to it; offset_px (2,) and its conflict
-    with the calibration, sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing: chi2 of 2 and 4;
-    rough: what the model leaves unsaid, share of the step, the more the farther along the rim it hangs together:
-    texture."""
+    group's profiles that look like the rim; residual: rms residual, share of the step; inside: share of the rim inside
+    the picture, the smaller of both; saturated: share of the face beside the rim; rim_saturated: share of the profiles
+    across it with any saturated part; inside_saturated: share of the inside next to it; offset_px (2,) and its conflict
+    with the calibration (chi2, 2 dof); sizes_m (4,) (outer, inner, near, far) and their conflict with the drawing
+    (chi2, 4 dof); rough: unexplained texture, share of the step, larger if it is correlated along the rim."""
 
     step_grey: float
     noise_grey: float
@@ -63,9 +62,8 @@ def _along(values: Array) -> Array:
 
 
 def roughness_of(fit: Fit) -> float:
-    """Texture: what the model leaves unsaid, share of the step, the more the farther along the rim it hangs
-    together."""
-    # what covers the rim is no texture: what does not count in the fit does not count here
+    """Unexplained texture, share of the step, larger if it is correlated along the rim."""
+    # an object that covers the rim is no texture: the weights of the fit apply here, too
     counted = np.sqrt(fit.weight * fit.even[..., None, None])
     steps, rest = fit.steps, fit.steps.residual * counted
     height = np.maximum(np.abs(steps.chamfer - steps.face), np.abs(steps.bore - steps.face))
@@ -77,22 +75,22 @@ def roughness_of(fit: Fit) -> float:
 
 
 def _conflict(mean: Array, posterior: Array, prior_sd: Array, least: float) -> float:
-    """How far the pictures pull what was believed: squared, over its spread."""
+    """The squared shift of the priors by the pictures, over its variance."""
     spread = np.diag(prior_sd**2) - posterior
     spread = spread + least * np.diag(prior_sd**2)
     return max(float(mean @ np.linalg.solve(spread, mean)), 0.0)
 
 
 def _heights_of(fit: Fit) -> Array:
-    """(2, G, S): of the whole step or its greater part, grey, the neighbours' mean."""
+    """(2, G, S): height of the whole step or its larger part, grey, averaged over neighbours."""
     steps = fit.steps
     rises = (steps.chamfer - steps.face, steps.bore - steps.face, steps.bore - steps.chamfer)
     return np.asarray(np.max(np.abs([_along(rise) for rise in rises]), axis=0))
 
 
 def support_of(fit: Fit) -> tuple[Array, Array]:
-    """(2, G) each: the share of each group's profiles that look like the rim; and of those that would show it:
-    seen, and not saturated from within."""
+    """(2, G) each: the share of each group's profiles that look like the rim; and the share among those that can show
+    it: inside the picture, and not saturated from within."""
     height, inside = _heights_of(fit), fit.profiles.inside
     noise = np.sqrt(np.median(fit.variance, axis=-1))
     least = STEP_NOISES * noise / np.sqrt(np.clip(ALONG * np.median(fit.seen.spacing_px), 1.0, ALONG))

@@ -16,10 +16,10 @@ from services.vision.stereo import StereoModel
 PROFILES = 192  # across the whole rim, a picture
 MIN_SAMPLES, MAX_SAMPLES = 6, 32
 SKIP_ENDS = 0.13
-SKIP_ENDS_M = 0.0015  # of a short edge: two pixels from a corner its profiles are disturbed
+SKIP_ENDS_M = 0.0015  # left out at the ends of a short edge: two pixels from a corner its profiles are disturbed
 MAX_SKIP_ENDS = 0.4
-SMOOTH_RAD = 0.2  # edges that turn by less are facets of a curve: nothing disturbs where they meet
-PIECE_RAD = 0.55  # of a curve, one group turns no more
+SMOOTH_RAD = 0.2  # edges that turn by less are facets of a curve without a corner between them
+PIECE_RAD = 0.55  # the largest turn of one group on a curve
 SAME_DIRECTION = 0.15
 PROBE_M = 1e-5
 
@@ -37,9 +37,10 @@ class Rimmed(Protocol):
 @dataclass(frozen=True, slots=True, eq=False)
 class Rim:
     """Points on the rim in the hole frame: outer and inner (G, S, 3), m, their tangents and outward normals (G, S, 3),
-    reach (G,): 0 for the groups nearest to the axis and 1 for the farthest; facing (G,): a number a direction.
+    reach (G,): 0 for the groups nearest to the axis and 1 for the farthest; facing (G,): an index of the direction
+    faced.
 
-    `round`: nothing on the rim tells a turn about the axis.
+    `round`: a turn about the axis changes nothing on the rim.
     """
 
     outer_m: Array
@@ -52,7 +53,7 @@ class Rim:
 
     @classmethod
     def of(cls, hole: Rimmed, profiles: int = PROFILES) -> Rim:
-        """The rim of a hole; a share of each edge at its ends is left out, where the corner disturbs."""
+        """The rim of a hole; the ends of each edge are left out, where the corner disturbs."""
         inner, outer = hole.inner_rim_m(), hole.outer_rim_m()
         pieces = _pieces(inner)
         samples = int(np.clip(round(profiles / len(pieces)), MIN_SAMPLES, MAX_SAMPLES))
@@ -100,7 +101,7 @@ def _turns(along: Array) -> Array:
 
 
 def _pieces(inner: Array) -> list[tuple[list[int], bool, bool]]:
-    """The groups: edge numbers in order, and whether the rim has a corner where the group starts and where it ends."""
+    """The groups: edge indices in order, and whether the rim has a corner at the group's start and at its end."""
     direction = np.roll(inner, -1, axis=0) - inner
     direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     turns = _turns(direction)

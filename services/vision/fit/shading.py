@@ -1,8 +1,8 @@
-"""How bright chamfers are by where they face.
+"""The prior of the chamfers' brightness by the direction they face.
 
-Light that comes from large or far sources falls on a surface nearly as a linear function of its normal (spherical
-harmonics of a clamped cosine: Ramamoorthi and Hanrahan 2001). So the chamfers of opposite sides are together about as
-bright as those of any other two opposite sides, however bright each is.
+Light from large or distant sources falls on a surface nearly as a linear function of its normal (spherical harmonics of
+a clamped cosine: Ramamoorthi and Hanrahan 2001). So two opposite chamfers are together about as bright as any other two
+opposite ones, however bright each is.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from crosspih_common.geometry.pose import Array
 from services.vision.fit.rim import Rim
 
-# what is left of it for glossy paint, metal and small lamps: one sd, times the face's grey
+# deviation from that rule for glossy paint, metal and small lamps: one sd, times the face's grey
 UNEVEN_SHADE = 0.1
 
 
 def shade_belief(rim: Rim) -> Array:
-    """(F, F): one over the variance of the chamfers' greys, over the face's, by where they face: none for what is a
-    constant or linear in the direction, UNEVEN_SHADE for the rest. Zero where too few ways tell a rest."""
+    """(F, F): inverse variance of the chamfers' greys over the face's, by facing: zero for the constant and linear
+    parts, UNEVEN_SHADE for the rest. Zero where too few directions determine a rest."""
     first = np.unique(rim.facing, return_index=True)[1]
     present = rim.facing[first]
     belief = np.zeros((int(present[-1]) + 1,) * 2)

@@ -1,7 +1,7 @@
-"""Pose, blur and what is off in the drawing from both pictures: Gauss-Newton with random effects.
+"""Pose, blur and deviations from the drawing, from both pictures: Gauss-Newton with random effects.
 
-Every edge may be off by a little in each picture, and all edges that face one way together: chamfers are not evenly
-grey, walls are lit, edges are broken. By how much is measured from how well the edges agree with one pose.
+Every edge may be off by a little in each picture, and all edges that face one way may be off together: chamfers are not
+evenly grey, walls are lit, edges are broken. The size of these effects is measured from how well the edges agree.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from services.vision.stereo import StereoModel
 Images = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 POSE, OUTER, INNER, NEAR, FAR = 6, 6, 7, 8, 9
-EDGE, TURN = 15, 16  # among the local parameters: a shift of an edge in one picture, px, and that of its ends
+EDGE, TURN = 15, 16  # indices of local parameters: an edge's shift in one picture, px, and the shift of its ends
 SIZES = 4  # outer line, inner line, near edges, far edges
 COMMON = POSE + SIZES
 LOCAL = 21
-# a shift in one picture stands twice: the edge's own and its facing's
+# a shift in one picture occurs twice: for the edge itself, and for all edges that face its way
 TWICE = [*range(LOCAL), 15]
 BLUR_START_PX2 = 0.8
 HELD = 1e9
 MIN_BLUR_PX2, MAX_BLUR_PX2 = 0.1, 9.0
-MAX_BLUR_FACTOR = 4.0  # by which a step changes it
+MAX_BLUR_FACTOR = 4.0  # largest factor on the blur in one step
 EFFECT_DEGREES = 4.0
 ROUGH_GREY = 3.0  # before the noise is measured
-SHINE_FREE = 1.5  # a chamfer up to that many times as bright as the face is lit, and does not shine
+SHINE_FREE = 1.5  # a chamfer up to this many times as bright as the face is lit, and does not shine
 SHADE_MEAN, SHADE_SD = 0.5, 1.0
 MAX_LEVEL, CHAMFER_STEP = 1.5, 1.0  # times the median height of a step; a change in one step, times that level
-CHAMFER_SHARES = (-0.3, 6.0)  # of the face's grey: a chamfer is no darker or brighter
-# what is off by itself, beside what all edges share: sd before it is measured, and as many of its kind as would weigh
-# as much as this belief. A wall: both lines of an edge, m. A rim: the outer line of all edges that face one way, m (a
-# broken edge shines or not by where it faces); a lip: the inner one. The rest px in one picture: all edges that face
-# one way; an edge; its ends. The chamfer's grey over the face's, beside what all chamfers that face one way share
+CHAMFER_SHARES = (-0.3, 6.0)  # limits of a chamfer's grey, times the face's
+# random effects beside the common ones: sd before it is measured, and the number of effects that weigh as much as this
+# prior. wall: both lines of an edge, m. rim: the outer line of all edges that face one way, m (a broken edge shines or
+# not by its facing); lip: the inner line. facing, edge, turn, px in one picture: all edges that face one way; one edge;
+# its ends. chamfer: a chamfer's grey over the face's, beside the common one of its facing
 EFFECTS: dict[str, tuple[float, float]] = {
     "wall": (0.02e-3, 4.0),
     "rim": (0.03e-3, 4.0),
@@ -59,9 +59,9 @@ EFFECTS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubts:
-    """How far the drawing may be off, one sd, m: the outer and the inner line by broken edges, all of it by tolerance;
-    the right picture against the left one by the calibration, px; and each lens's k1, where the calibration tells its
-    distortion and where it says that there is none."""
+    """The uncertainty of the drawing, one sd, m: the outer and the inner line by broken edges, all lines by tolerance;
+    of the calibration, px: the right picture against the left one; and of each lens's k1, if the calibration states its
+    distortion and if it states none."""
 
     outer_sd_m: float = 0.06e-3
     inner_sd_m: float = 0.06e-3
@@ -77,9 +77,9 @@ class Doubts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where the fit stands: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and by
-    kind of effect the variance of each, m^2, px^2 or 1. gloss: how differently both cameras see the face; chamfer_grey
-    (2, G) and profile_weight (2, G, S): None before the first look."""
+    """The state of the fit: the pose, sizes (4,) m (outer, inner, near, far), blur (2, 3) px^2 (uu, uv, vv), and the
+    variance of each kind of effect, m^2, px^2 or 1. gloss: the face's difference between the cameras; chamfer_grey (2,
+    G) and profile_weight (2, G, S): None before the first look."""
 
     pose_camera_hole: Pose
     sizes_m: Array
@@ -92,8 +92,8 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """The end: the state, posterior covariance (P, P) with the pose first, effects (P,), information of the pose by
-    each edge, and what the last look at the pictures gave."""
+    """The result: the state, posterior covariance (P, P) with the pose first, effects (P,), information on the pose
+    from each edge, and the output of the last look at the pictures."""
 
     state: State
     covariance: Array
@@ -113,7 +113,7 @@ MAX_GLOSS = 0.3
 
 
 def believed(kind: str, gloss: float) -> float:
-    """What is off by itself, one sd: the shinier the more, a shine moves with the eye."""
+    """The prior sd of a random effect; it grows with the gloss, because a shine differs between the cameras."""
     return float(np.hypot(EFFECTS[kind][0], GLOSS_SD[kind] * min(gloss, MAX_GLOSS)))
 
 
@@ -149,8 +149,8 @@ def _taken(
 
 
 def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
-    """(2, G, S, 5, 21): outer step, inner step, their blur and the chamfer's grey, by the local parameters: pose 6,
-    sizes 4, blur 3, wall, rim, edge, the edge's turn, the chamfer's grey, the right picture's offset (u, v), lip."""
+    """(2, G, S, 5, 21): derivatives of outer step, inner step, their blurs and chamfer grey by the local parameters: pose
+    6, sizes 4, blur 3, wall, rim, edge, turn, chamfer grey, the right picture's offset (u, v), lip."""
     groups, samples = rim.shape
     maps = np.zeros((2, groups, samples, 5, LOCAL))
     maps[..., 0, :6], maps[..., 1, :6] = moved.outer_slope, moved.inner_slope
@@ -173,8 +173,8 @@ def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """What the pictures show at a state, before anything is made of it: what a fit holds of it, and what the step
-    needs: chamfer_grey (2, G), height (2, G, S) of the step, and the square of the normals (2, G, S, 3)."""
+    """The measurements of the pictures at a state, as a fit and a step need them: chamfer_grey (2, G), height (2, G, S)
+    of the step, and the products of the normals' components (2, G, S, 3)."""
 
     state: State
     seen: SeenRim
@@ -190,7 +190,7 @@ class Look:
 
 
 def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2: float = 0.0) -> Look:
-    """The first half of a step: enough to tell how likely the state is. `extra_px2` blur was added to the pictures."""
+    """The first half of a step: enough for the state's likelihood. `extra_px2`: blur added to the pictures."""
     moved, square, variance_px2, taken = _taken(images, rim, stereo, state, extra_px2)
     columns = columns_of(taken, moved, variance_px2)
     known = state.profile_weight if state.profile_weight is not None else np.ones(taken.grey.shape[:3])
@@ -203,7 +203,7 @@ def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2:
     chamfer = state.chamfer_grey
     if chamfer is None:
         chamfer = np.asarray(first.chamfer.mean(axis=2))
-    # how many independent pixels a sample stands for
+    # the number of independent pixels that a sample stands for
     share = np.minimum(moved.spacing_px, 1.0) * STEP_PX
     now = steps(columns, weight * share[..., None], chamfer)
     return Look(state, moved, taken, now, variance, even, weight, chamfer, profile_weight, height, square)
@@ -212,17 +212,17 @@ def look(images: Images, rim: Rim, stereo: StereoModel, state: State, extra_px2:
 def stepped(
     rim: Rim, looked: Look, doubts: Doubts, hold_blur: bool = False, hold_pose: bool = False
 ) -> tuple[State, Fit]:
-    """The second half: one Gauss-Newton step from what was seen. `hold_blur`, `hold_pose`: it stays what it is."""
+    """The second half: one Gauss-Newton step from a look. `hold_blur`, `hold_pose`: keep that part unchanged."""
     state, now, chamfer = looked.state, looked.steps, looked.chamfer_grey
     maps = _maps(rim, looked.seen, looked.square)
     table = now.table[..., 1:, 1:]
-    # of each edge at once: by its local parameters, by what its profiles share, and the pull
+    # all edges at once: by local parameters, by what their profiles share, and the pull
     beside = np.concatenate([table @ maps, now.shared[..., 1:, :], now.table[..., 0, 1:, None]], axis=-1)
     rows = 2, rim.shape[0], -1
     summed = np.swapaxes(maps.reshape(*rows, LOCAL), -1, -2) @ beside.reshape(*rows, beside.shape[-1])
     to_four, pull = summed[..., LOCAL:-1], summed[..., -1]
     local = summed[..., :LOCAL] - to_four @ now.inverse @ np.swapaxes(to_four, -1, -2)
-    # a chamfer that is saturated is not known: its own height must not be what its grey is held against
+    # the grey of a saturated chamfer is unknown: its own height must not serve as its reference
     rise = looked.height.mean(axis=2)
     level = np.maximum(now.face.mean(axis=2), np.minimum(rise, MAX_LEVEL * median(rise))) + 1.0
     covariance, effects = _solve(rim, state, doubts, local, pull, chamfer / level, level, hold_blur, hold_pose)
@@ -243,8 +243,8 @@ def iterate(
 
 
 def parameters(rim: Rim) -> tuple[NDArray[np.int64], int, dict[str, slice]]:
-    """(2, G, 22) which of all parameters each edge's local ones are, in the order of TWICE; how many there are in all;
-    and where each kind of effect lies in the covariance and in the effects."""
+    """(2, G, 22): index of each edge's local parameters among all parameters, in the order of TWICE; the number of all
+    parameters; and the slice of each kind of effect in the covariance and in the effects."""
     return _indices_of(rim.shape[0], tuple(rim.facing.tolist()))
 
 
@@ -285,13 +285,14 @@ def _indices_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64]
 
 @lru_cache(maxsize=32)
 def _cells_of(groups: int, facing: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Where in a square of all parameters each pair of local ones is added up, and what lies above its diagonal."""
+    """The cell of each pair of local parameters in a square of all parameters, and a mask of those above its
+    diagonal."""
     index, total, _ = _indices_of(groups, facing)
     return (index[..., :, None] * total + index[..., None, :]).ravel(), np.triu(np.ones((total, total), dtype=bool), 1)
 
 
 def in_whole(rim: Rim, local: Array) -> Array:
-    """(P,): what the edges of both pictures say in their local parameters (2, G, 21), added up by all parameters."""
+    """(P,): the sum over the edges of both pictures of their local vectors (2, G, 21), by all parameters."""
     index, total, _ = parameters(rim)
     return np.asarray(np.bincount(index.ravel(), local[..., TWICE].ravel(), total), dtype=float)
 
@@ -316,7 +317,7 @@ def _solve(
         blur, off = blur_belief(state.blur_px2)
         prior[COMMON : COMMON + 6] = blur
         gradient[COMMON : COMMON + 6] -= blur * off
-        # a lens is round and both are alike, more or less
+        # prior: the lens's blur is nearly round, and alike in both pictures
         flat = state.blur_px2.ravel()
         off, scale = roundness(state.blur_px2)
         sds = [*np.sqrt(0.5 * (scale**2 + off**2)), *[BLUR_ALIKE_SD_PX2] * len(BLUR_ALIKE)]
@@ -329,7 +330,7 @@ def _solve(
     for kind, variances in state.effects.items():
         if kind != "chamfer":
             prior[kinds[kind]] = 1.0 / variances
-    # each chamfer's grey over its level is what all that face its way share, and a little of its own
+    # a chamfer's grey is a level shared by all that face its way, plus a small effect of its own
     prior[kinds["shade"]] = SHADE_SD**-2
     gradient[kinds["shade"]] += SHADE_SD**-2 * SHADE_MEAN
     information[kinds["shade"], kinds["shade"]] += shade_belief(rim)
@@ -358,7 +359,7 @@ def _solve(
 def _moved(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effects: Array, level: Array) -> State:
     _, _, kinds = parameters(rim)
     step = effects[:POSE].copy()
-    # far from the rim the profile is flat and a step means nothing
+    # far from the rim the profile is flat, and an unbounded step has no meaning
     step *= min(1.0, 0.002 / max(float(np.linalg.norm(step[:3])), 1e-12))
     blur = state.blur_px2 + effects[COMMON : COMMON + 6].reshape(2, 3)
     before = state.blur_px2[:, [0, 2]]
@@ -373,7 +374,7 @@ def _moved(rim: Rim, state: State, chamfer_grey: Array, covariance: Array, effec
     change = effects[kinds["chamfer"]].reshape(level.shape)
     chamfer = chamfer_grey + np.clip(change, -CHAMFER_STEP * level, CHAMFER_STEP * level)
     chamfer = np.clip(chamfer, CHAMFER_SHARES[0] * level, CHAMFER_SHARES[1] * level)
-    # of a chamfer what it differs by from the others that face its way
+    # the chamfer's difference from the others that face its way
     shade = effects[kinds["shade"]][np.tile(rim.facing, 2)]
     spread = np.diag(covariance)[kinds["chamfer"]] / level.ravel() ** 2
     second[kinds["chamfer"]] = (chamfer.ravel() / level.ravel() - shade) ** 2 + spread

@@ -1,6 +1,6 @@
 """Two steps across the rim, face to chamfer and chamfer to bore, with every grey free and projected out.
 
-grey(t) = F (1 - Phi1) + C (Phi1 - Phi2) + B Phi2, t along the normal: F and B a profile each, C linear along a group,
+grey(t) = F (1 - Phi1) + C (Phi1 - Phi2) + B Phi2, t along the normal: F and B per profile, C linear along a group,
 with the slopes of face and bore (variable projection, Golub and Pereyra 1973, Kaufman's form). Either sign of either
 step.
 """
@@ -24,13 +24,13 @@ FACE_SLOPE_SHARE, BORE_SLOPE_SHARE = 0.01, 0.03
 # the chamfer's grey from the middle of a group to its end, sd, share of the step
 CHAMFER_CHANGE_SHARE = 0.05
 SATURATED_GREY = 250.0
-# so far outside the rim, sd of the blur, a dark face is not white, whatever light is inside
+# farther outside the rim than this many sd of the blur, light from inside cannot saturate a dark face
 WHITE_FACE_BLURS = 1.2
-# of a face or a bore that is saturated, one sd of its grey
+# sd of the grey of a saturated face or bore
 UNSEEN_GREY = 2000.0
 # columns of a profile's table
 FACE, BORE, CHAMFER, FACE_SLOPE, BORE_SLOPE, GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR = range(10)
-SHOWN, GREYS = 5, 6  # the first of them: what makes up the grey; with the grey, without the derivatives
+SHOWN, GREYS = 5, 6  # number of first columns that make up the grey; with the grey, without the derivatives
 
 
 def sample(image: NDArray[np.float32], points_px: Array) -> Array:
@@ -42,7 +42,7 @@ def sample(image: NDArray[np.float32], points_px: Array) -> Array:
 
 
 def nearest_pixels(image: NDArray[np.float32], points_px: Array) -> tuple[NDArray[np.int64], Array]:
-    """The pixels next to points (..., 2): where they are (..., 2), px, and their grey; beyond the border on it."""
+    """The pixels next to points (..., 2): their places (..., 2), px, and their grey; beyond the border the border's."""
     height, width = image.shape
     at = np.clip(np.rint(np.nan_to_num(points_px)), 0, (width - 1, height - 1)).astype(np.int64)
     return at, image[at[..., 1], at[..., 0]].astype(float)
@@ -50,11 +50,12 @@ def nearest_pixels(image: NDArray[np.float32], points_px: Array) -> tuple[NDArra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
-    """Pixels next to the normals: their grey (2, G, S, L), where they lie along the normals, `offsets_px`, and whether
-    they count, `inside`, 0 or 1 (2, G, S, L each); `beyond` (2, G, S): grey one more chamfer's width into the hole.
+    """Pixels next to the normals: their grey (2, G, S, L), their places along the normals, `offsets_px`, px, and
+    whether they count, `inside`, 0 or 1 (2, G, S, L each); `beyond` (2, G, S): grey one more chamfer's width into the
+    hole.
 
-    Pixels as they are, not greys between them: an interpolated edge is neither where nor as sharp as the model has it,
-    and next to a saturated pixel it is wrong by tens of grey.
+    The pixels are used as they are, without interpolation: an interpolated edge is shifted and blurred against the
+    model, and next to a saturated pixel it is wrong by tens of grey.
     """
 
     offsets_px: Array
@@ -64,7 +65,7 @@ class Profiles:
 
 
 def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenRim, blur_px: float) -> Profiles:
-    """Across the rim: the wider the blur, the farther to both sides."""
+    """Sample across the rim; a wider blur is sampled farther to both sides."""
     face, bore = 2.0 + 2.0 * blur_px, 0.8 + 1.3 * blur_px
     chamfer = np.maximum(rim.chamfer_px, 0.0)
     wanted = np.arange(-np.ceil(2 * face) / 2, float(chamfer.max()) + bore + STEP_PX, STEP_PX)
@@ -73,27 +74,27 @@ def profiles(images: tuple[NDArray[np.float32], NDArray[np.float32]], rim: SeenR
     points = rim.outer_px[..., None, :] + along[..., None] * rim.normal[..., None, :]
     at, grey = (np.stack(both) for both in zip(*map(nearest_pixels, images, points), strict=True))
     at, grey, beyond = at[..., :-1, :], grey[..., :-1], grey[..., -1]
-    # an edge is straight over half a pixel: of where a pixel lies only what is across counts
+    # an edge is straight over half a pixel: only a pixel's place across it counts
     offsets = np.einsum("kgsli,kgsi->kgsl", at - rim.outer_px[..., None, :], rim.normal)
     inside = offsets < chamfer[..., None] + bore
     for side in range(2):
         height, width = images[side].shape
         inside[side] &= np.all((at[side] > 1) & (at[side] < (width - 2, height - 2)), axis=-1)
-    # a saturated pixel says how bright it is at least, not how bright
+    # a saturated pixel gives a lower bound of its brightness only
     white = grey > SATURATED_GREY
-    # but white where the face should be, and it is not white farther out: the rim does not lie here
+    # if the place of the face is white, and it is not white farther out, the rim does not lie here
     odd = white & (offsets < -WHITE_FACE_BLURS * blur_px) & ~white[..., :1]
     return Profiles(offsets, grey, (inside & (~white | odd)).astype(float), beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """What the greys say at a pose and blur, everything per profile unless said.
+    """The greys fitted at a pose and blur; per profile unless stated otherwise.
 
     Greys: face, chamfer, bore (2, G, S); model and residual (2, G, S, L).
-    table (2, G, S, 6, 6): scalar products of the residual, and of the derivatives by the outer step, the inner step,
-    their blur variances and the chamfer's grey; weighted, the profile's own two greys projected out.
-    shared (2, G, S, 6, 3): of the same with what the group shares; inverse (2, G, 3, 3) of the latter.
+    table (2, G, S, 6, 6): scalar products of the residual and of the derivatives by the outer step, the inner step,
+    their blur variances and the chamfer's grey; weighted, with the profile's own two greys projected out. shared (2, G,
+    S, 6, 3): scalar products of the same with the group's shared columns; inverse (2, G, 3, 3) of the latter.
     """
 
     face: Array
@@ -107,8 +108,8 @@ class Steps:
 
 
 def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Array:
-    """(2, G, S, 10, L): what a profile's grey is made of, and how that changes; `variance_px2` (2, G, S): the blur's
-    along each normal."""
+    """(2, G, S, 10, L): the components of a profile's grey and their derivatives; `variance_px2` (2, G, S): the blur's
+    variance along each normal."""
     offsets, grey = seen_profiles.offsets_px, seen_profiles.grey
     spread = np.sqrt(np.maximum(variance_px2, MIN_SPREAD_PX**2))[..., None]
     chamfer = np.maximum(rim.chamfer_px, 0.0)[..., None]
@@ -131,8 +132,8 @@ def columns_of(seen_profiles: Profiles, rim: SeenRim, variance_px2: Array) -> Ar
 
 
 def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, greys_only: bool = False) -> Steps:
-    """The greys that fit best: `weight` (2, G, S, L): one over the noise's variance; `chamfer_grey` (2, G): in the
-    middle of each group, None to take what fits best. `greys_only`: table and shared stay empty."""
+    """The greys that fit best. `weight` (2, G, S, L): the inverse variance of the noise; `chamfer_grey` (2, G): grey in
+    the middle of each group, None to fit it. `greys_only`: table and shared stay empty."""
     if greys_only:
         columns = columns[..., :GREYS, :]
     grey = columns[..., GREY, :]
@@ -142,7 +143,8 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
     across = gram[..., :2, 2:]
     solved = _solve2(own, across)
     left = gram[..., 2:, 2:] - np.swapaxes(across, -1, -2) @ solved
-    # what the group shares: the change of the chamfer's grey along it, the slopes of face and of bore; and its grey
+    # shared by the group: the change of the chamfer's grey along it, the slopes of face and bore, and the chamfer's
+    # grey
     ramp = np.linspace(-1.0, 1.0, samples)
     kinds = np.array([CHAMFER, FACE_SLOPE, BORE_SLOPE, CHAMFER]) - 2
     scale = np.ones((samples, 4))
@@ -178,14 +180,14 @@ def steps(columns: Array, weight: Array, chamfer_grey: Array | None = None, grey
     if greys_only:
         none = np.empty(0)
         return Steps(face, grey_chamfer, bore, model, grey - model, none, none, inverse)
-    # residual, and the derivatives by where the steps are and by the blur: each its shape times the height of its step
+    # residual, and the derivatives by the places of the steps and by the blur: each shape times the height of its step
     first_step, second_step = grey_chamfer - face, bore - grey_chamfer
     wanted = np.array([GREY, FIRST, SECOND, FIRST_BLUR, SECOND_BLUR, CHAMFER]) - 2
     heights = np.ones((*face.shape, len(wanted)))
     for index, step in enumerate((first_step, second_step, first_step, second_step), start=1):
         heights[..., index] = step
     table = left[..., wanted[:, None], wanted] * heights[..., :, None] * heights[..., None, :]
-    # the residual is the grey less what the group's greys explain; a profile's own two are gone already
+    # the residual is the grey minus the part that the group's greys explain; a profile's own two are already removed
     explained = left[..., wanted[:, None], kinds[1:]] @ amounts[..., [3, 4, 2], None]
     table[..., 0, 1:] -= (explained[..., 0] * heights)[..., 1:]
     table[..., 1:, 0] = table[..., 0, 1:]

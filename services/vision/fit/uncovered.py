@@ -1,9 +1,9 @@
-"""The fit by the edges that can be seen.
+"""The fit by the visible edges.
 
-What covers an edge has steps of its own a few pixels beside the rim: its profiles count little, but they are far off
-all together, and both pictures show the same. So they pull at the pose, and a fit that leaves out one edge of one
-picture does not show it. An edge of which most does not look like the rim says nothing of where the rim is, and the
-pose is fitted again without it.
+An object that covers an edge has steps of its own a few pixels beside the rim. Its profiles get little weight, but they
+are all far off in the same way in both pictures. So they pull at the pose, and leaving out one edge of one picture does
+not reveal it. An edge whose profiles mostly do not look like the rim carries no information on it, and the pose is
+fitted again without that edge.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from services.vision.fit.rim import Rim
 from services.vision.fit.solve import Doubts, Fit, Images, iterate, start_state
 from services.vision.stereo import StereoModel
 
-# of an edge's profiles: with fewer that look like the rim in both pictures a part of it is hidden; of all profiles and
-# of the edges, in either picture: with fewer there is no rim to fit
+# share of an edge's profiles that look like the rim in both pictures: below it a part of the edge is hidden; share of
+# all profiles, and of the edges, in either picture: below it there is no rim to fit
 MIN_SEEN, MIN_RIM = 0.8, 0.5
 ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncovered:
-    """The fit, the `rim` that it is of, the poses beside it, and how much of each edge of the whole rim looks like
+    """The fit, the `rim` that it used, the poses beside it, and the share of each edge of the whole rim that looks like
     one at its pose, `support` (2, G)."""
 
     fit: Fit
@@ -49,7 +49,7 @@ def fit_uncovered(
     found = Uncovered(fit, fine, rivals, support)
     kept = np.ones(fine.shape[0], dtype=bool)
     for _ in range(ROUNDS):
-        # what is saturated has no step that could pull
+        # a saturated edge has no step that could pull
         seen = kept & np.any((support >= MIN_SEEN) | (shown < MIN_SEEN), axis=0)
         few = min(support.mean(axis=1).min(), np.mean(support > 0.5, axis=1).min(), seen.mean()) < MIN_RIM
         if few or seen.sum() == kept.sum():
@@ -64,6 +64,6 @@ def fit_uncovered(
 
 
 def _whole_support(images: Images, fine: Rim, stereo: StereoModel, fit: Fit, doubts: Doubts) -> tuple[Array, Array]:
-    """(2, G) each, of all edges, where a fit by some of them has the rim."""
+    """(2, G) each, for all edges, with the rim placed by a fit of some of them."""
     state = start_state(fine, fit.state.pose_camera_hole, float(np.median(fit.state.blur_px2[:, [0, 2]])))
     return support_of(iterate(images, fine, stereo, state, doubts)[1])
