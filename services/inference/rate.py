@@ -1,9 +1,9 @@
-"""`python -m services.inference.rate`: what each answer of the inference service costs beside the bare thing in it.
+"""`python -m services.inference.rate`: CPU time of each answer of the inference service, beside its core part alone.
 
-An estimate after one, two and three touches and the choice of the most informative touch, each beside the first-contact
-queries that they made, asked again by themselves: what the contact mechanics alone cost. The command as a client asks
-for it (encoded, over a bus in memory, judged, answered) beside the estimate alone. The trained network's answer beside
-one forward pass of its layers, where torch is installed. In turn, by the CPU time of this process; one JSON object on
+An estimate after one, two and three touches and the choice of the most informative touch, each beside its first-contact
+queries repeated alone, which is the cost of the contact mechanics. A client's command (encoded, over an in-memory bus,
+checked, answered) beside the estimate alone. The trained network's answer beside one forward pass of its layers, where
+torch is installed. The two are run alternately and timed by this process's CPU time; one JSON object on
 standard output, which `crosspih bench inference` shows.
 """
 
@@ -51,7 +51,7 @@ Work = Callable[[], object]
 def made_touches(
     tables: PairTables, workcell: Workcell, prior: Prior, count: int, seed: int
 ) -> tuple[TouchObservation, ...]:
-    """Touches of a hole drawn from the prior, made by the mechanics, each where the estimate so far sends the peg."""
+    """Simulated touches of a hole drawn from the prior, each planned from the estimate so far."""
     rng = np.random.default_rng(seed)
     error = rng.normal(size=6) * np.asarray(PRIOR_SD)
     hole = prior.pose_base_hole @ Pose.from_rotvec(error[3:], error[:3]).inverse()
@@ -72,7 +72,7 @@ def made_touches(
 
 
 def as_message(index: int, observation: TouchObservation, workcell: Workcell) -> Touch:
-    """A touch as planning sends it."""
+    """A touch in the form that planning sends."""
     return Touch(
         index=index,
         pose_base_peg=PoseData.of(observation.pose_base_peg),
@@ -85,7 +85,7 @@ def as_message(index: int, observation: TouchObservation, workcell: Workcell) ->
 
 
 def queries_of(work: Work) -> list[tuple[Any, ...]]:
-    """The arguments of each first-contact query that some work makes."""
+    """The arguments of each first-contact query in some work."""
     asked: list[tuple[Any, ...]] = []
 
     def noted(*arguments: Any) -> Any:
@@ -100,7 +100,7 @@ def queries_of(work: Work) -> list[tuple[Any, ...]]:
 
 
 def repeated_queries(queries: list[tuple[Any, ...]]) -> Work:
-    """The same queries by themselves."""
+    """A function that repeats the same queries alone."""
 
     def ask() -> None:
         for arguments in queries:
@@ -110,7 +110,7 @@ def repeated_queries(queries: list[tuple[Any, ...]]) -> Work:
 
 
 def in_turn(ours: Work, bare: Work, rounds: int, times: int = 1) -> dict[str, float]:
-    """CPU time, s, of one call of each: the least of so many rounds, each of so many calls."""
+    """CPU time, s, per call of each: the minimum over the rounds, each of `times` calls."""
     least = {"ours_s": float("inf"), "bare_s": float("inf")}
     for _ in range(rounds):
         for name, work in (("ours_s", ours), ("bare_s", bare)):
@@ -122,7 +122,7 @@ def in_turn(ours: Work, bare: Work, rounds: int, times: int = 1) -> dict[str, fl
 
 
 def measured(rounds: int, seed: int, most_touches: int = TOUCHES) -> dict[str, dict[str, Any]]:
-    """By what is asked: CPU time of ours and of the bare thing, s, and what the bare thing is."""
+    """By question: CPU time of the answer and of its core part, s, and the name of that part."""
     file = load_cell(DEFAULT_CELL)
     workcell = file.workcell
     peg = workcell.peg.shape()
@@ -181,7 +181,7 @@ def measured(rounds: int, seed: int, most_touches: int = TOUCHES) -> dict[str, d
 def commanded(
     file: CellFile, prior: Prior, touches: tuple[TouchObservation, ...], bare: Work, rounds: int
 ) -> dict[str, float]:
-    """The command of a client beside the estimate that it asks for: what the service adds."""
+    """A client's command beside the estimate in it: the overhead of the service."""
     hub, workcell = MemoryHub(), file.workcell
     service, client = (
         ServiceContext(name, file, Bus(hub.transport(), workcell.name, name)) for name in ("inference", "operator")

@@ -1,4 +1,4 @@
-"""`python -m services.inference.cell_refinement RECORDING...`: the cell refined over its past.
+"""`python -m services.inference.cell_refinement RECORDING...`: refines the cell from its past recordings.
 
 It writes JSON lines on standard output: {"doing", "done", "total"} as it goes on, and {"result"} at the end.
 `crosspih calibrate refine` runs it.

@@ -1,4 +1,4 @@
-"""What a recording tells: touches, presses, the pose found by vision and the pose found in the end."""
+"""Reads from a recording: touches, presses, the pose found by vision and the final pose."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ TOPICS = (
     ASSEMBLE.reply_echo, CAPTURE.reply_echo, ESTIMATE.request_echo, ESTIMATE.reply_echo,
     IDENTIFY_PAYLOAD.request_echo, LOCATE.reply_echo, TOUCH,
 )  # fmt: skip
-# what must be the same in the recording's cell and in the cell that is refined
+# sections that must be the same in the recording's cell and in the cell to refine
 SAME = ("arm_section", "peg", "hole", "flange_to_ft", "flange_to_ft_m", "joint_stiffness_nm_rad", "gravity_base_m_s2")
 
 
 class NothingToRefine(CrosspihError):
-    """The recordings hold nothing to refine with, or are of another cell."""
+    """The recordings hold nothing to refine with, or belong to another cell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenHole:
-    """The hole as vision saw it: in the left camera's frame, with its covariance (6, 6) (hole frame), and where the
-    calibration says that the camera is."""
+    """The hole as vision saw it: in the left camera's frame, with its covariance (6, 6) (hole frame), and the
+    calibrated pose of the camera."""
 
     pose_camera_hole: Pose
     covariance: Array
@@ -44,10 +44,10 @@ class SeenHole:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssemblyData:
-    """One assembly that went in. Wrenches of touches and presses are on the peg, as a sensor without a correction would
-    tell them.
+    """One successful assembly. Wrenches of touches and presses are on the peg, as a sensor without a correction would
+    report them.
 
-    pose_base_hole: T2, a start for the fit. touches: those before, presses: those against the bore's walls.
+    pose_base_hole: T2, a start for the fit. touches: before the insertion; presses: against the bore's walls.
     """
 
     name: str
@@ -59,8 +59,8 @@ class AssemblyData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighing:
-    """The dwells of one calibration of the sensor: rotation_base_peg (n, 3, 3); force (n, 3) with bias and weight in
-    it, peg frame, and its sd, N."""
+    """The dwells of one calibration of the sensor: rotation_base_peg (n, 3, 3); force (n, 3) including bias and weight,
+    peg frame, N, and its sd, N."""
 
     rotation_base_peg: Array
     force_n: Array
@@ -69,7 +69,7 @@ class Weighing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedAssemblies:
-    """All that the recordings hold, and what was left out and why."""
+    """The data of all recordings, and what was left out and why."""
 
     assemblies: tuple[AssemblyData, ...]
     weighings: tuple[Weighing, ...]
@@ -77,12 +77,12 @@ class RecordedAssemblies:
 
 
 def camera_correction(cell: dict[str, Any]) -> Pose:
-    """The correction of the left camera that a cell's file has (its own frame)."""
+    """The correction of the left camera in a cell's file (in the camera's own frame)."""
     return _pose((cell.get("vision") or {}).get("camera_correction"))
 
 
 def sensor_correction(cell: dict[str, Any]) -> Pose:
-    """The correction of the sensor's frame, in the peg frame, that a cell's file has."""
+    """The correction of the sensor's frame in a cell's file, in the peg frame."""
     return _pose(((cell.get("cell") or {}).get("force_torque") or {}).get("correction"))
 
 
@@ -92,8 +92,8 @@ def _pose(section: dict[str, Any] | None) -> Pose:
 
 
 def read_past(cell: CellFile, paths: Sequence[Path], tell: Callable[[str, int, int], None]) -> RecordedAssemblies:
-    """Read recordings of this cell. Raises RecordingError for a file that is none, NothingToRefine when one is another
-    cell's or when there is no assembly in any."""
+    """Read recordings of this cell. Raises RecordingError for a file that is no recording, and NothingToRefine if one
+    belongs to another cell or none holds an assembly."""
     assemblies: list[AssemblyData] = []
     weighings: list[Weighing] = []
     left_out: list[str] = []
@@ -140,7 +140,7 @@ def _check_same(path: Path, cell: CellFile, content: dict[str, Any]) -> None:
 
 
 def _uncorrected(sensor: SensorSection) -> tuple[object, ...]:
-    """What the sensor's numbers mean but for the correction, which is what is refined."""
+    """The sensor's settings without the correction, which is being refined."""
     return sensor.pose_flange_sensor, sensor.reports, sensor.axes, sensor.force_unit, sensor.moment_unit
 
 
@@ -158,7 +158,7 @@ def weighing_of(request: IdentifyPayload, workcell: Workcell) -> Weighing:
 
 
 def _assembly(recording: Recording, workcell: Workcell, content: dict[str, Any]) -> AssemblyData | str:
-    """The assembly of a recording, or why there is none to use."""
+    """The assembly of a recording, or the reason why there is none to use."""
     result = recording.last(ASSEMBLE.reply_echo)
     if result is None:
         return "no assembly in it"
@@ -192,7 +192,7 @@ def _assembly(recording: Recording, workcell: Workcell, content: dict[str, Any])
 
 
 def _unused(recording: Recording) -> set[int]:
-    """The touches that the last estimate which had them could not explain."""
+    """The touches that the last estimate that included them could not explain."""
     verdicts: dict[int, bool] = {}
     for estimate in recording.messages(ESTIMATE.reply_echo):
         verdicts |= {use.index: use.used for use in estimate.rests_on}

@@ -1,8 +1,8 @@
-"""The joint fit: taper, clearance, F/T sensor, camera and friction shared by all assemblies, and each one's own hole.
+"""The joint fit: taper, clearance, F/T sensor, camera and friction, common to all assemblies, and the hole of each.
 
-Robust nonlinear least squares over what vision saw, all touches and all presses. Contacts are judged afresh in a few
-stages, in which the whitening tightens from tenths of a millimetre to the true noise; within a stage they are fixed,
-and the fit is smooth.
+Robust nonlinear least squares over the poses found by vision, all touches and all presses. Contacts are chosen anew in
+a few stages, in which the whitening tightens from tenths of a millimetre to the true noise. Within a stage they are
+fixed, and the fit is smooth.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from services.inference.cell_refinement.touched import TouchModel, TouchState
 from services.inference.estimator import BoreWalls, EstimatorSettings
 from services.inference.estimator.hypotheses import TouchBatch
 
-# of a hole about T2 as it was found, before anything is counted: far wider than what is
+# prior sd of a hole about T2, before any data: far wider than its error
 HOLE_SD = np.array([3e-3, 3e-3, 3e-2, 0.05, 0.05, 0.05])
 SOFTNESS = (1.0, 0.4, 0.15, 0.05, 0.0, 0.0)
 F_SCALE = 2.0
-STEP = 1e-4  # of a parameter, in sds
+STEP = 1e-4  # step of a parameter, in sds
 EVALUATIONS = 12
 FRICTION = len(NAMES)
-OWN = FRICTION + 1  # from here on the holes
+OWN = FRICTION + 1  # first index of the holes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFit:
-    """parameters (14,) with covariance (14, 14); friction and its sd; the holes; root mean square residuals, in sds, of
-    contacts and of vision, with the parameters that were in use and with those found."""
+    """parameters (14,) with covariance (14, 14); friction and its sd; the holes; rms residuals, in sds, of contacts and
+    of vision, with the parameters that were in use and with those found."""
 
     parameters: Array
     covariance: Array
@@ -59,7 +59,7 @@ class JointFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """What is fitted, and what is known of the parameters before: a mean and the root of the information."""
+    """The data to fit, and the prior of the parameters: a mean and the root of the information."""
 
     workcell: Workcell
     assemblies: Sequence[AssemblyData]
@@ -107,7 +107,7 @@ class _Problem:
         return states
 
     def vision(self, parameters: Array, holes: Sequence[Pose]) -> Array:
-        """(6 V,): the holes that were seen against the holes, in sds."""
+        """(6 V,): residuals of the holes seen by vision against the fitted holes, in sds."""
         correction = camera_pose(parameters)
         parts = [np.zeros(0)]
         for one, hole in zip(self.assemblies, holes, strict=True):
@@ -127,7 +127,7 @@ class _Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Stage:
-    """The contacts as judged at one state: residuals and Jacobian around it."""
+    """The contacts chosen at one state: residuals and Jacobian around it."""
 
     problem: _Problem
     touches: TouchModel | None
@@ -161,7 +161,7 @@ class _Stage:
         return cls(problem, touches, presses, np.concatenate(rows))
 
     def data(self, x: Array) -> Array:
-        """Residuals of touches, presses and, last, of vision."""
+        """Residuals of touches, of presses, and last of vision."""
         parameters, friction, holes = self.problem.unpacked(x)
         parts = []
         if self.touches is not None:
@@ -173,12 +173,12 @@ class _Stage:
         return np.concatenate([*parts, self.problem.vision(parameters, holes)])
 
     def residual(self, x: Array) -> Array:
-        """With what is known before."""
+        """The residuals of data and prior."""
         known = self.problem.prior_root @ (x[:FRICTION] * PRIOR_SD - self.problem.prior_mean)
         return np.concatenate([self.data(x), known, x[FRICTION:]])
 
     def jacobian(self, x: Array) -> Array:
-        """By differences; the holes of all assemblies are moved at once, for none sees another's."""
+        """By differences; the holes of all assemblies are moved at once, because their data are independent."""
         here = self.data(x)
         count = len(here)
         matrix = np.zeros((count + len(x), len(x)))
@@ -203,21 +203,21 @@ def joint_fit(
     tell: Callable[[str, int, int], None] = lambda doing, done, total: None,
     settings: EstimatorSettings | None = None,
 ) -> JointFit:
-    """Before (14,): the parameters in use; turn: the sensor's, with covariance, as weighing found it.
+    """`before` (14,): the parameters in use; `turn`: the sensor's rotation and its covariance, from its weighings.
 
-    The tolerances of `parameters` are the prior, about the drawing, a sensor that sits straight and the camera as
-    calibrated. ValueError without assemblies.
+    The prior is given by the tolerances of `parameters`, about the drawing, an aligned sensor and the camera as
+    calibrated. Raises ValueError without assemblies.
     """
     if not assemblies:
         raise ValueError("joint_fit wants at least one assembly with presses")
     settings = settings or EstimatorSettings(friction_mean=workcell.friction_expected)
     mean, information = np.zeros(len(NAMES)), np.diag(PRIOR_SD**-2.0)
     if turn is not None:
-        # the tolerance is in it already
+        # the covariance already includes the tolerance
         mean[TURN], information[TURN, TURN] = turn[0], np.linalg.inv(turn[1])
     root = np.asarray(np.linalg.cholesky(information).T, dtype=np.float64)
     problem = _Problem(workcell, assemblies, mean, root, settings)
-    # presses need no softness: which walls they meet shows in their forces
+    # presses need no softness: their forces show which walls they meet
     stages = SOFTNESS if any(one.touches for one in assemblies) else SOFTNESS[-2:]
     steps = iter(range(1, 2 * len(stages) + 1))
 
@@ -227,7 +227,7 @@ def joint_fit(
     start = np.zeros(OWN + 6 * len(assemblies))
     start[:FRICTION] = before / PRIOR_SD
     held = _fitted(problem, start, stages, told, FRICTION)
-    # the holes as they come out with the old parameters are the better start
+    # the holes fitted with the old parameters are the better start
     start = held.x.copy()
     if turn is not None:
         start[TURN] = mean[TURN] / PRIOR_SD[TURN]
@@ -247,8 +247,8 @@ def joint_fit(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ended:
-    """Where a fit ended, its robust Jacobian, the ratio by which residuals exceed their noise (1 or more), and their
-    root mean squares."""
+    """The end of a fit: the unknowns, the robust Jacobian, the ratio of residuals to their noise (1 or more), and their
+    rms."""
 
     x: Array
     jacobian: Array
@@ -258,13 +258,13 @@ class _Ended:
 
 
 def _rms(residuals: Array) -> float:
-    """Clipped, so that one wild touch does not stand for all; rows that ask nothing (no overlap) are left out."""
+    """The rms of clipped residuals, so that one outlier does not dominate; inactive rows (no overlap) are left out."""
     asked = residuals[residuals != 0.0]
     return float(np.sqrt(np.mean(np.minimum(asked**2, 100.0)))) if len(asked) else 0.0
 
 
 def _fitted(problem: _Problem, x: Array, stages: Sequence[float], told: Callable[[], None], held: int) -> _Ended:
-    """All stages from a start; the first `held` unknowns stay."""
+    """Run all stages from a start; the first `held` unknowns stay fixed."""
     lower = np.full(len(x), -np.inf)
     lower[CLEARANCE] = (MIN_CLEARANCE_M - problem.workcell.hole.clearance_m) / PRIOR_SD[CLEARANCE]
     jacobian = np.zeros((0, 0))
@@ -282,7 +282,7 @@ def _fitted(problem: _Problem, x: Array, stages: Sequence[float], told: Callable
 
 
 def _descended(stage: _Stage, x: Array, lower: Array, held: int) -> tuple[Array, Array]:
-    """Least squares with the stage's contacts; the unknowns and the robust Jacobian of the free ones."""
+    """Least squares with the stage's contacts: returns the unknowns and the robust Jacobian of the free ones."""
     fixed = x[:held]
 
     def residual(part: Array) -> Array:

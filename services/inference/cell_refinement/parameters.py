@@ -1,4 +1,4 @@
-"""What may be refined, how far each may be off by the drawing's tolerances, and what it does to the shapes."""
+"""The parameters to refine, their prior from the drawing's tolerances, and their effect on the shapes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole, Peg
 
-# of the joint fit: the taper's slope as a share, the hole's clearance, the F/T sensor's frame in the peg frame
+# joint fit: the taper's slope as a share, the hole's clearance, the F/T sensor's frame in the peg frame
 GEOMETRY = ("taper", "clearance", "ft_x", "ft_y", "ft_z", "ft_rx", "ft_ry", "ft_rz")
 # of the left camera in its own frame
 CAMERA = ("camera_x", "camera_y", "camera_z", "camera_rx", "camera_ry", "camera_rz")
@@ -27,8 +27,8 @@ MIN_CLEARANCE_M = 5e-6
 
 @dataclass(frozen=True, slots=True)
 class Refined:
-    """One parameter: what the cell's file had and what the data say, in SI; `taken`: the data fix it to better than
-    half of its tolerance, else the old value stays. `value` is what goes into the cell's file."""
+    """One parameter in SI units: the cell file's value and the fitted one; `taken`: the data fix it to better than half
+    of its tolerance, otherwise the old value stays. `value` goes into the cell's file."""
 
     name: str
     before: float
@@ -44,7 +44,7 @@ class Refined:
 
 
 def refined_peg(drawing: PegDrawing, taper: float) -> dict[str, float]:
-    """The settings of `cell.peg` for a taper steeper by a share; where it starts and the tip's plane stay."""
+    """The settings of `cell.peg` for a taper steeper by a share; its start and the tip's plane stay."""
     factor, peg = 1.0 + taper, drawing.shape()
     if drawing.outline == CROSS and drawing.corners_m is None:
         slope = drawing.taper_slope * factor
@@ -54,14 +54,14 @@ def refined_peg(drawing: PegDrawing, taper: float) -> dict[str, float]:
 
 
 def shapes(workcell: Workcell, taper: float, clearance_m: float) -> tuple[Peg, Hole]:
-    """Peg and hole with the taper steeper by a share and the clearance larger by so much, m."""
+    """Peg and hole with the taper steeper by the share `taper` and the clearance larger by `clearance_m`."""
     drawing = workcell.peg
     if taper != 0.0:
         drawing = drawing.model_copy(update=refined_peg(drawing, taper))
     hole = workcell.hole.model_copy(
         update={"clearance_m": max(workcell.hole.clearance_m + clearance_m, MIN_CLEARANCE_M)}
     )
-    # the hole is around the body, which the taper leaves as it is
+    # the hole follows the body, which the taper does not change
     return drawing.shape(), hole.shape(workcell.peg.shape())
 
 
@@ -71,16 +71,16 @@ def sensor_pose(parameters: Array) -> Pose:
 
 
 def camera_pose(parameters: Array) -> Pose:
-    """Where the left camera is, in the frame where its calibration says, by the joint fit's parameters (14,)."""
+    """The left camera's pose in its calibrated frame, by the joint fit's parameters (14,)."""
     return Pose.from_rotvec(parameters[CAMERA_TURN], parameters[CAMERA_SHIFT])
 
 
 def judged(
     names: tuple[str, ...], before: Array, found: Array, covariance: Array, prior_sd: Array, share: float = 0.5
 ) -> list[Refined]:
-    """Which parameters the data fix: those whose sd is below `share` of the tolerance's.
+    """Decide which parameters the data fix: those whose sd is below `share` of the tolerance's.
 
-    The others stay as they were, and what was found is conditioned on that; its sd still says that they may be off.
+    The others keep their old value, and the result is conditioned on that; its sd still includes their uncertainty.
     """
     sd = np.sqrt(np.diag(covariance))
     fixed = sd < share * prior_sd

@@ -1,8 +1,8 @@
-"""Residuals of presses against the bore: how far the peg is from the walls that its force points to.
+"""Residuals of presses against the bore: the distance of the peg from the walls that its force points to.
 
-A force says surely towards which walls it presses, but, with friction, hardly at which height. So of the places where
-such a wall may be met the nearest is taken to touch, and no other may overlap. One tilt of the peg leaves clearance and
-tilt of the hole confounded (play = 2 c - tilt x length); what vision saw of the tilt tells them apart over assemblies.
+A force clearly tells towards which walls it presses, but, because of friction, hardly at which height. So of the points
+where such a wall may be touched the nearest is assumed to touch, and no other may overlap. A single tilt of the peg
+cannot separate clearance and tilt of the hole (play = 2 c - tilt x length); vision's tilt over many assemblies can.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ NEAR_M = 3e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PressModel:
-    """What one press says: points (K, 5) of the walls that matter, their clearances as drawn (K,), which are touched
-    (K,), and how far each gives way to its force (K,), m."""
+    """The model of one press: points (K, 5) of the walls that matter, their drawn clearances (K,), m, which are touched
+    (K,), and the deflection of each under its force (K,), m."""
 
     points: Array
     clearances_m: Array
@@ -45,7 +45,7 @@ class PressModel:
         wrench_peg: Array,
         clearance_offset_m: float,
     ) -> PressModel:
-        """Judge it at a pose."""
+        """Choose the touched walls at a pose."""
         leading = float(pose_hole_peg.apply([0.0, 0.0, taper_start_m])[2])
         points = np.concatenate([walls.points(chamfer_m), walls.points(leading)])
         clearances = np.tile(walls.clearances_m, 2)
@@ -62,13 +62,13 @@ class PressModel:
         return cls(points[keep], clearances[keep], touched[keep], yields[keep])
 
     def residual(self, pose_hole_peg: Pose, parameters: Array) -> Array:
-        """(K,): gaps of what touches, overlaps of what does not, in sds."""
+        """(K,): gaps of the touching points and overlaps of the others, in sds."""
         gap = self.clearances_m + parameters[CLEARANCE] + self.points @ displacement(pose_hole_peg)
         return np.asarray(np.where(self.touched, gap + self.yields_m, np.minimum(gap, 0.0)) / GAP_SD_M)
 
 
 def displacement(pose_hole_peg: Pose) -> Array:
-    """(5,): how far the peg's axis is from the hole's at the face, m, and turned, rad."""
+    """(5,): offset of the peg's axis from the hole's at the face, m, and its rotation, rad."""
     back = pose_hole_peg.inverse().translation_m
     axis_at_face = pose_hole_peg.apply([0.0, 0.0, float(back[2])])
     return np.concatenate([axis_at_face[:2], pose_hole_peg.rotvec_rad()])

@@ -1,4 +1,4 @@
-"""The whole of it: from a cell and its past to refined values, as plain data."""
+"""From a cell and its past recordings to refined values, as plain data."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WANTED = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refinement:
-    """Every parameter with what became of it, the fits behind, and why what was not taken was not."""
+    """Every parameter with its outcome, the fits behind it, and the reasons for parameters that were not taken."""
 
     parameters: tuple[Refined, ...]
     joint: JointFit
@@ -45,7 +45,7 @@ class Refinement:
     notes: tuple[str, ...]
 
     def as_data(self, cell: CellFile) -> dict[str, object]:
-        """For JSON: the table, the residuals, and `settings`, what the cell's file has to say from now on."""
+        """For JSON: the table, the residuals, and `settings`, the new values for the cell's file."""
         return {
             "parameters": [{**asdict(one), "value": one.value} for one in self.parameters],
             "friction": self.joint.friction,
@@ -62,7 +62,7 @@ class Refinement:
         }
 
     def settings(self, cell: CellFile) -> dict[str, object]:
-        """The sections of the cell's file with the values that were taken; nothing where nothing was."""
+        """The sections of the cell's file with the values taken; empty if none was."""
         by_name = {one.name: one for one in self.parameters}
 
         def any_taken(names: tuple[str, ...]) -> bool:
@@ -86,7 +86,7 @@ class Refinement:
 
 
 def refine(cell: CellFile, past: RecordedAssemblies, tell: Teller = lambda doing, done, total: None) -> Refinement:
-    """Fit all that the past tells of the cell."""
+    """Fit all data of the cell's past recordings."""
     sensor = cell.workcell.force_torque.correction.pose()
     camera = camera_correction(cell.sections)
     before = np.concatenate(

@@ -1,6 +1,6 @@
-"""Residuals of touches before the hole: wrench and gaps of the contacts that explain each, as the estimator has them.
+"""Residuals of touches before the hole: wrench and gaps of the contacts of each, as in the estimator.
 
-Which features touch is judged at one state (`TouchModel.of`); from there on they move smoothly with the poses, the
+The touching features are chosen at one state (`TouchModel.of`); from there on they move smoothly with the poses, the
 sensor, and (linearly) with the taper and the clearance.
 """
 
@@ -32,8 +32,8 @@ VECTORS = ("peg_point_m", "peg_direction", "hole_point_m", "hole_direction")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TouchState:
-    """T touches at some parameters, each against its own hole: peg in hole (T, 3, 3), (T, 3) m; wrench on the peg (T,
-    6); motion (T, 3) in the hole frame."""
+    """T touches at given parameters, each against its own hole: peg in hole (T, 3, 3), (T, 3) m; wrench on the peg (T,
+    6), N and Nm; motion (T, 3) in the hole frame."""
 
     rotation: Array
     translation_m: Array
@@ -43,9 +43,9 @@ class TouchState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TouchModel:
-    """The contacts chosen for T touches: C that press and Q that overlap, and how their features move with the shape.
+    """The contacts chosen for T touches: C that press and Q that overlap, and the derivatives of their features.
 
-    slopes: by parameter, the change of each vector of the features a unit. weight (T,): how well each touch is
+    slopes: by parameter, the change of each vector of the features per unit. weight (T,): how well each touch is
     explained, 1 to 0. start: the shape parameters at which the features were found.
     """
 
@@ -65,7 +65,7 @@ class TouchModel:
         cls, workcell: Workcell, state: TouchState, parameters: Array, friction: float, sd: Array, compliance: Array,
         settings: EstimatorSettings, softness: float,
     ) -> TouchModel:  # fmt: skip
-        """Judge what touched. sd (T, 6): of the wrenches; softness: 1 at the start, 0 for the true noise."""
+        """Choose the contacts. sd (T, 6): of the wrenches; softness: 1 at the start, 0 for the true noise."""
 
         def tables(taper: float, clearance_m: float) -> PairTables:
             return PairTables.of(*shapes(workcell, taper, clearance_m))
@@ -74,7 +74,7 @@ class TouchModel:
         here = np.array([parameters[TAPER], parameters[CLEARANCE]])
         base = tables(*here)
         batch = TouchBatch(state.rotation, state.translation_m, state.wrench, sd, compliance, state.motion_hole)
-        # every pose is seen from its own hole, so that one hole, in no place, does for all
+        # every pose is expressed in its own hole's frame, so one table of the hole serves all
         trials = TrialPoses(np.eye(3)[None], np.zeros((1, 3)), np.array([friction]))
         gap_sd, wrench_sd = whitening(batch, settings, softness)
         chosen = choose_contacts(base, trials, batch, gap_sd, wrench_sd, settings)
@@ -95,7 +95,7 @@ class TouchModel:
         )  # fmt: skip
 
     def residual(self, state: TouchState, parameters: Array, friction: float) -> Array:
-        """(T, 6 + C + Q): wrench, gaps of what presses, overlaps of what does not, in sds; forces are fitted."""
+        """(T, 6 + C + Q): wrench, gaps of pressing contacts, overlaps of the others, in sds; forces are fitted."""
         rotation, translation = state.rotation[:, None], state.translation_m[:, None]
         geometry = contact_geometry(self._moved(self.pressed, parameters, 0), rotation, translation)
         motion_peg = np.einsum("tji,tj->ti", state.rotation, state.motion_hole)
@@ -124,7 +124,7 @@ class TouchModel:
 
 
 def _slopes(before: ContactFeatures, after: ContactFeatures, step: float) -> dict[str, Array]:
-    """Change of each vector of the features a unit of a parameter; none where another feature took over."""
+    """Change of each vector of the features per unit of a parameter; zero where another feature took over."""
     change = {name: getattr(after, name) - getattr(before, name) for name in VECTORS}
     same = (before.kind == after.kind) & (before.sign == after.sign)
     for name in VECTORS:

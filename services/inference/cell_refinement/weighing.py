@@ -1,4 +1,5 @@
-"""How the sensor is turned against the peg frame, from the weight it carries: a payload's weight points down."""
+"""The rotation of the sensor against the peg frame, from the weight it carries, because a payload's weight points
+down."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m services.inference.estimator`: how often the 95 % region holds the truth, over trials of the model."""
+"""`python -m services.inference.estimator`: coverage of the 95 % region over simulated trials."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def table(rows: list[CoverageRow]) -> str:
 def trials(
     make: Callable[[int], list[TouchRecord]], seeds: range, made_with: dict[str, Any], out: Path | None
 ) -> dict[int, list[TouchRecord]]:
-    """The trials of all seeds by seed. Those that the file `out` has are taken from there, if they were made with the
-    same settings, cell and code (`made_with`, plain data); what is made is added to it.
+    """The trials of all seeds by seed. Trials in the file `out` are reused if they were made with the same settings,
+    cell and code (`made_with`, plain data); new ones are appended to it.
     """
     console = Console(stderr=True)
     if out is None:
@@ -84,7 +84,7 @@ def trials(
 
 
 def main() -> None:
-    """Draw trials, touch, estimate, count how often the truth lies in the region."""
+    """Simulate trials, estimate, and count how often the truth lies in the region."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--trials", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0, help="of the first trial; one more for each")
@@ -118,7 +118,7 @@ def main() -> None:
     policy = informed if arguments.policy == "information" else pattern
     nominal = workcell.hole_prior.pose_base_hole()
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
-    # settings holds the prior's numbers and how the touches are made; the name of a policy stands for its code
+    # settings holds the prior's numbers and how the touches are made; a policy's name identifies its code
     made_with = {
         "coverage": dataclasses.asdict(settings),
         "estimator": dataclasses.asdict(estimator),

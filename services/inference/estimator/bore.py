@@ -1,4 +1,4 @@
-"""The straight walls of a bore as the body of a peg meets them: for any outline, points that can touch."""
+"""The straight walls of a bore around the body of a peg, for any outline: the points that can touch."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ PLANE = np.array([0, 1, 3, 4, 5])  # of a twist or wrench: all but the axial com
 class BoreWalls:
     """Both ends of every stretch on which a side of the peg and a wall of the bore face each other, hole frame.
 
-    places_m (J, 2); normals (J, 2): unit, from the wall into the peg; clearances_m (J,), of the centred peg.
-    turn_fixed: whether the walls hold the rotation about the axis; those of a round do not, however its circle is cut
-    into sides, nor those of any peg that turns freely in its hole.
+    places_m (J, 2); normals (J, 2): unit, from the wall into the peg; clearances_m (J,), with the peg centred.
+    turn_fixed: whether the walls hold the rotation about the axis; false for a round bore, also if its circle is cut
+    into sides, and for any peg that turns freely in its hole.
     """
 
     places_m: Array
@@ -60,7 +60,7 @@ class BoreWalls:
     def points(self, height_m: float) -> Array:
         """(J, 5): a_j of every point at one height, hole frame: normal x, y, and its moment about the origin.
 
-        Where the walls do not hold the turn, the moment about the axis is none.
+        If the walls do not hold the rotation, the moment about the axis is 0.
         """
         n = np.column_stack([self.normals, np.zeros(len(self.normals))])
         p = np.column_stack([self.places_m, np.full(len(n), height_m)])

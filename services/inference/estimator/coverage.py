@@ -1,4 +1,4 @@
-"""How honest the posterior is, and how fast touches narrow it: trials of the model with stated errors."""
+"""The coverage of the posterior, and how fast touches narrow it: simulated trials with stated errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from services.inference.estimator.observation import EstimatorSettings, HolePose
 from services.inference.estimator.synthetic import GuardedPush, TouchNoise, touch
 from services.inference.mechanics import PairTables
 
-# the parts of a pose that are asked one by one: indices of x, y, z, rx, ry, rz
+# the parts of a pose that are evaluated one by one: indices of x, y, z, rx, ry, rz
 BLOCKS = {
     "lateral": np.array([0, 1]),
     "rotation": np.array([3, 4, 5]),
@@ -28,7 +28,7 @@ Policy = Callable[[Pose, Array, int, bool], tuple[Pose, Array]]
 
 @dataclass(frozen=True, slots=True)
 class TrialSettings:
-    """A trial: the prior's sds (hole frame), touches, true friction (drawn within), and the touches' own errors."""
+    """A trial: the prior's sds (hole frame), touches, the true friction's range, and the touches' own errors."""
 
     prior_sd: tuple[float, ...]
     touches: int = 4
@@ -39,7 +39,7 @@ class TrialSettings:
 
 @dataclass(frozen=True, slots=True)
 class TouchRecord:
-    """After touch number k: squared error over covariance of each block, errors, and how the last touch was made."""
+    """After touch number k: squared error over covariance of each block, errors, and the kind of the last touch."""
 
     trial: int
     touches: int
@@ -115,7 +115,7 @@ class CoverageRow:
 
 
 def summary(records: Sequence[TouchRecord]) -> list[CoverageRow]:
-    """One row a number of touches."""
+    """One row per number of touches."""
     rows = []
     for count in sorted({record.touches for record in records}):
         these = [record for record in records if record.touches == count]

@@ -48,7 +48,7 @@ def estimate_pose(
 ) -> HolePosterior:
     """The hole's pose (MAP) from all touches of one assembly. Starts: prior samples, the prior's mean, `previous`.
 
-    Every touch gets a verdict, in order. Without an informative touch the prior comes back.
+    Every touch gets a verdict, in order. Without an informative touch the prior is returned.
     """
     settings = settings or EstimatorSettings()
     informative = [touch for touch in touches if touch.informative]
@@ -61,11 +61,11 @@ def estimate_pose(
     wider = dataclasses.replace(
         settings, samples=4 * settings.samples, starts=2 * settings.starts, finalists=2 * settings.finalists
     )
-    # Face, rim and walls may all be met from a prior that wide, and one touch may not tell which.
+    # With a prior that wide face, rim and walls are all possible, and one touch may not tell which.
     usual = wider if _first_softness(prior) >= WIDE_SOFTNESS else settings
     state = _search(tables, prior, batch, rng, usual, _known(previous))
     for retry in range(settings.retries):
-        # A badly explained touch may be a bad one, or a search that missed: look again before giving it up.
+        # A badly explained touch may be an outlier, or the search may have missed: search again before it is given up.
         costs = state.touch_cost[np.argmin(state.cost)]
         if costs.max() < settings.doubtful:
             break
@@ -96,7 +96,7 @@ def _without(
     costs: Array,
     retry: int,
 ) -> TrialPoses | None:
-    """Starts for one more search: draws of the posterior that one touch, the worst explained first, has no part in."""
+    """Starts for one more search: posterior draws without one touch, the worst explained first."""
     if len(costs) < 2:
         return None
     left_out = int(np.argsort(-costs, kind="stable")[retry % len(costs)])
@@ -119,7 +119,8 @@ def _search(
     """One annealed multi-start fit; the few best trials at the true noise."""
     first = _first_softness(prior)
     trials = _starts(tables, prior, batch, rng, settings, known, first)
-    # On the way a touch is given up only when nothing near explains it: else to explain none would be the safe choice.
+    # During the search a touch is gated only if nothing near explains it; else explaining no touch would be the best
+    # choice.
     patient = dataclasses.replace(settings, gate=PATIENCE * settings.gate)
     for softness in np.geomspace(first, LAST_SOFTNESS, STAGES):
         state = descend(tables, trials, batch, prior, patient, float(softness), STAGE_STEPS)
@@ -130,7 +131,7 @@ def _search(
 
 
 def _first_softness(prior: HolePosePrior) -> float:
-    """Softness 1 lets gaps of 0.3 mm pass: a wider prior has to start softer."""
+    """Softness 1 tolerates gaps of 0.3 mm; a wider prior has to start softer."""
     return float(np.clip(np.sqrt(prior.covariance[:2, :2].trace() / 2.0) / SOFT_GAP_M, 1.0, 4.0))
 
 
@@ -143,7 +144,7 @@ def _starts(
     known: TrialPoses | None,
     softness: float,
 ) -> TrialPoses:
-    """The best of samples from the prior, each moved along the last push until it just touches; and the known ones."""
+    """The best of samples from the prior, each moved along the last push until it just touches; and the known poses."""
     count = max(settings.samples // len(batch.wrench), 40)
     spread = rng.multivariate_normal(np.zeros(6), prior.covariance, size=count)
     spread[1::2] *= 1.6
@@ -158,7 +159,7 @@ def _starts(
     rotation, translation, motion = relative_poses(samples, batch)
     travel = first_contacts(tables, rotation[:, last], translation[:, last], motion[:, last]).travel_m.min(axis=1)
     travel = np.where(np.isfinite(travel), np.clip(travel, -0.03, 0.03), 0.0)
-    # Depth must not leave the prior for a sample that would have to slide far along a bore.
+    # A sample that would have to slide far along a bore must not take the depth out of the prior.
     moved = TrialPoses(
         samples.rotation, samples.translation_m - travel[:, None] * batch.motion_base[last], samples.friction
     ).slipping(len(batch.wrench), settings.gap_sd_m, rng)
@@ -198,7 +199,7 @@ def _conclude(
     rng: np.random.Generator,
     settings: EstimatorSettings,
 ) -> HolePosterior:
-    """The posterior about the best trial, and how it takes each touch."""
+    """The posterior about the best trial, and the verdict on each touch."""
     found = posterior(tables, state, batch, prior, settings, rng)
     order = np.argsort(state.cost, kind="stable")
     best = found.mode

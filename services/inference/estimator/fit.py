@@ -1,7 +1,7 @@
 """The robust maximum-a-posteriori fit of the hole's pose and the friction to all touches so far.
 
-Levenberg-Marquardt from many starts at once; the contact hypotheses are judged afresh in every step while the whitening
-tightens from tenths of a millimetre to the true noise, so that a start need not name the right features at first. A
+Levenberg-Marquardt from many starts at once. The contact hypotheses are chosen anew in every step while the whitening
+tightens from tenths of a millimetre to the true noise, so a start need not have the right features at first. A
 touch that no hypothesis explains loses its weight (Geman-McClure).
 """
 
@@ -38,7 +38,7 @@ RANGE_TAIL_DEGREES = 200.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitState:
-    """K fitted trials: poses, costs (K,), costs a touch (K, T), weights (K, T), information (K, 7, 7), contacts."""
+    """K fitted trials: poses, costs (K,), costs per touch (K, T), weights (K, T), information (K, 7, 7), contacts."""
 
     trials: TrialPoses
     cost: Array
@@ -47,7 +47,7 @@ class FitState:
     chosen: ChosenContacts
 
     def replaced(self, other: FitState, where: NDArray[np.bool_]) -> FitState:
-        """The state with the trials of another where a mask (K,) says so."""
+        """The state with the trials of `other` where the mask (K,) is true."""
 
         def pick(theirs: NDArray[Any], ours: NDArray[Any]) -> NDArray[Any]:
             return np.asarray(np.where(where.reshape(-1, *(1,) * (ours.ndim - 1)), theirs, ours))
@@ -80,13 +80,13 @@ class FitState:
 
 def whitening(touches: TouchBatch, settings: EstimatorSettings, softness: float) -> tuple[float, Array]:
     """Gap sd (m) and wrench sds (T, 6) at a softness from 1 (coarse) to 0 (the true noise)."""
-    # A wide prior is wide in position: what a wrench says of the feature that touched needs no softer judgement.
+    # A wide prior is wide in position; the wrench that identifies the touching feature needs no softer noise.
     soft = np.repeat([SOFT_FORCE_N, SOFT_MOMENT_NM], 3) * min(softness, 1.0)
     return float(np.hypot(settings.gap_sd_m, SOFT_GAP_M * softness)), np.sqrt(touches.sd**2 + soft**2)
 
 
 def soft_gate(settings: EstimatorSettings, softness: float) -> float:
-    """The gate at a softness: no touch is given up before the hypotheses have settled."""
+    """The gate at a softness: no touch is gated before the hypotheses have settled."""
     return settings.gate * (1.0 + 20.0 * softness)
 
 
@@ -110,7 +110,7 @@ def prior_terms(trials: TrialPoses, prior: HolePosePrior, settings: EstimatorSet
     jacobian[:, :3, :3] = relative
     jacobian[:, 3:, 3:] = np.eye(3)
     distance = np.einsum("ki,ij,kj->k", error, precision, error)
-    # A prior as wide as the workcell's is a range, not a measurement: it has no tails to be wrong in.
+    # A prior as wide as the workcell's is a range, not a measurement: heavy tails make no sense there.
     a_range = float(np.sqrt(prior.covariance[:2, :2].trace() / 2.0)) > RANGE_SD_M
     nu = max(prior.tail_degrees, RANGE_TAIL_DEGREES) if a_range else prior.tail_degrees
     weight = (nu + 6.0) / (nu + distance)
@@ -160,7 +160,7 @@ def linearise(
     residual_wrench = target - np.einsum("ktci,ktc->kti", here, force)
     change = (pair[:, 1:] - here[:, None]) / STEP_DIFFERENCE
     slope = -np.einsum("kptci,ktc->ktip", change, force)
-    # Variable projection (Kaufman): what a change of the forces can follow is no residual.
+    # Variable projection (Kaufman): a change that the forces can follow is no residual.
     inside = np.linalg.solve(gram, here @ slope)
     slope = slope - np.swapaxes(here, -1, -2) @ inside
     residual_gap = pair_gap[:, 0] / gap_sd_m
@@ -182,7 +182,7 @@ def evaluate(
     settings: EstimatorSettings,
     softness: float,
 ) -> FitState:
-    """Cost of trials without their information (which is left empty)."""
+    """Cost of trials without their information (which stays empty)."""
     gate = soft_gate(settings, softness)
     gap_sd, wrench_sd = whitening(touches, settings, softness)
     chosen = choose_contacts(tables, trials, touches, gap_sd, wrench_sd, settings)
@@ -221,7 +221,7 @@ def descend(
     softness: float,
     iterations: int,
 ) -> FitState:
-    """Levenberg-Marquardt from every trial at one softness; a step that does not lower a trial's cost is not taken."""
+    """Levenberg-Marquardt from every trial at one softness; a step that does not lower a trial's cost is rejected."""
     here, gradient = judge(tables, trials, touches, prior, settings, softness)
     damping = np.full(len(here.cost), 1e-3)
     for _ in range(iterations):

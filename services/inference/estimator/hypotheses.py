@@ -1,9 +1,9 @@
-"""Contact hypotheses: which features of peg and hole touched in each push, judged at many trial poses at once.
+"""Contact hypotheses: which features of peg and hole touched in each push, evaluated at many trial poses at once.
 
 For a trial pose of the hole every pair of convex pieces offers one contact: the features that would meet first along
 the push. A hypothesis is one to four of these. Its wrench is a nonnegative sum of their bases (Eqs. 21-24), its gaps
-ought to be zero, and no other pair may overlap. The hypothesis of least cost is kept; nothing is assumed to be a wall
-contact: the tip on the face and the taper on the chamfer are pairs of pieces like any other.
+should be zero, and no other pair may overlap. The hypothesis of least cost is kept. Wall contacts are not assumed: the
+tip on the face and the taper on the chamfer are pairs of pieces like any other.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from services.inference.mechanics import (
 )
 
 NO_CONTACT_COST = 1e6
-MAX_CLAMPING = 3.0  # times the force of the touch: what one contact of several may press
-SLIP_LEVER_M = 0.02  # over which an error of position shows as one of rotation
+MAX_CLAMPING = 3.0  # limit of one contact's force when several press, times the force of the touch
+SLIP_LEVER_M = 0.02  # lever that converts an error of position into one of rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ class TouchBatch:
         )
 
     def picked(self, index: NDArray[np.intp]) -> TouchBatch:
-        """Some of them."""
+        """The touches of an index array."""
         return TouchBatch(
             self.rotation[index],
             self.translation_m[index],
@@ -77,9 +77,9 @@ class TouchBatch:
 class TrialPoses:
     """K trial poses of the hole in the base frame with a friction coefficient each: (K, 3, 3), (K, 3) m, (K,).
 
-    slip (K, T, 6): a small motion of the peg (m, rad, hole frame); which features touch is asked with it and with its
-    opposite. Where two features are about to touch, an error of some hundredths of a millimetre decides between them,
-    and a line against a plane may press at both its ends. None: no such motion.
+    slip (K, T, 6): a small motion of the peg (m, rad, hole frame); the touching features are evaluated with it and with
+    its opposite. Where two features are about to touch, an error of some hundredths of a millimetre decides between
+    them, and a line against a plane may press at both its ends. None: no such motion.
     """
 
     rotation: Array
@@ -101,13 +101,13 @@ class TrialPoses:
         )
 
     def slipping(self, touches: int, sd_m: float, rng: np.random.Generator) -> TrialPoses:
-        """The same with slips drawn for all of them."""
+        """The same trials with random slips for all touches."""
         slip = rng.normal(size=(len(self.friction), touches, 6)) * np.repeat([sd_m, sd_m / SLIP_LEVER_M], 3)
         return TrialPoses(self.rotation, self.translation_m, self.friction, slip)
 
     @classmethod
     def joined(cls, parts: list[TrialPoses]) -> TrialPoses:
-        """All of them in one; those without a slip have none only if all have none."""
+        """All trials in one; the slip is None only if all parts have none."""
         slips = [part.slip for part in parts]
         shape = next((slip.shape[1:] for slip in slips if slip is not None), None)
         filled = None
@@ -179,7 +179,7 @@ def choose_contacts(
     for sign in (1.0,) if trials.slip is None else (1.0, -1.0):
         turned, shifted, along = _slipped(trials, sign, rotation, translation, motion)
         found.append(first_contacts(tables, turned, shifted, along))
-    # Those that meet first, or are past it furthest, are the only ones that can press or overlap.
+    # Only the pairs that meet first, or that penetrate the most, can press or overlap.
     count = min(settings.candidates // len(found), found[0].travel_m.shape[1])
     pair = np.concatenate(
         [np.sort(np.argpartition(one.travel_m, count - 1, axis=-1)[:, :count], axis=-1) for one in found], axis=-1
@@ -193,7 +193,7 @@ def choose_contacts(
     meets, depth = meets.reshape(shape), np.take_along_axis(depth, pair, axis=-1).reshape(shape)
     geometry = candidate_geometry(features, trials, touches)
     basis = contact_basis(geometry, trials, touches)
-    # What a contact costs by itself: its gap, which then is no overlap.
+    # The cost of a contact by itself: its gap, which then is no overlap.
     own = np.where(meets, (geometry.gap_m / gap_sd_m) ** 2 - (depth / gap_sd_m) ** 2, NO_CONTACT_COST)
     columns, pressing, cost = _least_cost(
         touches.wrench / wrench_sd,
@@ -242,7 +242,7 @@ def _gathered(
 
 
 def _normal_compliance(geometry: ContactGeometry, touches: TouchBatch) -> Array:
-    """How far the wrist lets each contact point (K, T, Q) give way along its normal, m/N."""
+    """The compliance of the wrist at each contact point (K, T, Q) along its normal, m/N."""
     normal = np.concatenate([geometry.normal_peg, np.cross(geometry.point_peg_m, geometry.normal_peg)], axis=-1)
     gives = np.einsum("tij,ktqj->ktqi", touches.compliance, normal)
     return np.asarray(np.maximum(np.einsum("ktqi,ktqi->ktq", normal, gives), 1e-9))
@@ -254,10 +254,10 @@ def _least_cost(
     """Contacts (K, T, most) that explain whitened wrenches (T, 6) best, which of them press, and their cost (K, T).
 
     white (K, T, Q, 6): whitened wrench bases; own (K, T, Q): cost of each contact by itself. The best contact and the
-    best pair are found exactly, more are added one by one while the cost falls. Each contact past the first pays what
-    its likelihood asks: given the pose, the wrist's compliance c turns its gap, known to sd s, into its force, known
-    to sd f from the wrench, so that a fitted force costs 2 ln(s / (c f)). No contact of several presses with more than
-    strongest_n (T,): the wrist that holds the peg can clamp it only so hard.
+    best pair are found exactly; more are added one by one while the cost falls. Each contact past the first pays a
+    penalty from its likelihood: given the pose, the wrist's compliance c turns its gap, known to sd s, into its force,
+    known to sd f from the wrench, so that a fitted force costs 2 ln(s / (c f)). With several contacts, none presses
+    with more than strongest_n (T,): the wrist that holds the peg can clamp it only so hard.
     """
     k, t, q, _ = white.shape
     norm = np.einsum("ktqi,ktqi->ktq", white, white)

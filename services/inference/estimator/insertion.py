@@ -1,10 +1,11 @@
 """A peg that stalls in its bore: which walls press, whether it is jammed or wedged, and what frees it.
 
-The walls' forces follow from the wrench: the least nonnegative sum of sliding contacts, friction against the insertion
-included, that gives its five lateral parts. While the peg slides in, the push has to overcome their friction: below
-that it is jammed (the jamming diagram of Whitney 1982, for any number of walls). Two opposite contacts that lie in one
-another's friction cone clamp whatever the push does (Nguyen 1988: force closure of two points; Whitney's wedging); what
-they press one another with shows in no wrench, only in a push that is held by more than the felt walls' friction.
+The walls' forces follow from the wrench: they are the least nonnegative sum of sliding contacts, with friction against
+the insertion, that gives its five lateral parts. While the peg slides in, the push has to overcome their friction;
+below that the peg is jammed (the jamming diagram of Whitney 1982, for any number of walls). Two opposite contacts that
+lie in each other's friction cone clamp the peg whatever the push does (Nguyen 1988: force closure of two points;
+Whitney's wedging). Their clamping force shows in no wrench. It shows only if the push is held by more than the friction
+of the felt walls.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from services.inference.estimator.seated import final_estimate
 class InsertionSettings:
     """When a wall counts as felt (N), how much of a push its friction may take, and how far to back off (m).
 
-    share: of the push, beyond which friction is taken to hold it. hidden_n: what the push may exceed the felt walls'
-    friction by before something else must hold the peg. step_m: out of a jam; past_rim_m: out of a wedge, the body's
-    end before the bore. lowest_push_n: no advice goes below.
+    share: of the push; friction beyond it is assumed to hold the push. hidden_n: the push may exceed the felt walls'
+    friction by this before something else must hold the peg. step_m: out of a jam; past_rim_m: out of a wedge, the
+    body's end in front of the bore. lowest_push_n: least push that is advised.
     """
 
     felt_n: float = 0.7
@@ -42,7 +43,7 @@ class InsertionSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InsertionJudgement:
-    """As the message of that name: forces N, lengths m, poses in the base frame, covariance (6, 6)."""
+    """As the message of the same name: forces N, lengths m, poses in the base frame, covariance (6, 6)."""
 
     contact: BoreContact
     action: InsertionAction
@@ -60,7 +61,7 @@ class InsertionJudgement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoreLoad:
-    """The walls' forces (2, J), N: at the rim, at the leading end; and the friction that a slide has to overcome."""
+    """The walls' forces (2, J), N: at the rim, at the leading end; and the friction that a slide has to overcome, N."""
 
     forces_n: Array
     needed_force_n: float
@@ -78,11 +79,11 @@ def bore_load(walls: BoreWalls, rim_m: float, leading_m: float, wrench_hole: Arr
     if not walls.turn_fixed:
         basis[:, 4] = 0.0
     middle = 0.5 * (rim_m + leading_m)
-    # about the middle force and moment tell apart; a lever of 10 mm makes them alike in size
+    # about the middle, force and moment are separate; a lever of 10 mm scales them to the same size
     to_middle = np.eye(5)
     to_middle[2, 1], to_middle[3, 0] = middle, -middle
     to_middle[2:] /= 0.01
-    # the small extra row asks for the least forces among those that explain
+    # the small extra row selects the least forces among those that explain the wrench
     matrix = np.vstack([(basis @ to_middle.T).T, np.full(len(basis), 1e-2)])
     forces, _ = nnls(matrix, np.append(to_middle @ wrench_hole[PLANE], 0.0))
     return BoreLoad(forces.reshape(2, -1), float(friction * forces.sum()))
@@ -91,9 +92,9 @@ def bore_load(walls: BoreWalls, rim_m: float, leading_m: float, wrench_hole: Arr
 def clamps(
     walls: BoreWalls, depth_m: float, friction: float, forces_n: Array | None = None, felt_n: float = 0.0
 ) -> bool:
-    """Whether a contact at the rim and one at the leading end, depth_m apart, see each other in their friction cones.
+    """Whether a contact at the rim and one at the leading end, depth_m apart, lie in each other's friction cones.
 
-    With forces (2, J) only walls that press with at least felt_n are asked.
+    With forces (2, J) only walls that press with at least felt_n are considered.
     """
     rim, leading = np.nonzero(np.ones((len(walls.normals),) * 2))
     if forces_n is not None:
@@ -120,10 +121,10 @@ def advise_insertion(
     force_limit_n: float = 20.0,
     settings: InsertionSettings | None = None,
 ) -> InsertionJudgement:
-    """How a stalled peg stands in its bore, and what to do.
+    """The state of a stalled peg in its bore, and the advised action.
 
     pose_base_hole, covariance (6, 6): the belief. pose_base_peg: motor-side pose of the peg; wrench_peg (6,) on the
-    peg and compliance_peg (6, 6) give its deflection. push_force_n: axial force that the push went up to.
+    peg and compliance_peg (6, 6) give its deflection. push_force_n: the largest axial force of the push.
     Raises NotSeated for a peg that is past the rim along the axis of the hole, but lies across it.
     """
     settings = settings or InsertionSettings()
@@ -162,7 +163,7 @@ def advise_insertion(
     rim_n, leading_n = load.forces_n.sum(axis=1)
     out_of_wedge = entered + settings.past_rim_m
     if held > settings.share * push_force_n and held > 1.25 * load.needed_force_n + settings.hidden_n:
-        # the walls that are felt do not hold that much
+        # the friction of the felt walls is not enough to hold the push
         if clamps(walls, entered, friction):
             reason = f"{held:.1f} N are held by walls that clamp one another {entered * 1e3:.1f} mm inside"
             return advice(
@@ -184,10 +185,10 @@ def advise_insertion(
             contact = BoreContact.TWO_POINT
         reason = f"it slides from {load.needed_force_n:.1f} N on"
         return advice(contact, InsertionAction.CONTINUE, reason, push_force_n, load, 0.0)
-    # Jammed. The arm bends under the push itself; find the push whose friction it overcomes best.
+    # Jammed. The arm bends under the push itself; find the push that best overcomes its friction.
     middle = Pose.from_translation([0.0, 0.0, 0.5 * (hole.chamfer_m + leading)])
     into = adjoint_wrench(middle.inverse() @ pose)
-    # twist and wrench go the opposite ways: C_middle = A^-T C A^-1
+    # twist and wrench transform inversely: C_middle = A^-T C A^-1
     back = np.linalg.inv(into)
     bending = back.T @ compliance @ back
     by_push = np.linalg.solve(bending[np.ix_(PLANE, PLANE)], bending[PLANE, 2])

@@ -1,4 +1,4 @@
-"""What a touch tells the estimator, and what the estimator says back. Pure data."""
+"""The estimator's inputs and outputs. Pure data."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from crosspih_common.geometry.pose import Array
 class TouchObservation:
     """One guarded push, averaged while it still creeps.
 
-    pose_base_peg: motor-side pose of the peg, as the joints say, at the middle of the averaging. wrench_peg (6,): force
-    on the peg and moment about the F/T origin, N and Nm, peg frame, averaged. wrench_sd (6,): standard deviation of
-    that average. compliance_peg (6, 6): twist of the peg frame (x, y, z, rx, ry, rz), peg frame, per wrench on the peg.
-    motion_direction_base (3,): unit direction in which the peg was driven. informative: False where the push is known
+    pose_base_peg: motor-side pose of the peg by the joints, in the middle of the averaging. wrench_peg (6,): force on
+    the peg and moment about the F/T origin, N and Nm, peg frame, averaged. wrench_sd (6,): standard deviation of that
+    average. compliance_peg (6, 6): twist of the peg frame (x, y, z, rx, ry, rz), peg frame, per wrench on the peg.
     to say nothing simple (jammed in the body, no contact); the estimator then leaves it out.
     """
 
@@ -43,14 +42,14 @@ class TouchObservation:
             raise ValueError("TouchObservation.motion_direction_base wants a unit vector")
 
     def deflected_pose_base_peg(self) -> Pose:
-        """Where the peg truly is: the wrist gives way to the wrench."""
+        """The peg's true pose: the wrist deflects under the wrench."""
         twist = self.compliance_peg @ self.wrench_peg
         return self.pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HolePosePrior:
-    """What is known of the hole before touching: mean and covariance (6, 6), right perturbation, m and rad.
+    """The prior of the hole before touching: mean and covariance (6, 6), right perturbation, m and rad.
 
     tail_degrees: degrees of freedom of its Student-t tails; the smaller, the easier touches overrule it.
     """
@@ -73,14 +72,14 @@ SHARED_N = 2.0  # of the force of a touch: what may be carried by another point 
 
 @dataclass(frozen=True, slots=True)
 class EstimatorSettings:
-    """How far the model is trusted: errors that come on top of the noise of a reading.
+    """How far the model is trusted: model errors in addition to the noise of a reading.
 
     gap_sd_m: how far from exact contact a touching pair may be (calibration of arm and compliance). force_floor_n,
     moment_floor_nm and relative_floor: added to the wrench's sd. gate: cost (a sum of squares over 6 + 1 residuals)
     beyond which a touch is left out; doubtful: from which on the search is repeated. friction_mean, friction_sd: prior
     of the friction coefficient. starts, finalists, samples: size of the search; retries: further searches while some
-    touch stays doubtful. contacts: most of one touch; candidates: pairs of pieces asked for them. draws: of the
-    posterior, in each of its rounds, until they are worth wanted_draws independent ones.
+    touch stays doubtful. contacts: most per touch; candidates: pairs of pieces considered. draws: posterior draws per
+    round, until they are worth wanted_draws independent ones.
     """
 
     gap_sd_m: float = GAP_SD_M
@@ -103,7 +102,7 @@ class EstimatorSettings:
 
     @staticmethod
     def gap_sd_of(contact_stiffness_n_m: float | None) -> float:
-        """The gap's sd, m, where contacts give way: one point or two share what a usual touch presses with."""
+        """The gap's sd, m, where contacts are compliant: one or two points share the force of a typical touch."""
         if contact_stiffness_n_m is None:
             return GAP_SD_M
         return float(np.hypot(GAP_SD_M, SHARED_N / contact_stiffness_n_m))
@@ -111,9 +110,9 @@ class EstimatorSettings:
 
 @dataclass(frozen=True, slots=True)
 class ContactHypothesis:
-    """What touched what: feature kind ("edge on edge", "peg corner on face", "peg face on corner"), quarter 1..4 of the
-    peg (1 = about +x, 2 = +y, 3 = -x, 4 = -y: the arms of a cross), the hole's convex block, the normal force in N and
-    where on the peg, m, in the peg frame."""
+    """A contact: feature kind ("edge on edge", "peg corner on face", "peg face on corner"), quarter 1..4 of the peg (1
+    = about +x, 2 = +y, 3 = -x, 4 = -y: the arms of a cross), the hole's convex block, the normal force in N and the
+    point on the peg, m, in the peg frame."""
 
     kind: str
     arm: int
@@ -124,7 +123,7 @@ class ContactHypothesis:
 
 @dataclass(frozen=True, slots=True)
 class TouchVerdict:
-    """How the fit took one touch: used or gated, its cost (sum of squares), and the contacts that explain it."""
+    """The fit's verdict on one touch: used or gated, its cost (sum of squares), and the contacts that explain it."""
 
     used: bool
     cost: float

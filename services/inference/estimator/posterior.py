@@ -1,8 +1,9 @@
 """The posterior's mean and covariance by importance sampling about the modes that the fit found.
 
-A Gaussian at the best fit is too sure: the cost bends where other features come to touch, and other hypotheses explain
-the touches about as well. So the posterior itself is asked: draws from a mixture of Student-t about all modes, weighed
-by posterior over mixture (adaptive multiple importance sampling: Cornuet et al. 2012), give the moments.
+A Gaussian at the best fit is too narrow: the cost bends where other features begin to touch, and other hypotheses
+explain the touches about as well. So the posterior itself is sampled: draws from a mixture of Student-t about all
+modes, weighted by posterior over mixture (adaptive multiple importance sampling: Cornuet et al. 2012), give the
+moments.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ from services.inference.mechanics import PairTables
 
 DEGREES = 5.0
 WIDENED = 1.3
-FEWEST_SHARE = 0.04  # of the draws to any mode, however unlikely the fit holds it
+FEWEST_SHARE = 0.04  # of the draws for each mode, however unlikely the fit finds it
 CREDIBLE_COST = 40.0
-PRIOR_SHARE = 0.1  # of the draws to the prior itself
+PRIOR_SHARE = 0.1  # of the draws for the prior itself
 TRUSTED_DRAWS = 15.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """pose_base_hole and friction with their joint covariance (7, 7); which mode of the fit they are about; how
-    many independent draws the moments are worth; and the draws with their weights."""
+    """pose_base_hole and friction with their joint covariance (7, 7); the mode of the fit they belong to; the effective
+    number of independent draws; and the draws with their weights."""
 
     pose_base_hole: Pose
     friction: float
@@ -50,7 +51,8 @@ def posterior(
     settings: EstimatorSettings,
     rng: np.random.Generator,
 ) -> Posterior:
-    """Mean and covariance of the mode that holds the most of the posterior, the other modes in its covariance."""
+    """Mean and covariance about the mode with the largest share of the posterior; the covariance includes the other
+    modes."""
     kept = np.flatnonzero(state.cost < state.cost.min() + CREDIBLE_COST)
     modes = state.trials[kept]
     own = np.array([_symmetric(np.linalg.inv(state.information[index])) for index in kept])
@@ -94,7 +96,7 @@ def posterior(
 
 
 def _prior_component(prior: HolePosePrior, settings: EstimatorSettings) -> tuple[TrialPoses, Array]:
-    """The prior of pose and friction as a component to draw from: centre and root (1, 7, 7)."""
+    """The prior of pose and friction as a mixture component: centre and root (1, 7, 7)."""
     root = np.zeros((1, 7, 7))
     root[0, :6, :6] = np.linalg.cholesky(np.asarray(prior.covariance, float))
     root[0, 6, 6] = settings.friction_sd
@@ -107,7 +109,7 @@ class _Sampler:
 
     def __init__(self, modes: TrialPoses, roots: Array, share: Array, prior: tuple[TrialPoses, Array]) -> None:
         self._modes = modes
-        # a mode may be spurious, all its touches gated: then the prior is what is left
+        # a mode may be spurious, with all its touches gated: then only the prior remains
         self._centres, self._roots = [modes, prior[0]], [roots * WIDENED, prior[1]]
         self._mode_roots = roots
         self._shares = [np.append((1.0 - PRIOR_SHARE) * share, PRIOR_SHARE)]
@@ -128,7 +130,7 @@ class _Sampler:
         self._log_target.append(log_target)
 
     def weights(self) -> tuple[Array, NDArray[np.intp]]:
-        """Normalised weights (N,) of all draws, and the mode each is nearest to."""
+        """Normalised weights (N,) of all draws, and the nearest mode of each."""
         everyone = TrialPoses.joined(self.drawn)
         centres, roots = TrialPoses.joined(self._centres), np.concatenate(self._roots)
         size = np.log(np.abs(np.einsum("mii->mi", roots))).sum(axis=1)
@@ -142,7 +144,7 @@ class _Sampler:
         return weight, _distances(everyone, self._modes, self._mode_roots).argmin(axis=1)
 
     def adapt(self, weight: Array, nearest: NDArray[np.intp]) -> None:
-        """Add a component for each mode that holds weight, with the moments found there."""
+        """Add a component for each mode with weight, with the moments of its draws."""
         everyone = TrialPoses.joined(self.drawn)
         held = np.bincount(nearest, weight, len(self._mode_roots))
         added: list[float] = []
@@ -166,7 +168,7 @@ class _Sampler:
 
 
 def _flattened(weight: Array) -> Array:
-    """Weights raised to the highest power at which they are worth enough draws for a covariance."""
+    """The weights, raised to the highest power that leaves enough effective draws for a covariance."""
     power = 1.0
     while True:
         flat = np.asarray((weight / weight.max()) ** power)

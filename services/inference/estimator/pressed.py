@@ -1,11 +1,11 @@
-"""The hole's pose from presses against the walls of its bore, the peg's body already inside.
+"""The hole's pose from presses against the walls of its bore, with the peg's body already inside.
 
 In the bore several contacts press at once: flat walls against flat sides, at the rim and at the body's leading end.
-Which of them does not have to be guessed. Inside the clearance everything is linear: a wall point j has the gap
+Which of them press does not have to be guessed. Inside the clearance everything is linear: a wall point j has the gap
 g_j = c + a_j . q, q = (x, y, rx, ry, rz) of the peg against the centred one, and presses with f_j >= 0 along the same
-a_j. Walls of a high but finite stiffness make both one equation, f_j = k s log(1 + exp(-g_j / s)), whose width s
-shrinks from half the clearance to nothing much. Least squares over the hole's pose and a small error of each press's
-own pose then matches all wrenches; walls that are not felt keep the peg out of themselves.
+a_j. With walls of a high but finite stiffness k both become one equation, f_j = k s log(1 + exp(-g_j / s)), whose width
+s shrinks from half the clearance to nearly zero. Least squares over the hole's pose and a small error of each press's
+own pose then matches all wrenches; walls that are not felt keep the peg out of them.
 """
 
 from __future__ import annotations
@@ -24,16 +24,18 @@ from crosspih_common.shapes import Hole, Peg
 from services.inference.estimator.bore import PLANE, BoreWalls
 from services.inference.estimator.observation import HolePosePrior, TouchObservation
 
-ORDER = np.array([0, 1, 3, 4, 5, 2])  # of the unknowns: the depth last, for only the rim's place along the peg has it
+# of the unknowns: the depth last, because only the rim's place along the peg depends on it
+ORDER = np.array([0, 1, 3, 4, 5, 2])
 
 
 @dataclass(frozen=True, slots=True)
 class PressSettings:
     """How far the model is trusted.
 
-    wall_stiffness_n_m: high against the arm's; widths_m: of the walls' softness, one fit each. pose_sd_m, pose_sd_rad:
-    error of a press's own pose (elastic arm, creep); common_sd_m, common_sd_rad: of all of them together. force_sd_n,
-    moment_sd_nm: floors of a wrench; friction_share: what friction in unknown directions adds, of |F|, at lever_m.
+    wall_stiffness_n_m: high against the arm's; widths_m: softness of the walls, one fit each. pose_sd_m, pose_sd_rad:
+    error of a press's own pose (elastic arm, creep); common_sd_m, common_sd_rad: error common to all presses.
+    force_sd_n, moment_sd_nm: floors of a wrench; friction_share: added for friction in unknown directions, of |F|, at
+    lever_m.
     gate: mean square beyond which a press counts as not explained.
     """
 
@@ -51,15 +53,15 @@ class PressSettings:
 
     @classmethod
     def of(cls, contact_stiffness_n_m: float | None) -> PressSettings:
-        """For walls that give way as declared; None: rigid ones."""
+        """For walls with the declared stiffness, N/m; None: rigid walls."""
         return cls() if contact_stiffness_n_m is None else cls(wall_stiffness_n_m=min(2e6, contact_stiffness_n_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PressedEstimate:
     """pose_base_hole and covariance (6, 6), right perturbation, m and rad; costs: mean square residual of each press
-    (its pose error and wrench, five numbers each); used: False where a press was left out, its cost then the one that
-    put it out."""
+    (its pose error and wrench, five numbers each); used: False for a press that was left out, with the cost that
+    excluded it."""
 
     pose_base_hole: Pose
     covariance: Array
@@ -75,7 +77,7 @@ def pressed_estimate(
     settings: PressSettings | None = None,
 ) -> PressedEstimate:
     """The hole's pose from at least one press. Linear about the prior's mean, which must be within the clearance of
-    the truth up to some tenths of a millimetre and a degree: the seat's (`final_estimate`).
+    the truth up to some tenths of a millimetre and a degree, as the seat's is (`final_estimate`).
 
     The worst press is left out, one after the other, while its cost is beyond the gate.
     Raises ValueError when there is no press or the body is not in the bore.
@@ -98,11 +100,11 @@ def pressed_estimate(
     else:
         # a fit worse than its noise is trusted less (Birge 1932)
         covariance = covariance * max(1.0, float(np.mean(costs[kept])))
-        # Held against the truth the presses leave the depth as wrong as it was: what they say of it is not believed.
+        # Against the truth, presses do not improve the depth, so their information on it is not used.
         keep = np.ones(6)
         keep[2] = max(1.0, float(np.sqrt(np.asarray(prior.covariance)[2, 2] / covariance[2, 2])))
         covariance = covariance * np.outer(keep, keep)
-        # what all presses have in common does not average out
+        # errors common to all presses do not average out
         covariance = covariance + np.diag(np.repeat(np.square([settings.common_sd_m, settings.common_sd_rad]), 3))
     return PressedEstimate(pose, covariance, tuple(float(cost) for cost in costs), used)
 
@@ -135,7 +137,7 @@ class _Bore:
             raise ValueError(f"the peg's body is {(hole.chamfer_m - leading) * 1e3:.1f} mm short of the bore")
         middle_m = 0.5 * (hole.chamfer_m + leading)
         walls = BoreWalls.of(peg, hole)
-        # every first one of two points is at the rim, the other at the body's leading end
+        # each first point of a pair is at the rim, the second at the body's leading end
         points = np.stack([walls.points(hole.chamfer_m), walls.points(leading)], axis=1).reshape(-1, 5)
         points[:, 2] += middle_m * points[:, 1]
         points[:, 3] -= middle_m * points[:, 0]
@@ -199,7 +201,7 @@ class _Bore:
         moved = unknown[:6] * scale
         slips = unknown[6:].reshape(count, 5)
         off = self.displaced + slips * pose_sd - moved[:5]
-        # Every first one of two points is at the rim, which goes with the hole; the other goes with the peg.
+        # The first point of each pair, at the rim, moves with the hole; the second moves with the peg.
         deeper = np.zeros_like(self.points)
         deeper[::2, 2], deeper[::2, 3] = -self.points[::2, 1], self.points[::2, 0]
         points = self.points + moved[5] * deeper
@@ -221,7 +223,7 @@ class _Bore:
 
 
 def _displacement(pose_hole_peg: Pose, middle_z_m: float) -> Array:
-    """(5,): how far the peg is off the hole's axis at a height, m, and turned, rad."""
+    """(5,): the peg's offset from the hole's axis at a height, m, and its rotation, rad."""
     turned = pose_hole_peg.rotvec_rad()
     rim = pose_hole_peg.inverse().apply([0.0, 0.0, middle_z_m])[2]
     return np.concatenate([pose_hole_peg.apply([0.0, 0.0, float(rim)])[:2], turned])

@@ -1,5 +1,4 @@
-"""The hole's pose once the peg sits in it: the peg's own pose, within the clearance, fused with what was known
-before."""
+"""The hole's pose once the peg is seated: the peg's own pose, within the clearance, fused with the earlier estimate."""
 
 from __future__ import annotations
 
@@ -35,13 +34,13 @@ def final_estimate(
 
     pose_base_hole, covariance: the posterior before. pose_base_peg: motor-side pose of the seated peg; wrench_peg (6,)
     and compliance_peg (6, 6) give its deflection. At the rim and at the body's leading end the peg lies anywhere within
-    the clearance, uniformly, unless the wrench says which wall it leans on; that makes a lateral, a tilt and a turn,
-    and says nothing of the depth.
+    the clearance, uniformly, unless the wrench says which wall it leans on. That measures the lateral position, the
+    tilt and the turn, but not the depth.
     Raises NotSeated when the peg's body is not in the hole.
     """
     twist = np.asarray(compliance_peg, float) @ np.asarray(wrench_peg, float)
     seated = pose_base_peg @ Pose.from_rotvec(twist[3:], twist[:3])
-    # The peg seen from the hole as known: only its depth is taken from there.
+    # The peg relative to the estimated hole: only its depth is taken from there.
     rim_z = (seated.inverse() @ pose_base_hole).translation_m[2]
     entered = peg.taper_start_m - rim_z - hole.chamfer_m
     if entered <= 0.0:
@@ -55,9 +54,9 @@ def final_estimate(
     rim_end, _leading_end = rim_z + hole.chamfer_m, peg.taper_start_m
     force_leading = (np.array([wrench[4], -wrench[3]]) - rim_end * wrench[:2]) / entered
     force_rim = wrench[:2] - force_leading
-    # The rest of the moment about z, as a force where the walls hold the turn best.
+    # The rest of the moment about z, as a force at the wall that holds the turn best.
     force_turn = wrench[5] / lever
-    # Hole against peg, (x, y) at the rim end, (x, y) at the leading end, and along the turn at the lever's end.
+    # Hole against peg: (x, y) at the rim end, (x, y) at the leading end, and along the turn at the lever's end.
     play_x, play_y = (_lateral_play_m(walls, axis) for axis in (0, 1))
     play = np.array([play_x, play_y, play_x, play_y, walls.clearance_m])
     offset, variance = _play(np.array([*force_rim, *force_leading, force_turn]), play)
@@ -76,13 +75,13 @@ def final_estimate(
 
 
 def _turning_lever_m(walls: BoreWalls) -> float:
-    """The lever, about the axis, of the wall that leaves the peg the least turn, m."""
+    """The lever about the axis of the wall that limits the peg's turn the most, m."""
     levers = np.abs(walls.points(0.0)[:, 4])
     return float(walls.clearance_m / np.min(walls.clearances_m / np.maximum(levers, 1e-6)))
 
 
 def _lateral_play_m(walls: BoreWalls, axis: int) -> float:
-    """How far the centred peg can go along x (0) or y (1), the farther of both ways, m."""
+    """The travel of the centred peg along x (0) or y (1), the farther of both ways, m."""
     ways = []
     for sign in (1.0, -1.0):
         closing = np.maximum(-sign * walls.normals[:, axis], 1e-9)
@@ -93,8 +92,8 @@ def _lateral_play_m(walls: BoreWalls, axis: int) -> float:
 def _play(force_n: Array, play_m: Array) -> tuple[Array, Array]:
     """Offset of the hole against the peg (m) and its variance, for each direction with a force from a wall.
 
-    Without a force the offset is anywhere in +-play. A wall that presses the peg towards + is touched on the - side, so
-    that the hole sits a whole play to the +. In between either may be true, and the spread of the two counts.
+    Without a force the offset is uniform in +-play. A wall that presses the peg towards + is touched on the - side, so
+    the hole is a whole play towards +. In between either may be true, and the variance includes the spread of the two.
     """
     touching = force_n**2 / (force_n**2 + TOUCHING_FORCE_N**2)
     offset = np.sign(force_n) * touching * play_m
@@ -105,8 +104,8 @@ def _play(force_n: Array, play_m: Array) -> tuple[Array, Array]:
 def _fused(first: Pose, first_covariance: Array, second: Pose, second_covariance: Array) -> tuple[Pose, Array]:
     """The product of two Gaussians over poses (right perturbations), linearised at `first`.
 
-    Where they disagree beyond 4 sigma (in any of the five directions the seat measures) the first is widened: the seat
-    is a fact, the posterior an inference.
+    Where they disagree beyond 4 sigma (in any of the five directions the seat measures) the first is widened, because
+    the seat is a fact and the posterior an inference.
     """
     between = first.inverse() @ second
     error = np.concatenate([between.translation_m, between.rotvec_rad()])

@@ -1,6 +1,6 @@
-"""Touches made by the mechanics, with several contacts and a wrist that gives way: what a calibration is measured on.
+"""Simulated touches with several contacts and a compliant wrist, for measuring the coverage.
 
-A push goes on past its first contact as the guarded move does. The peg stands where its wrist's deflection and the
+A push continues past its first contact as the guarded move does. The peg rests where its wrist's deflection and the
 contact forces balance: f >= 0, gap >= 0, f gap = 0 for the first contact of every pair of pieces, a linear
 complementarity problem in each Newton step (Stewart and Trinkle 1996), solved by projected Gauss-Seidel.
 """
@@ -25,11 +25,11 @@ LARGEST_BEND_M = 0.005
 
 @dataclass(frozen=True, slots=True)
 class TouchNoise:
-    """What makes a synthetic touch differ from the model: a reading's sd (N, Nm, after averaging), an error of the
+    """The differences of a synthetic touch from the model: a reading's sd (N, Nm, after averaging), an error of the
     pose of each touch (m, rad) about a point `about_m` along the peg, and one of the wrench as a share of its size.
 
-    Defaults: 25 samples of 0.1 N and 0.005 Nm; 0.03 mm and 0.2 mrad for an arm that repeats to 0.02 mm; 0.5 % of the
-    wrench in a random direction, for friction that does not point as the law says.
+    Defaults: 25 samples of 0.1 N and 0.005 Nm; 0.03 mm and 0.2 mrad for an arm with a repeatability of 0.02 mm; 0.5 %
+    of the wrench in a random direction, for friction that deviates from Coulomb's law.
     """
 
     force_n: float = 0.02
@@ -42,7 +42,7 @@ class TouchNoise:
 
 @dataclass(frozen=True, slots=True)
 class GuardedPush:
-    """How a push ends: the force or moment that stops it, and the creep past that while it is observed."""
+    """The end of a push: the force or moment that stops it, and the creep past it during the averaging."""
 
     force_n: float = 5.0
     moment_nm: float = 1.0
@@ -52,7 +52,7 @@ class GuardedPush:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticTouch:
-    """The observation, and how many contacts carried force."""
+    """The observation, and the number of contacts that carried force."""
 
     observation: TouchObservation
     contacts: int
@@ -69,8 +69,8 @@ def touch(
     noise: TouchNoise | None = None,
     push: GuardedPush | None = None,
 ) -> SyntheticTouch | None:
-    """A push along a unit direction from a start in free air; None when nothing is met within its
-    limit, or nothing that holds."""
+    """A push along a unit direction from a start in free air; None if it meets nothing within its limit, or nothing
+    that stops it."""
     noise, push = noise or TouchNoise(), push or GuardedPush()
     into = pose_base_hole.inverse()
     start, direction = into @ pose_base_peg_start, into.rotate(direction_base)
@@ -108,7 +108,7 @@ def touch(
 def settle(
     tables: PairTables, commanded_hole_peg: Pose, direction_hole: Array, compliance_peg: Array, friction: float
 ) -> tuple[Array, int]:
-    """The contact wrench (6,) on the peg, peg frame, of a peg commanded to a pose, and its number of contacts."""
+    """The contact wrench (6,) on the peg, peg frame, for a peg commanded to a pose, and the number of contacts."""
     twist = np.zeros(6)
     force = np.zeros(0)
     wrench = np.zeros(6)
@@ -131,7 +131,7 @@ def settle(
 
 
 def complementarity(matrix: Array, offset: Array) -> Array:
-    """Forces f >= 0 with matrix f + offset >= 0 and their product zero: projected Gauss-Seidel (Cottle et al. 1992)."""
+    """Forces f >= 0 with matrix f + offset >= 0 and zero product, by projected Gauss-Seidel (Cottle et al. 1992)."""
     force = np.zeros(len(offset))
     diagonal = np.maximum(np.diag(matrix), 1e-12)
     for _ in range(SWEEPS):

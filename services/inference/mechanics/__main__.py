@@ -1,4 +1,4 @@
-"""`python -m services.inference.mechanics`: first contacts and pushes a second, see `benchmark`."""
+"""`python -m services.inference.mechanics`: first contacts and pushes per second, see `benchmark`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import os
 import sys
 
-# Read when numpy is first loaded: more threads than processes only get in each other's way.
+# numpy reads this when first loaded: more threads than processes only slow each other down.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

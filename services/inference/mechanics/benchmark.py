@@ -1,8 +1,7 @@
-"""How many first contacts and pushes a second, against the plain method.
+"""First contacts and pushes per second, against the plain method.
 
-The plain method is the separating-axis test over every axis of every pair of pieces (`separating_axes`), which came
-first; it is timed in the same run. Rates are of wall time; on a machine that does other work too, the rates per second
-of processor time say more.
+The plain method is the separating-axis test over every axis of every pair of pieces (`separating_axes`); it is timed in
+the same run. Rates are per wall time; on a machine with other load, the rates per processor time are more meaningful.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ Rate = tuple[float, float, float]
 
 
 def poses(tip_m: float, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Peg poses (N, 3, 3), (N, 3) m before the hole and directions (N, 3), as wide as a trial's hole is drawn."""
+    """Peg poses (N, 3, 3), (N, 3) m in front of the hole and directions (N, 3), spread as in a trial."""
     rotation = np.swapaxes(rotation_from_error_angles(rng.uniform(-0.1, 0.1, (count, 3))), 1, 2)
     tip = np.column_stack([rng.uniform(-0.01, 0.01, (count, 2)), rng.uniform(-0.015, -0.005, count)])
     return rotation, tip - rotation @ np.array([0.0, 0.0, tip_m]), np.tile([0.0, 0.0, 1.0], (count, 1))
 
 
 def rates(outline: str, seconds: float, seed: int) -> dict[str, Rate]:
-    """For each method how many it did, in how much wall and processor time, s."""
+    """For each method the number of calls, and their wall and processor time, s."""
     cell = Workcell.model_validate({"peg": {"outline": outline}} if outline != "cross" else {})
     peg = cell.peg.shape()
     tables = PairTables.of(peg, cell.hole.shape(peg))
@@ -68,7 +67,8 @@ def rates(outline: str, seconds: float, seed: int) -> dict[str, Rate]:
 
 
 def measured(outline: str, seconds: float, processes: int, seed: int) -> dict[str, Any]:
-    """Rates of all processes together, a second of wall time and a second of processor time times the processes."""
+    """Rates of all processes together: per second of wall time, and per second of processor time times the
+    processes."""
     jobs = [(outline, seconds, seed + index) for index in range(processes)]
     if processes == 1:
         parts = [rates(*jobs[0])]

@@ -2,7 +2,7 @@
 
 One step of Stewart and Trinkle's implicit scheme (Int. J. Numer. Meth. Eng. 39, 1996), without inertia: the wrist's
 compliance takes the place of the inverse mass. Solved contact by contact (nonlinear block Gauss-Seidel; Jourdan, Alart,
-Jean 1998), the friction disc exactly and not as a polygon, for many pushes at once.
+Jean 1998), with the exact friction disc instead of a polygon, for many pushes at once.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from crosspih_common.geometry.pose import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactForces:
-    """forces_n (N, M, 3): along each contact's normal and two tangents; residual_n (N,): by how much the last sweep
-    still changed a force; sweeps (N,)."""
+    """forces_n (N, M, 3): along each contact's normal and two tangents; residual_n (N,): largest change of a force in
+    the last sweep; sweeps (N,)."""
 
     forces_n: Array
     residual_n: Array
@@ -37,8 +37,8 @@ def contact_forces(
     f_t = -friction f_n u_t / |u_t| where it slides, |f_t| <= friction f_n where u_t = 0.
 
     delassus (N, M, 3, M, 3): displacement (m) of contact points along normal and tangents per force (1 N) on them; free
-    (N, M, 3): gap (m) that would be left, and slip (m) that would happen, without contact forces; a contact that does
-    not exist has free = (inf, 0, 0). friction (N,). start (N, M, 3): a guess. Stops where no force changes by more than
+    (N, M, 3): gap (m) and slip (m) that would remain without contact forces; a contact that does not exist has free =
+    (inf, 0, 0). friction (N,). start (N, M, 3): a guess. Stops when no force changes by more than
     the tolerance (N).
     """
     n, m = free.shape[:2]
@@ -46,7 +46,7 @@ def contact_forces(
     free = np.where(np.isfinite(free), free, 1e3)
     own = np.einsum("nmimj->nmij", delassus)
     normal = np.maximum(own[..., 0, 0], 1e-15)
-    # The larger eigenvalue of the tangential block, by its bound: steps along the slip never overshoot.
+    # The larger eigenvalue of the tangential block, by its bound, so that steps along the slip never overshoot.
     tangential = np.maximum(own[..., 1, 1] + own[..., 2, 2], 1e-15)
     rows = delassus.reshape(n, m, 3, 3 * m)
     residual, used = np.zeros(n), np.zeros(n, dtype=np.int64)
@@ -58,7 +58,7 @@ def contact_forces(
             before = mine[:, contact].copy()
             moved = free[left, contact] + _times(rows[left, contact], mine)
             f_n = np.maximum(before[:, 0] - moved[:, 0] / normal[left, contact], 0.0)
-            # The normal force's change moves the point sideways as well.
+            # A change of the normal force moves the point sideways as well.
             slip = moved[:, 1:] + own[left, contact, 1:, 0] * (f_n - before[:, 0])[:, None]
             f_t = before[:, 1:] - slip / tangential[left, contact, None]
             most = friction[left] * f_n

@@ -1,4 +1,4 @@
-"""The wrench that contacts put on the peg (Eqs. 17 and 20-24), friction of a sliding contact included."""
+"""The wrench of contacts on the peg (Eqs. 17 and 20-24), with the friction of a sliding contact."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def sliding_direction(
 ) -> Array:
     """The unit direction (..., 3) in which the touching point of the peg slides, in the peg frame.
 
-    The wrist is driven along motion_peg (..., 3) and gives way by compliance_peg (..., 6, 6) (twist of the peg frame
-    per wrench), so that the point keeps to the contact plane: v = d - C n (n.d)/(n.C n), C the compliance at the point.
+    The wrist is driven along motion_peg (..., 3) and deflects by compliance_peg (..., 6, 6) (twist of the peg frame per
+    wrench), so that the point stays in the contact plane: v = d - C n (n.d)/(n.C n), C the compliance at the point.
     Without a compliance, or with the same one in all directions, v is the projection of the motion on the plane.
     """
     compliance = ISOTROPIC_COMPLIANCE if compliance_peg is None else compliance_peg
@@ -44,9 +44,9 @@ def contact_wrench_basis(
 ) -> Array:
     """The wrench (..., 6) in the peg frame of a contact pressed with a normal force of 1 N, friction included.
 
-    One contact's wrench is a nonnegative multiple of it; several contacts' wrench a nonnegative sum (Eqs. 21-24).
-    While the wrist alone would press the stuck point inside the friction cone, the contact sticks and the force is
-    what the wrist gives; otherwise the point slides (`sliding_direction`) and friction opposes it.
+    One contact's wrench is a nonnegative multiple of it; the wrench of several contacts is a nonnegative sum (Eqs.
+    21-24). If the wrist's force on the stuck point lies inside the friction cone, the contact sticks and the force is
+    the wrist's; otherwise the point slides (`sliding_direction`) and friction opposes it.
     """
     mu = np.asarray(friction_coefficient, float)
     slide = sliding_direction(normal_peg, point_peg_m, motion_peg, compliance_peg)
@@ -60,7 +60,7 @@ def contact_wrench_basis(
 
 
 def _stuck_force(point_peg_m: Array, motion_peg: Array, compliance_peg: Array | None) -> Array:
-    """The force (..., 3) on the peg, to a scale, of a contact that holds its point against the motion: -C^-1 d."""
+    """The force (..., 3) on the peg, up to scale, of a contact that holds its point against the motion: -C^-1 d."""
     if compliance_peg is None:
         return np.broadcast_to(-motion_peg, np.broadcast_shapes(motion_peg.shape, point_peg_m.shape))
     x, y, z = np.moveaxis(point_peg_m, -1, 0)
@@ -78,8 +78,8 @@ def _stuck_force(point_peg_m: Array, motion_peg: Array, compliance_peg: Array | 
 def equal_arms_axial_share(axial_over_lateral: ArrayLike, arms: int) -> Array:
     """n_z0 when 1 to 4 neighbouring arms press equally and in the same sense (Tables 2-5), any shape.
 
-    axial_over_lateral: of one arm's force. The axial parts add up; of the lateral ones, at 90 degrees to one another,
-    1, sqrt 2, 1 and 0 times one arm's remain.
+    axial_over_lateral: of one arm's force. The axial parts add up; the lateral ones, at 90 degrees to each other, add
+    up to 1, sqrt 2, 1 and 0 times one arm's.
     """
     if not 1 <= arms <= 4:
         raise ValueError(f"arms wants 1 to 4, got {arms}")

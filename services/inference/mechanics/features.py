@@ -20,8 +20,8 @@ class ContactFeatures:
     """Contacts of any array shape S between a feature of the peg and one of the hole.
 
     kind S; peg_point_m (*S, 3) and peg_direction (*S, 3), peg frame: a corner on the feature, and its edge's direction
-    or its face's outward normal; hole_point_m, hole_direction: the same in the hole frame; sign S: which way round
-    peg edge x hole edge points from the hole to the peg.
+    or its face's outward normal; hole_point_m, hole_direction: the same in the hole frame; sign S: orientation, so that
+    sign * (peg edge x hole edge) points from the hole to the peg.
     """
 
     kind: NDArray[np.int64]

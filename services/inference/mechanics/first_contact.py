@@ -1,11 +1,11 @@
 """First contact of the peg with the hole along a straight motion, for many poses at once.
 
 Two convex pieces first touch where the ray of motion enters their Minkowski difference: at the largest of (separation
-along a face's normal) / (closing speed along it) over the faces of that body, which `minkowski` lists. So no
-vertex-face or edge-edge case needs its own search (Ericson, "Real-Time Collision Detection", 5.3.8 and 5.5.8).
+along a face's normal) / (closing speed along it) over the faces of that body, which `minkowski` lists. So the
+vertex-face and edge-edge cases need no separate search (Ericson, "Real-Time Collision Detection", 5.3.8 and 5.5.8).
 
-Arrays inside are (row of a pair, pair, pose), and poses are taken in portions that stay in the cache. Rows that do not
-count are multiplied by 0 after all others were made positive: a masked copy is ten times slower.
+Arrays inside are (row of a pair, pair, pose), and poses are processed in portions that stay in the cache. Rows that do
+not count are multiplied by 0 after all others were made positive: a masked copy is ten times slower.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from services.inference.mechanics.features import ContactFeatures
 from services.inference.mechanics.minkowski import CornerSupport, FaceRows, MinkowskiFaces
 from services.inference.mechanics.pairs import CONES_RAD, PairTables
 
-# Numbers of a table that stay in the second-level cache, and the least and the most poses a portion.
+# Table entries that stay in the second-level cache; the least and the most poses per portion.
 PORTION = 100_000
 FEWEST, MAX_ = 8, 512
-# Travels and separations count up to this; it makes them positive, at a cost of 2^-50 m.
+# Added to travels and separations to make them positive, at a rounding error of 2^-50 m; also their upper limit.
 FAR_M = 4.0
 PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairContacts:
-    """For N poses and Q pairs of pieces: when, and between which features, each pair first touches.
+    """For N poses and Q pairs of pieces: the travel and the features of each pair's first contact.
 
     travel_m (N, Q): signed travel along the motion to first contact (negative: already through), inf where the pair
     never meets ahead. separation_m (N, Q): largest separation over all faces of the Minkowski difference, negative =
@@ -108,7 +108,7 @@ def _portions(
     direction_hole: Array,
     separations: bool,
 ) -> Iterator[tuple[NDArray[np.intp] | slice, MinkowskiFaces, _Swept]]:
-    """The poses portion by portion: which rows, the tables that hold for them, their first contacts."""
+    """The poses portion by portion: their rows, the tables valid for them, their first contacts."""
     rotation = np.asarray(rotation_hole_peg, float)
     translation = np.asarray(translation_hole_peg_m, float)
     direction = np.asarray(direction_hole, float)
@@ -120,7 +120,7 @@ def _portions(
         rows = np.flatnonzero(level == which)
         portion = int(np.clip(PORTION // faces.edges.peg_line.size, FEWEST, MAX_))
         for start in range(0, len(rows), portion):
-            # A slice where all poses are alike spares copies.
+            # A slice avoids copies if all poses are in one group.
             part: NDArray[np.intp] | slice = rows[start : start + portion]
             if len(rows) == n:
                 part = slice(start, min(start + portion, n))
@@ -185,7 +185,7 @@ def _dots(vectors: Array, others: Array) -> Array:
 
 
 def _least(rows: Array) -> tuple[Array, NDArray[np.uint8]]:
-    """The least of rows (C, G, n), and the last row that has it, (G, n)."""
+    """The minimum of rows (C, G, n), and the last row that attains it, (G, n)."""
     least = rows.min(axis=0)
     return least, _last_equal(rows, least)
 
@@ -198,20 +198,22 @@ def _last_equal(rows: Array, value: Array) -> NDArray[np.uint8]:
 
 
 def _reach(hole_normals: Array, support: CornerSupport, corners: Array) -> tuple[Array, NDArray[np.uint8]]:
-    """Least height (G, n) of the peg's pieces over planes of the hole through its origin, and of which corner."""
+    """Least height (G, n) of the peg's pieces over planes of the hole through its origin, and the corner that attains
+    it."""
     dots = _dots(hole_normals, corners)
     return _least(dots.take(support.normal * corners.shape[1] + support.corner, axis=0))
 
 
 def _reach_back(hole_corners: Array, support: CornerSupport, normals: Array) -> tuple[Array, NDArray[np.uint8]]:
-    """Least height (G, n) of the hole's pieces over planes of the peg through its origin, and of which corner."""
+    """Least height (G, n) of the hole's pieces over planes of the peg through its origin, and the corner that attains
+    it."""
     dots = _dots(hole_corners, normals)
     return _least(dots.take(support.corner * normals.shape[1] + support.normal, axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bounds:
-    """Of some K rows for each pair, (Q, n): largest separation, last entering travel, its row, first leaving travel."""
+    """Over K rows of each pair, (Q, n): largest separation, last entering travel and its row, first leaving travel."""
 
     rows: int
     apart: Array
@@ -221,7 +223,7 @@ class _Bounds:
 
 
 def _bounds(ratio: Array, enters: NDArray[np.bool_], leaves: NDArray[np.bool_], apart: Array) -> _Bounds:
-    """From travels (K, Q, n) at which faces are crossed, into the body and out of it. Overwrites the travels."""
+    """From travels (K, Q, n) at which faces are crossed into the body and out of it. Overwrites the travels."""
     inward = ratio + FAR_M
     inward *= enters
     last = inward.max(axis=0)
@@ -232,7 +234,7 @@ def _bounds(ratio: Array, enters: NDArray[np.bool_], leaves: NDArray[np.bool_], 
 
 def _face_bounds(rows: FaceRows, reach: Array, own: Array | None, closing: Array, separations: bool) -> _Bounds:
     """Bounds from the faces of one body; closing (U, n): closing speed along each distinct normal."""
-    # Motion along a face still has to be told whether it passes in front of the face or behind.
+    # For motion along a face, it must still be decided whether it passes in front of the face or behind it.
     slow = np.abs(closing) < PARALLEL
     inverse = 1.0 / np.where(slow, PARALLEL, closing)
     apart = reach.take(rows.group, axis=0)
@@ -248,12 +250,12 @@ def _face_bounds(rows: FaceRows, reach: Array, own: Array | None, closing: Array
 def _edge_bounds(
     faces: MinkowskiFaces, normals: Array, edges: Array, moments: Array, motion: Array, separations: bool
 ) -> tuple[_Bounds, NDArray[np.bool_]]:
-    """Bounds from edge pairs where their arcs cross, and (K, Q, n) whether peg edge x hole edge is the normal from hole
-    to peg (or its opposite)."""
+    """Bounds from edge pairs where their arcs cross, and (K, Q, n) whether peg edge x hole edge points from hole to peg
+    (else it is the opposite)."""
     rows = faces.edges
     lines = edges.shape[1]
-    # On which side of the peg's edges' planes the hole's normals point, and the other way round: arcs cross where the
-    # ends of either lie on both sides of the other, in the same hemisphere.
+    # The side of the peg edges' planes on which the hole's normals lie, and vice versa: arcs cross if the ends of each
+    # lie on both sides of the other, in the same hemisphere.
     beyond_peg = _dots(faces.hole_normals, edges) > 0.0
     beyond_hole = _dots(faces.hole_directions, normals) > 0.0
     of_normal = rows.hole_direction * normals.shape[1]
@@ -263,7 +265,7 @@ def _edge_bounds(
     crossing &= forth ^ beyond_peg.take(rows.hole_b * lines + rows.peg_line, axis=0)
     crossing &= b ^ beyond_hole.take(of_normal + rows.peg_a, axis=0)
 
-    # Travel = -[hole edge, peg edge, between] / [hole edge, peg edge, motion]: the normal's length drops out.
+    # Travel = -[hole edge, peg edge, between] / [hole edge, peg edge, motion]: the normal's length cancels.
     on_edge = rows.hole_direction * lines + rows.peg_line
     speed = _dots(faces.hole_directions, _cross(motion[:, None], edges))
     slow = np.abs(speed) < PARALLEL

@@ -1,9 +1,9 @@
-"""Which features of two convex pieces can touch each other, found once for all small rotations of the peg.
+"""The features of two convex pieces that can touch each other, found once for all small rotations of the peg.
 
 Two convex bodies P and H touch where the origin lies on the border of P - H. That border is made of faces of P, faces
 of H, and parallelograms of an edge of P and an edge of H whose arcs on the Gauss sphere (from one adjacent face normal
 to the other) cross (Gregorius, "The Separating Axis Test between Convex Polyhedra", GDC 2013). A rotation by an angle
-moves no normal by more than that angle, so arcs and normal cones that are farther apart can be left out for good.
+moves no normal by more than that angle, so arcs and normal cones that are farther apart can be left out.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class EdgeRows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureNames:
-    """What the rows stand for. The K rows of a pair are hole faces first, then peg faces, then edge pairs.
+    """The features of the rows. The K rows of a pair are hole faces first, then peg faces, then edge pairs.
 
     first (K, Q): number of a row's first name; its corner's place in the support is added to it. group (K, Q): which
     of the supports (the peg's, then the hole's, then one for edges). Names: kind (M,), vectors (M, 12): peg point, peg
@@ -78,7 +78,7 @@ class FeatureNames:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MinkowskiFaces:
-    """All that first contact needs, in distinct vectors and rows of indices; Q = P * H pairs, column p * H + h.
+    """All data for first contacts, in distinct vectors and rows of indices; Q = P * H pairs, column p * H + h.
 
     peg_vectors (3, V): corners (m), then face normals, edge directions and edge moments (point x direction) of the peg
     in its frame; peg_counts: how many of the first three; peg_offsets_m of the distinct normals is in peg_faces.
@@ -110,7 +110,8 @@ class MinkowskiFaces:
         hole_kept: tuple[NDArray[np.bool_], ...],
         cone_rad: float,
     ) -> MinkowskiFaces:
-        """Prune for rotations up to cone_rad (rad). peg_kept, hole_kept: boolean (F,) a piece, the faces in play."""
+        """Prune for rotations up to cone_rad (rad). peg_kept, hole_kept: boolean (F,) per piece, the faces that can
+        touch."""
         pegs = _Catalogue.of(peg, peg_kept)
         holes = _Catalogue.of(hole, hole_kept)
         hole_rows, hole_points, peg_support = _faces(holes, pegs, cone_rad, hole_first=True)
@@ -136,8 +137,8 @@ class MinkowskiFaces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Catalogue:
-    """A body's pieces with their distinct corners, normals, edge directions (and which each piece has), and all edges
-    between faces in play as lines: first line of each piece, points (m) and directions."""
+    """A body's pieces with their distinct corners, normals, edge directions (and their indices per piece), and all
+    edges between faces that can touch, as lines: first line of each piece, points (m) and directions."""
 
     pieces: tuple[Polyhedron, ...]
     kept: tuple[NDArray[np.bool_], ...]
@@ -171,7 +172,7 @@ class _Catalogue:
 
 
 def _distinct(parts: list[Array]) -> tuple[Array, list[Index]]:
-    """The distinct rows (U, 3) of several arrays (k, 3), and for each array which of them its rows are."""
+    """The distinct rows (U, 3) of several arrays (k, 3), and for each array the indices of its rows among them."""
     rows, which = np.unique(np.round(np.concatenate(parts), 12) + 0.0, axis=0, return_inverse=True)
     ends = np.cumsum([len(part) for part in parts])
     return rows, np.split(np.asarray(which, dtype=np.intp).ravel(), ends[:-1])
@@ -215,7 +216,7 @@ def _faces(
 
 
 def _edges(pegs: _Catalogue, holes: _Catalogue, cone_rad: float) -> EdgeRows:
-    """The edge pairs of every pair of pieces; the nearest one where none is within the cone."""
+    """The edge pairs of every pair of pieces; the nearest pair if none is within the cone."""
     columns: list[list[list[int]]] = [[] for _ in range(7)]
     for p, (solid, lines) in enumerate(zip(pegs.pieces, pegs.lines, strict=True)):
         beside = solid.edge_faces[lines]

@@ -1,6 +1,6 @@
-"""All contacts of peg and hole that are near at a pose, between features of their surfaces.
+"""All contacts of peg and hole near a pose, between features of their surfaces.
 
-A corner is held against every face over which it stands; an edge against every edge that it passes within both their
+A corner is tested against every face that it stands over; an edge against every edge that it passes within both their
 lengths while their arcs on the Gauss sphere cross (see `minkowski`).
 """
 
@@ -25,12 +25,12 @@ from services.inference.mechanics.surface import Surface
 
 PORTION = 100_000
 FEWEST, MAX_ = 8, 512
-# Corners are held against faces, and edges against edges, up to this much beyond what could touch first: of a face
-# that comes to rest flat, the other end is then there before it touches.
+# Corners and faces, and pairs of edges, are tested up to this angle beyond a possible first contact: when a face comes
+# to rest flat, its other end is then listed before it touches.
 MARGIN_RAD = 0.05
 # How far past the end of an edge, or the side of a face, a contact still counts.
 BEYOND_M = 1e-7
-# Edges nearer to parallel than this have no normal of their own: corners on faces stand for them.
+# Edges nearer to parallel than this have no common normal: corners on faces cover that case.
 PARALLEL_SQUARE = 1e-7
 
 
@@ -47,10 +47,10 @@ class NearContacts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfacePair:
-    """The surfaces of peg and hole, and which of their features can meet while the peg is turned by at most cone_rad.
+    """The surfaces of peg and hole, and the features that can meet while the peg is rotated by at most cone_rad.
 
-    peg_corner, hole_face (L1,); hole_corner, peg_face (L2,); peg_edge, hole_edge (L3,). skin_m: how thick a layer
-    covers both bodies, so that edges and corners are rounded.
+    peg_corner, hole_face (L1,); hole_corner, peg_face (L2,); peg_edge, hole_edge (L3,). skin_m: thickness of a layer on
+    both bodies, which rounds edges and corners.
     """
 
     peg: Surface
@@ -68,9 +68,9 @@ class SurfacePair:
 
     @classmethod
     def of(cls, tables: PairTables, cone_rad: float = 0.3, skin_m: float = 0.0) -> SurfacePair:
-        """Of the pieces in the tables, covered by a skin (m).
+        """From the pieces in the tables, covered by a skin (m).
 
-        Pieces inset by r and with a skin of r have their faces where they were, and edges of radius r.
+        Pieces inset by r and with a skin of r keep their faces in place and have edges of radius r.
         """
         peg = Surface.of(tables.peg, tables.peg_faces)
         hole = Surface.of(tables.hole, tables.hole_faces)
@@ -103,7 +103,7 @@ class SurfacePair:
             ),
             np.ones(on_hole + on_peg + edges),
         )
-        # One corner over several pieces' faces in one plane is one contact.
+        # A corner over faces of several pieces in one plane is one contact.
         first = peg_corner * (hole.face_planes.max() + 1) + hole.face_planes[hole_face]
         second = hole_corner * (peg.face_planes.max() + 1) + peg.face_planes[peg_face]
         third = np.arange(edges)
@@ -126,7 +126,7 @@ class SurfacePair:
     def near(self, rotation_hole_peg: Array, translation_hole_peg_m: Array, band_m: Array, most: int) -> NearContacts:
         """The contacts with a gap within about +-band_m (N,) at peg poses (N, 3, 3), (N, 3) in the hole frame, m.
 
-        At most `most` of them a pose. ValueError for a pose turned by more than cone_rad.
+        At most `most` per pose. Raises ValueError for a pose rotated by more than cone_rad.
         """
         n = len(rotation_hole_peg)
         turned = np.arccos(np.clip((np.einsum("nii->n", rotation_hole_peg) - 1.0) / 2.0, -1.0, 1.0))
@@ -203,8 +203,8 @@ class SurfacePair:
             return np.asarray((of_hole @ of_peg.reshape(3, -1)).reshape(-1, n))
 
         direction = hole.edge_directions
-        # Arcs cross where the ends of either lie on both sides of the other, in the same hemisphere: one way round all
-        # four of these are positive, the other way round all negative.
+        # Arcs cross where the ends of each lie on both sides of the other, in the same hemisphere: in one orientation
+        # all four of these are positive, in the other all negative.
         ends = np.stack(
             [
                 dots(hole.edge_normals_a, along).take(at, axis=0),

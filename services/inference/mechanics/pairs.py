@@ -12,7 +12,7 @@ from crosspih_common.shapes import ConvexPiece
 from services.inference.mechanics.minkowski import MinkowskiFaces
 from services.inference.mechanics.polyhedron import Polyhedron
 
-# Rotations of the peg against the hole (rad) up to which the tables are pruned; the last is every rotation.
+# Rotations of the peg against the hole (rad) for which the tables are pruned; the last covers every rotation.
 CONES_RAD = (0.25, 0.6, np.pi)
 ON_SIDE_M = 1e-9
 
@@ -34,7 +34,7 @@ class HoleShape(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairTables:
-    """The peg's P pieces (peg frame) and the hole's H pieces (hole frame), with what first contacts need of them.
+    """The peg's P pieces (peg frame) and the hole's H pieces (hole frame), with the tables for first contacts.
 
     peg and hole: their polyhedra. Faces (by index, a boolean (F,) each) that can never touch are marked in peg_faces
     and hole_faces as False: the peg's back, the plate's sides and back.

@@ -1,8 +1,8 @@
-"""A push with as many contacts as it makes: where the peg comes to be, and the forces, for many pushes at once.
+"""A push with any number of contacts: the final pose of the peg and the forces, for many pushes at once.
 
-The wrist's motor side is driven on past first contact in small steps. In each the peg goes where wrist, contacts and
-friction balance (`complementarity`), with the contacts that are near found anew (`near_contact`); so contacts are made
-and broken in order, and friction opposes the slip that there really was.
+The wrist's motor side is driven past first contact in small steps. In each step the peg moves to where wrist, contacts
+and friction balance (`complementarity`), with the near contacts found anew (`near_contact`). So contacts are made and
+broken in order, and friction opposes the actual slip.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from services.inference.mechanics.first_contact import first_contact
 from services.inference.mechanics.near_contact import NearContacts, SurfacePair
 from services.inference.mechanics.pairs import PairTables
 
-# Contacts are looked for this much farther than the peg moves in a step.
+# Contacts are searched this much farther than the peg moves in a step.
 AHEAD_M = 5e-6
-# From the F/T origin to the contacts: what a turn moves them, for bounding a step.
+# Distance from the F/T origin to the contacts: bounds their motion by a rotation in a step.
 LEVER_M = 0.08
 SETTLED_M = 1e-8
 
@@ -42,10 +42,10 @@ class PushSettings:
 class PushedPegs:
     """N pushes, M contacts each at most.
 
-    travel_m (N,): of the motor side to first contact, inf where there is none and nothing else holds. rotation
-    (N, 3, 3), translation_m (N, 3): where the peg is, in the hole frame. wrench_peg (N, 6): on the peg, in its frame.
+    travel_m (N,): of the motor side to first contact, inf if there is none, or nothing that holds. rotation
+    (N, 3, 3), translation_m (N, 3): the peg's pose in the hole frame. wrench_peg (N, 6): on the peg, in its frame.
     force_n (N, M): normal force of each contact, 0 where it does not press; force_peg_n (N, M, 3) with friction;
-    point_peg_m (N, M, 3); features of shape (N, M). residual_n (N,): how far the forces still were from balance.
+    point_peg_m (N, M, 3); features of shape (N, M). residual_n (N,): remaining imbalance of the forces.
     """
 
     travel_m: Array
@@ -96,7 +96,7 @@ def push(
         target = start + (past * step / settings.steps)[:, None] * direction
         last = step == settings.steps
         state.advance(commanded, target, compliance, friction, stride, settings.sweeps * (10 if last else 1), touches)
-    # A peg that slipped off takes longer steps than the wrist to come to rest.
+    # A peg that slipped off needs longer steps than the wrist to come to rest.
     for _ in range(2 * settings.steps):
         moving = touches & state.held_back
         if not np.any(moving):
@@ -133,7 +133,7 @@ class _State:
         sweeps: int,
         which: NDArray[np.bool_],
     ) -> None:
-        """Let the pegs `which` (N,) come to balance with the motor side at (commanded, target_m)."""
+        """Bring the pegs `which` (N,) to balance with the motor side at (commanded, target_m)."""
         rows = np.flatnonzero(which)
         rotation, translation = self.rotation[rows], self.translation_m[rows]
         inverse = np.swapaxes(rotation, -1, -2)
@@ -157,7 +157,7 @@ class _State:
         found = contact_forces(delassus, at_rest, friction[rows], guess, sweeps)
         wrench = np.einsum("nmka,nmk->na", basis, found.forces_n)
         twist = free + np.einsum("nij,nj->ni", c, wrench)
-        # No farther than contacts were looked for.
+        # The step is limited to the range in which contacts were searched.
         way = np.linalg.norm(twist[:, :3], axis=1) + LEVER_M * np.linalg.norm(twist[:, 3:], axis=1)
         share = np.minimum(1.0, 2.5 * stride_m[rows] / np.maximum(way, 1e-12))
         self.held_back[rows] = share < 1.0
@@ -172,7 +172,7 @@ class _State:
         self._remember(rows, near)
 
     def _guess(self, rows: NDArray[np.intp], near: NearContacts, basis: Array, count: int) -> Array:
-        """The last step's forces of the contacts that are still there, along the new normals and tangents."""
+        """The last step's forces of the contacts that still exist, along the new normals and tangents."""
         same = (near.key[:, :count, None] == self.near.key[rows][:, None, :]) & near.present[:, :count, None]
         old = np.einsum("nmp,npa->nma", same, self.forces[rows])
         return np.asarray(np.einsum("nmka,nma->nmk", basis[..., :3], old))
@@ -185,7 +185,7 @@ class _State:
         mine.hole_point_m[rows], mine.hole_direction[rows] = new.hole_point_m, new.hole_direction
 
     def result(self, travel_m: Array) -> PushedPegs:
-        """What came of it."""
+        """The final poses, wrenches and contact forces."""
         return PushedPegs(
             travel_m, self.rotation, self.translation_m, self.wrench, self.normal_force, self.forces, self.points,
             self.near.features, self.residual,
@@ -196,7 +196,7 @@ def _basis(near: NearContacts, count: int, rotation: Array, translation: Array) 
     """Wrenches (N, count, 3, 6) of 1 N along each contact's normal and two tangents; points, peg frame."""
     geometry = contact_geometry(near.features[:, :count], rotation[:, None], translation[:, None])
     normal = geometry.normal_peg
-    # A tangent square to the axis that the normal is least along is never short.
+    # A tangent perpendicular to the axis along which the normal is smallest never has a length near zero.
     least = np.eye(3)[np.abs(normal).argmin(axis=-1)]
     first = np.cross(normal, least)
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)

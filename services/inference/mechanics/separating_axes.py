@@ -1,9 +1,8 @@
-"""First contact by separating axes, plainly: every axis of every pair of pieces, none left out.
+"""First contact by separating axes, the plain method: every axis of every pair of pieces, none left out.
 
 The travel to contact of two convex pieces is the largest of (separation along an axis) / (closing speed along it) over
 the face normals of either and the cross products of their edges (Ericson, "Real-Time Collision Detection", 5.2 and
-5.5.8). `first_contact` does the same work on the few axes that matter; this is what tests and the benchmark hold it
-against.
+5.5.8). `first_contact` does the same on the few axes that matter; tests and the benchmark compare it with this module.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from services.inference.mechanics.polyhedron import Polyhedron
 class AxisTables:
     """Corners, face normals and edge directions of the peg's P pieces (peg frame) and the hole's H pieces (hole frame).
 
-    Pieces with fewer corners, faces or edges than the largest repeat one of theirs, which changes no maximum.
+    Pieces with fewer corners, faces or edges than the largest repeat one of their own, which changes no maximum.
     Corners (P, V, 3) and (H, W, 3), m; normals (P, Fp, 3) and (H, Fh, 3); edge directions (P, Ep, 3) and (H, Eh, 3),
     unit.
     """

@@ -1,7 +1,7 @@
-"""What of a union of convex pieces can touch: its convex edges, its corners and its faces, without what is inside.
+"""The parts of a union of convex pieces that can touch: its convex edges, corners and faces, without interior parts.
 
-Where the surfaces of two pieces cross, their union has an inward edge, which touches nothing. So every edge that can
-touch is a part of some piece's edge, which this finds by looking at what surrounds it.
+Where the surfaces of two pieces cross, their union has an inward edge, which cannot touch. So every edge that can touch
+is a part of some piece's edge; this module finds these parts from their surroundings.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Surface:
 
     @classmethod
     def of(cls, pieces: Sequence[Polyhedron], kept: Sequence[NDArray[np.bool_]]) -> Surface:
-        """Of the pieces' union; kept: boolean (F,) a piece, the faces in play."""
+        """From the pieces' union; kept: boolean (F,) per piece, the faces that can touch."""
         edges = [
             edge
             for index, (solid, used) in enumerate(zip(pieces, kept, strict=True))
@@ -81,13 +81,13 @@ Edge = tuple[Array, Array, Array, Array, float]
 
 
 def _key(edge: Edge) -> tuple[float, ...]:
-    """The same for edges of two pieces that are one."""
+    """The same key for equal edges of two pieces."""
     normals = sorted([tuple(np.round(edge[2], 9) + 0.0), tuple(np.round(edge[3], 9) + 0.0)])
     return (*np.round(edge[0], 8) + 0.0, *normals[0], *normals[1])
 
 
 def _inside(points: Array, pieces: Sequence[Polyhedron], slack_m: float = 0.0) -> NDArray[np.bool_]:
-    """Which points (..., 3) lie in some piece, or nearer to it than the slack."""
+    """Which points (..., 3) lie in some piece, or within the slack of it, m."""
     inside = np.zeros(points.shape[:-1], dtype=bool)
     for solid in pieces:
         inside |= np.all(points @ solid.normals.T <= solid.offsets_m + slack_m, axis=-1)
@@ -95,7 +95,7 @@ def _inside(points: Array, pieces: Sequence[Polyhedron], slack_m: float = 0.0) -
 
 
 def _edges(solid: Polyhedron, kept: NDArray[np.bool_], others: Sequence[Polyhedron]) -> list[Edge]:
-    """The parts of a piece's edges along which the union is what the piece is."""
+    """The parts of a piece's edges along which the union has the same shape as the piece."""
     found: list[Edge] = []
     directions = solid.edge_directions
     turn = np.arange(AROUND) * (2.0 * np.pi / AROUND) + 0.01
@@ -135,7 +135,7 @@ def _edges(solid: Polyhedron, kept: NDArray[np.bool_], others: Sequence[Polyhedr
 
 
 def _corners(edges: list[Edge], pieces: Sequence[Polyhedron]) -> tuple[Array, Array]:
-    """The pieces' corners in which edges end, and the unit directions of these edges."""
+    """The pieces' corners where edges end, and the unit directions of these edges."""
     ends: dict[tuple[float, ...], list[Array]] = {}
     for middle, along, _, _, half in edges:
         for sign in (-1.0, 1.0):
@@ -151,13 +151,13 @@ def _corners(edges: list[Edge], pieces: Sequence[Polyhedron]) -> tuple[Array, Ar
 def _faces(
     solid: Polyhedron, kept: NDArray[np.bool_], others: Sequence[Polyhedron]
 ) -> list[tuple[Array, float, Array]]:
-    """Normal, offset and sides (S, 4) of a piece's faces that show somewhere."""
+    """Normal, offset and sides (S, 4) of a piece's faces that are at least partly on the union's surface."""
     found = []
     for face in np.flatnonzero(kept):
         normal, offset = solid.normals[face], float(solid.offsets_m[face])
         around = solid.corners_m[solid.on_face[:, face]]
         middle = around.mean(axis=0)
-        # Points over the face, denser towards its corners: a face may show along a narrow strip only.
+        # Points over the face, denser towards its corners, because a face may be exposed along a narrow strip only.
         near = np.concatenate([middle + (around - middle) * share for share in (0.0, 0.5, 0.9, 0.99)])
         between = (near[:, None] + near[None]).reshape(-1, 3) / 2.0
         if np.all(_inside(np.concatenate([near, between]) + AROUND_M * normal, others)):

@@ -26,9 +26,8 @@ def solve_translation(
 ) -> tuple[Array, float]:
     """Translation (3,) of the hole's rim in the peg frame, m, that explains a single contact's wrench; and its cost.
 
-    angles_rad (3,): alpha, beta, gamma of the hole in the peg frame. wrench_peg (6,). rim_ahead_m: where along z the
-    rim
-    was believed to be. The peg is pushed along its own axis; for each (x, y) first contact gives z, the contact point
+    angles_rad (3,): alpha, beta, gamma of the hole in the peg frame. wrench_peg (6,). rim_ahead_m: the believed place
+    of the rim along z. The peg is pushed along its own axis; for each (x, y) first contact gives z, the contact point
     and the direction of its force, and least squares over x and y fits the wrench. Starts on a grid of +-reach_m.
     The cost is the sum of squares in units of 0.2 N and 0.01 Nm.
     """

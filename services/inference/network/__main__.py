@@ -1,4 +1,4 @@
-"""`python -m services.inference.network`: contacts from the mechanics, the paper's network, the sequence network.
+"""`python -m services.inference.network`: makes contacts, trains the paper's network and the sequence network.
 
 It writes JSON lines on standard output: {"doing", "done", "total"} as it goes on, and {"result"} at the end.
 `crosspih dataset synthesise` and `crosspih train` run it.
@@ -23,7 +23,7 @@ SAY_EVERY_S = 0.2
 
 
 class Teller:
-    """Says how far something is, not too often; as JSON, or for people on standard error."""
+    """Reports progress, at limited rate: as JSON, or for people on standard error."""
 
     def __init__(self, for_people: bool = False) -> None:
         self._said = 0.0
@@ -98,7 +98,7 @@ def _synthesise(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
 
 
 def _train(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
-    # torch takes seconds to import: only those who train pay
+    # torch takes seconds to import, so it is imported only for training
     from services.inference.network.teaching import train_on_paper_rows, train_on_table
 
     names = [field.name for field in dataclasses.fields(TrainingSettings)]
@@ -135,7 +135,7 @@ def _record(arguments: argparse.Namespace, tell: Teller) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Do what the command line asks; an error is one line on standard error and status 1."""
+    """Run the command line; an error is one line on standard error and status 1."""
     arguments = _arguments()
     for_people = getattr(arguments, "table", False)
     try:

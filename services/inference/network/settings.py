@@ -1,4 +1,4 @@
-"""How the paper's network is trained, and where shipped weights lie; free of torch: who only asks need not load it."""
+"""Training settings of the paper's network, and the place of shipped weights; without torch, so that it loads fast."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SEQUENCE_WEIGHTS = Path(__file__).parent / "sequence" / "weights.safetensors"
 
 
 class Optimiser(str, Enum):
-    """How the weights are found."""
+    """The training algorithm."""
 
     TRAINGDX = "traingdx"  # as printed: gradient descent, momentum, adaptive rate, full batch
     ADAM = "adam"  # Kingma and Ba 2015, small batches

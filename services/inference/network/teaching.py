@@ -1,4 +1,4 @@
-"""Trains the networks and judges them: what `python -m services.inference.network` says of it."""
+"""Trains and evaluates the networks for `python -m services.inference.network`."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from services.inference.network.sequence.data import touch_sequences
 from services.inference.network.sequence.model import SequenceTraining, train_sequence_network
 from services.inference.network.settings import TrainingSettings
 
-# the first weights decide much of what ten rows teach
+# with ten rows the result depends much on the initial weights
 LEAVE_ONE_OUT_NETWORKS = 8
 
 
 def train_on_table(
     data: Path, out: Path | None, seed: int, settings: TrainingSettings, command: str, floor_contacts: int, tell: Tell
 ) -> dict[str, Any]:
-    """Train the paper's network on a data set split by pose, and judge it; the weights go to `out`."""
+    """Train the paper's network on a data set split by pose, and evaluate it; the weights go to `out`."""
     table = read_contacts(data)
     split = split_by_pose(ContactDataset.of(table), seed)
 
@@ -69,7 +69,7 @@ def _floor(drawn: dict[str, float], contacts: int, tell: Tell) -> dict[str, Any]
     cell = workcell()
     made = []
     for block in range(blocks):
-        # no seed of a data set is so large
+        # larger than any seed of a data set
         made.append(drawn_contacts(cell, 10**9 + block, settings))
         tell("finding the floor", block + 1, blocks)
     asked = max(1, blocks // 10)
@@ -87,7 +87,7 @@ def _floor(drawn: dict[str, float], contacts: int, tell: Tell) -> dict[str, Any]
 
 
 def train_on_paper_rows(settings: TrainingSettings, seed: int, tell: Tell) -> dict[str, Any]:
-    """The ten printed rows: errors in the sample, as printed in the paper, and each row by the nine others."""
+    """The ten printed rows: errors in the sample, as printed in the paper, and leave-one-out errors."""
     dataset = paper_rows()
     network, curves = train(dataset, seed, "crosspih train --paper-rows", settings=settings)
     inside = network.predict(dataset.wrench)
@@ -119,7 +119,7 @@ def train_on_paper_rows(settings: TrainingSettings, seed: int, tell: Tell) -> di
 
 def train_sequences(out: Path, sequences: int, touches: int, epochs: int, seed: int, tell: Tell) -> dict[str, Any]:
     """Make histories of touches, train the sequence network on them, and save it."""
-    # more threads would sum in another order
+    # more threads would sum in another order, which changes the last bits
     torch.set_num_threads(1)
     cell = workcell()
     peg = cell.peg.shape()

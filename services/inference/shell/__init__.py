@@ -1,1 +1,1 @@
-"""The service on the bus: `service` answers, `plausible` refuses, `own` calls somebody's own estimator or network."""
+"""The service on the bus: `service` answers, `plausible` refuses, `own` calls a user's own estimator or network."""

@@ -1,4 +1,4 @@
-"""An estimator and a network of somebody's own, loaded by the cell's file (crosspih_common/estimator.py)."""
+"""A user's own estimator and network, loaded as the cell's file says (crosspih_common/estimator.py)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ResultT = TypeVar("ResultT")
 
 
 class OwnEstimator:
-    """Touches to a pose by somebody's own function. Raises ConfigError where it cannot be loaded."""
+    """From touches to a pose by a user's own function. Raises ConfigError if it cannot be loaded."""
 
     def __init__(self, name: str, workcell: Workcell) -> None:
         self.name, self._workcell = name, workcell
@@ -31,7 +31,7 @@ class OwnEstimator:
 
 
 class OwnNetwork:
-    """A wrench to a pose by somebody's own function. Raises ConfigError where it cannot be loaded."""
+    """From a wrench to a pose by a user's own function. Raises ConfigError if it cannot be loaded."""
 
     def __init__(self, name: str, workcell: Workcell) -> None:
         self.name, self._workcell = name, workcell
@@ -55,7 +55,7 @@ def _callable(setting: str, name: str) -> Callable[..., ResultT]:
 def _answer(name: str, kind: type[ResultT], ask: Callable[[], object]) -> ResultT:
     try:
         found = ask()
-    except Exception as error:  # whatever another's function raises
+    except Exception as error:  # whatever the user's function raises
         raise CommandRefused("own_code", f"{name}: {type(error).__name__}: {error}") from error
     if not isinstance(found, kind):
         raise CommandRefused("own_code", f"{name}: answered {type(found).__name__}, want {kind.__name__}")

@@ -1,4 +1,4 @@
-"""Whether what an estimate is asked for can be of this cell at all: what cannot be is refused before it is searched."""
+"""Refuses requests whose values are impossible in this cell, before any search starts."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from crosspih_common.wrench import refuse_implausible_wrench
 RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
 
-MAX_PRIOR_M, MAX_PRIOR_RAD = 0.5, np.pi  # standard deviations: beyond these a prior says nothing
-FAR_M = 0.5  # from the believed rim to the peg's tip: a touch there was on something else
+MAX_PRIOR_M, MAX_PRIOR_RAD = 0.5, np.pi  # standard deviations: a wider prior carries no information
+FAR_M = 0.5  # from the believed rim to the peg's tip: a touch farther away was on another object
 
 
 def refuse_implausible_prior(prior: PosePrior, name: str) -> None:
@@ -42,7 +42,7 @@ def refuse_implausible_peg(pose_base_peg: Pose, tip_m: float, pose_base_hole: Po
 
 
 def refuse_implausible_touches(prior: PosePrior, touches: Sequence[Touch], tip_m: float) -> None:
-    """Of a whole request; raises CommandRefused `implausible`, which names the touch and its field."""
+    """Check a whole request. Raises CommandRefused `implausible`, which names the touch and its field."""
     refuse_implausible_prior(prior, "prior")
     hole = prior.pose_base_hole.pose()
     for index, touch in enumerate(touches):
@@ -52,9 +52,9 @@ def refuse_implausible_touches(prior: PosePrior, touches: Sequence[Touch], tip_m
 
 
 def refuse_implausible_answers(answer: Callable[[RequestT], AnswerT]) -> Callable[[RequestT], AnswerT]:
-    """The same, but an answer that no message can hold (a hole more than 100 m away) is refused as `implausible`.
+    """Wrap a handler: an answer that no message can hold (a hole more than 100 m away) is refused as `implausible`.
 
-    Each number of a request may be one that a cell can have, and what they lead to together not.
+    Each number of a request may be possible in a cell while their combination is not.
     """
 
     @wraps(answer)

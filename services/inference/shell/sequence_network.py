@@ -27,15 +27,15 @@ from services.inference.estimator import TouchObservation
 from services.inference.network.settings import SEQUENCE_WEIGHTS
 from services.inference.shell.plausible import refuse_implausible_answers, refuse_implausible_touches
 
-# below this share of the prior's variance a direction counts as narrowed, as the estimator counts
+# below this share of the prior's variance a direction counts as narrowed, as in the estimator
 NARROWED = 0.25
 
 
 class SequenceShell:
-    """Answers SEQUENCE_NETWORK. Torch is loaded at the first request: only who asks for the network pays.
+    """Answers SEQUENCE_NETWORK. Torch is loaded at the first request, so only users of the network wait for it.
 
-    `observation` turns a touch into what the estimator sees, deflection and all. weights: a file; empty: the shipped
-    one. Friction is not told by the network: the reply carries what the cell's file expects.
+    `observation` converts a touch to the estimator's input, with the deflection. weights: a file; empty: the shipped
+    one. The network does not estimate friction: the reply carries the value that the cell's file expects.
     """
 
     def __init__(self, context: ServiceContext, weights: str, observation: Callable[[Touch], TouchObservation]) -> None:
@@ -48,8 +48,8 @@ class SequenceShell:
         context.bus.serve(SEQUENCE_NETWORK, refuse_implausible_answers(self.estimate))
 
     def estimate(self, request: EstimateBySequence) -> PoseErrorEstimate:
-        """The hole's pose from the touches so far. Refused as no_weights when there are none for this peg,
-        as no_torch where torch is not installed.
+        """The hole's pose from the touches so far. Refused as no_weights if there are none for this peg, and as
+        no_torch if torch is not installed.
         """
         try:
             from services.inference.network.sequence.model import SequenceNetwork, history_of

@@ -56,18 +56,18 @@ from services.inference.shell.sequence_network import SequenceShell
 from services.inference.touch_choice.by_information import candidates, informed_touch
 from services.inference.touch_choice.by_rule import next_touch
 
-NARROWED = 0.25  # a direction's variance against the prior's: half its standard deviation
+NARROWED = 0.25  # ratio of a direction's variance to the prior's: half its standard deviation
 
 
 class InferenceShell:
-    """The service on the bus. Every answer depends on its request alone, so that a restart loses nothing."""
+    """The service on the bus. Every answer depends on its request alone, so a restart loses no state."""
 
     def __init__(self, context: ServiceContext, config: InferenceConfig) -> None:
         self._config, self._workcell = config, context.cell.workcell
         self._peg = self._workcell.peg.shape()
         self._hole = self._workcell.hole.shape(self._peg)
         self._tables = PairTables.of(self._peg, self._hole)
-        # what the bore holds: all but the depth, and of a round peg the turn neither
+        # directions that the bore holds: all but the depth, and for a round peg not the turn
         self._held = 5 if BoreWalls.of(self._peg, self._hole).turn_fixed else 4
         contact_n_m = self._workcell.contact_stiffness_n_m
         self._press_settings = PressSettings.of(contact_n_m)
@@ -106,7 +106,8 @@ class InferenceShell:
         )
 
     def _compliance(self, touch: Touch) -> Array:
-        """Of a touch with the contact's own; in the bore several contacts press, and each is a spring of its own."""
+        """The compliance for a touch, with the contact's own; in the bore several contacts press, each with its own
+        spring."""
         workcell = self._workcell
         return (workcell.arm_compliance_peg if touch.seated else workcell.compliance_peg)(touch.joints_rad)
 
@@ -163,7 +164,7 @@ class InferenceShell:
             friction=self._settings.friction_mean,
             friction_sd=self._settings.friction_sd,
             method=own.name,
-            # which of the touches it went by it does not say
+            # a user's estimator does not report which touches it used
             rests_on=tuple(
                 TouchUse(index=touch.index, used=True, hypothesis="", residual_sigma=0.0) for touch in request.touches
             ),
@@ -173,7 +174,7 @@ class InferenceShell:
     def _pressed(
         self, request: EstimatePose, observations: list[TouchObservation], started: float
     ) -> PoseErrorEstimate:
-        """Nothing but presses against the bore, the peg in it: many contacts at once, but all linear."""
+        """Only presses against the bore, with the peg inside: many contacts at once, but all linear."""
         try:
             found = pressed_estimate(
                 self._peg, self._hole, self._prior(request.prior), observations, self._press_settings
@@ -276,7 +277,7 @@ class InferenceShell:
                 request.force_limit_n,
             )
         except NotSeated as error:
-            # past the rim along the hole's axis, but across it: no peg in a bore lies so
+            # past the rim along the hole's axis, but across it: impossible for a peg in a bore
             raise CommandRefused("not_seated", str(error)) from None
         return InsertionAdvice(
             contact=advice.contact,
@@ -307,7 +308,7 @@ class InferenceShell:
         except NetworkUnavailable as error:
             raise CommandRefused("no_weights", str(error)) from None
         pose_base_hole = pose_base_peg @ found
-        # one wrench fixes two numbers; the paper gives no covariance, so none better than the prior's is claimed
+        # one wrench fixes two numbers; the paper gives no covariance, so the prior's is reported
         half_ranges = self._workcell.hole_prior.half_ranges()
         return PoseErrorEstimate(
             pose_base_hole=PoseData.of(pose_base_hole),
@@ -323,11 +324,11 @@ class InferenceShell:
         )
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing to release."""
 
 
 def _error_in_peg(pose_base_peg: Pose, pose_base_hole: Pose) -> dict[str, tuple[float, ...]]:
-    """The hole in the peg frame as the paper counts it: (alpha, beta, gamma) and (x, y, z)."""
+    """The hole in the peg frame in the paper's terms: (alpha, beta, gamma) and (x, y, z)."""
     pose_peg_hole = pose_base_peg.inverse() @ pose_base_hole
     return {
         "angles_rad": floats(rotation_to_error_angles(pose_peg_hole.rotation)),
@@ -336,7 +337,7 @@ def _error_in_peg(pose_base_peg: Pose, pose_base_hole: Pose) -> dict[str, tuple[
 
 
 def _finite(cost: float) -> float:
-    """A cost for the wire: a touch that nothing explains has an infinite one."""
+    """A finite cost for the message: a touch that nothing explains has an infinite one."""
     return float(cost) if np.isfinite(cost) else 1e9
 
 

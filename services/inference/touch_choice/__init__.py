@@ -1,1 +1,1 @@
-"""Where to touch next: `by_rule` arm by arm, `by_information` what should narrow the posterior most."""
+"""Where to touch next: `by_rule` arm by arm, `by_information` by the largest expected reduction of the posterior."""

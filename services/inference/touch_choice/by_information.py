@@ -1,8 +1,8 @@
-"""The next touch by expected information: of many ways to push, the one that should narrow the posterior most.
+"""The next touch by expected information: the push that is expected to narrow the posterior most.
 
-For each candidate and for holes drawn from the posterior the mechanics say what would touch first, and how the force's
-direction, its line and the travel change with the hole's pose; the Gauss-Newton information of that touch, added to the
-posterior's, gives what would be left (Lindley 1956). A candidate that often misses the hole adds nothing where it does.
+For each candidate and for holes drawn from the posterior, the mechanics predict the first contact, and how the force's
+direction, its line and the travel change with the hole's pose. The Gauss-Newton information of that touch, added to the
+posterior's, gives the remaining uncertainty (Lindley 1956). A draw in which a candidate misses adds nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ WITHOUT_DEPTH = np.array([0, 1, 3, 4, 5])
 
 @dataclass(frozen=True, slots=True)
 class InformedSettings:
-    """holes: drawn from the posterior. gap_sd_m, force_sd_n, moment_sd_nm: what a touch is known to, at force_n.
+    """holes: drawn from the posterior. gap_sd_m, force_sd_n, moment_sd_nm: accuracy of a touch at force_n.
 
     reach_m: travel beyond which a touch counts as missed.
     """
@@ -40,7 +40,8 @@ class InformedSettings:
 def candidates(
     peg: Peg, pose_base_hole: Pose, covariance: Array, standoff_m: float = 0.004, pattern: ArmPattern | None = None
 ) -> list[PlannedTouch]:
-    """Straight, and about the outline: each part first, turned either way, as it is, tilted, or more aside."""
+    """Straight touches, and touches about the outline: each part first, turned either way, as it is, tilted, or
+    shifted."""
     pattern = pattern or ArmPattern()
     standoff_m = standoff_m + 2.5 * float(np.sqrt(covariance[2, 2]))
     ahead = Pose.from_translation([0.0, 0.0, -standoff_m - peg.tip_m])
@@ -67,11 +68,12 @@ def informed_touch(
     rng: np.random.Generator,
     settings: InformedSettings | None = None,
 ) -> tuple[PlannedTouch, Array]:
-    """The best plan, and the expected log-determinant of what is left, depth aside, for each plan (C,)."""
+    """The best plan, and for each plan (C,) the expected log-determinant of the remaining covariance, without the
+    depth."""
     settings = settings or InformedSettings()
     covariance = 0.5 * (covariance + covariance.T)
     holes = settings.holes
-    # the same holes for every plan: what they differ by is the plan alone; both of each pair, for their mean is zero
+    # the same holes for every plan, so that only the plans differ; drawn in opposite pairs, so that their mean is zero
     half = rng.normal(size=(holes // 2, 6)) @ np.linalg.cholesky(covariance).T
     step = np.concatenate([half, -half])
     rotation = pose_base_hole.rotation @ Rotation.from_rotvec(step[:, 3:]).as_matrix()
@@ -93,7 +95,7 @@ def informed_touch(
 
     steps = np.vstack([np.zeros(6), np.eye(6) * STEP])
     by_turn = Rotation.from_rotvec(-steps[:, 3:]).as_matrix()
-    # the hole moved by a right perturbation moves the peg the other way in the hole's frame
+    # a right perturbation of the hole moves the peg the opposite way in the hole's frame
     moved_r = np.einsum("sij,njk->nsik", by_turn, turned)
     moved_t = np.einsum("sij,nsj->nsi", by_turn, shifted[:, None] - steps[None, :, :3])
     features = pairs.features[rows, first][:, None]
@@ -106,7 +108,7 @@ def informed_touch(
     white = unit / np.repeat([settings.force_sd_n, settings.moment_sd_nm], 3)
     change = (white[:, 1:] - white[:, :1]) / STEP
     here = white[:, 0] / np.linalg.norm(white[:, 0], axis=-1, keepdims=True)
-    # the force's size is not predicted: what only scales the wrench tells nothing
+    # the force's size is not predicted, so a change that only scales the wrench carries no information
     change = change - np.einsum("nsi,ni->ns", change, here)[..., None] * here[:, None]
     gap = (geometry.gap_m[:, 1:] - geometry.gap_m[:, :1]) / (STEP * settings.gap_sd_m)
     jacobian = np.concatenate([change, gap[..., None]], axis=-1) * felt[:, None, None]

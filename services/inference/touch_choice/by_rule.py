@@ -1,4 +1,4 @@
-"""Where to push next, so that the touch says what is not yet known."""
+"""The next push by rule, chosen to measure what is still unknown."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ WIDE_ROTATION_SD_RAD = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTouch:
-    """Start of a guarded push: the peg's pose with its tip short of the rim, the unit direction in the base frame, and
-    which idea it is: "estimate" (aim at the estimate) or "arm 1" and on (make that part of the outline touch first)."""
+    """The start of a guarded push: the peg's pose with its tip short of the rim, the unit direction in the base frame,
+    and its kind: "estimate" (aim at the estimate) or "arm 1" and on (make that part of the outline touch first)."""
 
     pose_base_peg_start: Pose
     direction_base: Array
@@ -51,9 +51,9 @@ def next_touch(
 ) -> PlannedTouch:
     """The next touch, given the posterior (mean, covariance (6, 6)), how many pushes failed, and the touches so far.
 
-    While the posterior is wide, fewer than two pushes have failed and the last touch could be explained: straight at
-    the estimate, where the errors themselves decide what touches. Otherwise arm by arm, each time the one after the
-    last, so that two touches in a row measure across one another; the turn changes its sense after every round. The
+    While the posterior is wide, fewer than two pushes have failed and the last touch could be explained, the push goes
+    straight to the estimate, and the errors themselves decide what touches. Otherwise it goes arm by arm, each time the
+    next one, so that two touches in a row measure across each other; the turn changes its sense after every round. The
     tip starts `standoff_m` and 2.5 sd of depth short of the rim.
     """
     sd = np.sqrt(np.diag(covariance))
@@ -69,8 +69,8 @@ def next_touch(
 
 
 def arms_of(peg: Peg) -> int:
-    """About how many directions a pattern goes round: one for each turn that brings the outline onto itself, three to
-    six of them; four where there are none or too many."""
+    """The number of directions in a pattern: one for each rotation that maps the outline onto itself, three to six of
+    them; four if there are none or too many."""
     order = peg.outline.symmetry_order
     return order if 3 <= order <= 6 else 4
 
@@ -80,13 +80,13 @@ def arm_touch(
 ) -> PlannedTouch:
     """The touch that lets one part of the outline, counted from +x, touch first, turned one way (1) or other (-1)."""
     sd = np.sqrt(np.diag(covariance))
-    # Wide of the mark, the shift must outweigh the error, within what the taper still catches.
+    # With a wide posterior the shift must exceed the error, within the reach of the taper.
     shift_m = min(pattern.shift_m + float(sd[:2].max()), pattern.largest_shift_m)
     turn_rad = min(pattern.turn_rad + float(sd[5]), pattern.largest_turn_rad)
     azimuth = arm * 2.0 * np.pi / arms_of(peg)
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     sideways = sense * np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    # A tilt about the rim, so that the shift stays what it says.
+    # The tilt is about the rim, so that it does not change the shift.
     turn = Pose.from_rotvec([0.0, 0.0, sense * turn_rad], np.zeros(3))
     tilt = Pose.from_rotvec(pattern.tilt_rad * outward, np.zeros(3))
     offset = Pose.from_translation([*(shift_m * sideways)[:2], -standoff_m]) @ turn @ tilt

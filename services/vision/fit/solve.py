@@ -149,7 +149,7 @@ def _taken(
 
 
 def _maps(rim: Rim, moved: SeenRim, square: Array) -> Array:
-    """(2, G, S, 5, 21): derivatives of outer step, inner step, their blurs and chamfer grey by the local parameters: pose
+    """(2, G, S, 5, 21): derivatives of outer step, inner step, their blurs and chamfer grey by local parameters: pose
     6, sizes 4, blur 3, wall, rim, edge, turn, chamfer grey, the right picture's offset (u, v), lip."""
     groups, samples = rim.shape
     maps = np.zeros((2, groups, samples, 5, LOCAL))

@@ -1,4 +1,4 @@
-"""Contact samples as the network's training sees them, and their split by pose."""
+"""Contact samples for training the network, and their split by pose."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from crosspih_common.geometry.pose import Array
 class ContactDataset:
     """n contacts: wrench (n, 6) on the peg in the peg frame, N and Nm; angles_rad (n, 3) = (alpha, beta, gamma) of the
     hole in the peg frame; translation_m (n, 3) of the hole's rim against the aligned peg's; state (n,), "1-2-2" and
-    so on; pose (n,): which contacts are repeats of one pose (without it each is a pose of its own)."""
+    so on; pose (n,): equal for repeats of one pose (if missing, each contact is a pose of its own)."""
 
     wrench: Array
     angles_rad: Array
@@ -88,7 +88,8 @@ class Split:
 def split_by_pose(
     dataset: ContactDataset, seed: int, validation_share: float = 0.15, test_share: float = 0.15
 ) -> Split:
-    """Split at random by pose, so that no pose's repeat is met again. ValueError when a part would be empty."""
+    """Split at random by pose, so that repeats of a pose stay in one part. Raises ValueError if a part would be
+    empty."""
     assert dataset.pose is not None
     poses = np.unique(dataset.pose)
     shuffled = np.random.default_rng([seed, 0x5911]).permutation(poses)

@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 class NetworkUnavailable(Exception):
-    """The network's weights are missing or not ours; the message says how to make them."""
+    """The network's weights are missing or of another format; the message says how to make them."""
 
 
 class NetworkEstimator:
     """The trained network with the peg and hole that its last step needs.
 
     weights: a safetensors file; empty: the shipped one. Raises `NetworkUnavailable` where there is none or torch is not
-    installed. Torch is loaded and the file read at the first wrench: it takes a second or two, and every start of a
-    stack would wait for what most assemblies never ask.
+    installed. Torch and the file are loaded at the first wrench, because that takes a second or two and most assemblies
+    never use the network.
     """
 
     def __init__(self, weights: str, peg: Peg, hole: Hole) -> None:
@@ -54,9 +54,9 @@ class NetworkEstimator:
         return self._network
 
     def pose_peg_hole(self, wrench_peg: Array, believed_peg_hole: Pose) -> Pose:
-        """The hole in the peg frame from one contact's wrench (6,); the belief only says where along z to start.
+        """The hole in the peg frame from one contact's wrench (6,); the belief only gives the start along z.
 
-        Raises `NetworkUnavailable` where torch cannot be loaded or the file is not a network of ours.
+        Raises `NetworkUnavailable` if torch cannot be loaded or the file is no network of this kind.
         """
         angles = self._loaded().predict(np.asarray(wrench_peg, float))
         translation, _ = solve_translation(

@@ -1,4 +1,4 @@
-"""What a trained network is worth: errors by split, against guessing the mean and against the floor."""
+"""Evaluates a trained network: errors by split, against guessing the mean and against the floor."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def figures(error_rad: Array) -> dict[str, list[float]]:
 
 
 def judge(network: AngleNetwork, split: Split) -> dict[str, Any]:
-    """Figures of the network, of guessing the training's mean and of the nearest training contacts, on every split;
-    and samples beside what the network says of them, for the paper's Figure 18."""
+    """Errors of the network, of guessing the training's mean and of the nearest training contacts, on every split; and
+    samples with the network's predictions, for the paper's Figure 18."""
     mean = split.training.angles_rad.mean(axis=0)
     parts: dict[str, Any] = {}
     for name in ("training", "validation", "test"):
@@ -54,9 +54,9 @@ def judge(network: AngleNetwork, split: Split) -> dict[str, Any]:
 def doubts_of(
     best_epoch: int, trained: bool, network: dict[str, list[float]], mean: dict[str, list[float]]
 ) -> list[str]:
-    """What speaks against a network, in words: that no epoch has made it better, and what it knows no better than a
-    guess of the mean. `network`, `mean`: figures on contacts that it has not met; `trained`: whether epochs were judged
-    by a validation error.
+    """Warnings about a network: if no epoch improved it, and for angles that it predicts no better than the mean does.
+    `network`, `mean`: figures on contacts that were not used in training; `trained`: whether epochs were judged by a
+    validation error.
     """
     said = []
     if trained and best_epoch == 0:
@@ -81,7 +81,7 @@ def by_state(network: AngleNetwork, dataset: ContactDataset) -> dict[str, dict[s
 
 
 def synthetic_floor(known: ContactDataset, asked: ContactDataset) -> dict[str, Any]:
-    """The floor of the mechanics: contacts known in plenty, and others asked for. Degrees."""
+    """The floor for the mechanics: many known contacts, and others to predict. Degrees."""
     rms = floor_rms_rad(known.wrench, known.angles_rad, asked.wrench, asked.angles_rad)
     return {
         "contacts": len(known),
@@ -96,7 +96,7 @@ def leave_one_out(
     settings: TrainingSettings,
     on_left: Callable[[int], None] = lambda done: None,
 ) -> tuple[Array, Array]:
-    """Every contact predicted by networks trained on all others, one from each of the S seeds: (predicted (S, n, 3),
+    """Predict every contact by networks trained on all others, one from each of the S seeds: (predicted (S, n, 3),
     mean of the others (n, 3)), rad."""
     predicted, means = np.empty((len(seeds), len(dataset), 3)), np.empty((len(dataset), 3))
     for left in range(len(dataset)):

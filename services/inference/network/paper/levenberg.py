@@ -55,8 +55,8 @@ class LevenbergMarquardt:
     ) -> tuple[torch.Tensor, torch.Tensor, float]:
         """J^T J, J^T e and the sum of squares, in the order of the layers' parameters.
 
-        Output k feels hidden weight (a, i) as w_ka s_a x_i, s the sigmoid's slope: what all outputs have in common,
-        s_a x_i, is multiplied out once, and the w's stand before the sums.
+        Output k changes with the hidden weight (a, i) as w_ka s_a x_i, s the sigmoid's slope. The part common to all
+        outputs, s_a x_i, is multiplied once, and the w's are factored out of the sums.
         """
         weight = self._output.weight
         outputs, neurons = weight.shape

@@ -21,7 +21,7 @@ from services.inference.network.paper.dataset import ContactDataset
 from services.inference.network.paper.synthesis import single_contact_dataset
 
 Tell = Callable[[str, int, int], None]
-# a row's draw depends on its seed alone, so that a data set can be gone on with
+# a row's random draw depends on its seed alone, so that a data set can be extended
 SEEDS_A_BLOCK = 1000
 _BLOCK_KEY = 0xC0
 
@@ -32,7 +32,7 @@ def workcell() -> Workcell:
 
 
 def drawn_contacts(cell: Workcell, block: int, settings: dict[str, float]) -> ContactDataset:
-    """The contacts of the seeds block * SEEDS_A_BLOCK and on."""
+    """The contacts of the seeds from block * SEEDS_A_BLOCK on."""
     peg = cell.peg.shape()
     return single_contact_dataset(
         peg,
@@ -48,7 +48,7 @@ def drawn_contacts(cell: Workcell, block: int, settings: dict[str, float]) -> Co
 
 
 def make_contacts(out: Path, poses: int, seed: int, settings: dict[str, float], tell: Tell) -> dict[str, Any]:
-    """Single contacts from the mechanics into a data set's folder; what is there is kept."""
+    """Write single contacts of the mechanics into a data set's folder; existing rows are kept."""
     cell = workcell()
     shown = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in settings.items())
     origin = DatasetOrigin(
@@ -90,7 +90,7 @@ def _row(drawn: ContactDataset, row: int, seed: int, noise_sd: tuple[float, ...]
 
 
 def _shapes_sha256(cell: Workcell) -> str:
-    # how exactly the hole was made is no part of its shape; a drawing counts by what is in it
+    # manufacturing accuracy of the hole is no part of its shape; a drawing counts by its content
     peg, hole = cell.peg.model_dump(mode="json"), cell.hole.model_dump(mode="json", exclude={"tolerance"})
     text = json.dumps(with_file_contents({"peg": peg, "hole": hole}), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

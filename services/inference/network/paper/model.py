@@ -18,7 +18,7 @@ from services.inference.network.settings import HIDDEN_NEURONS
 
 @dataclass(frozen=True, slots=True)
 class TrainingRecord:
-    """How a network came to be: written into its file. mse_scaled: of the training rows, on outputs scaled to 0..1."""
+    """The origin of a network, written into its file. mse_scaled: of the training rows, on outputs scaled to 0..1."""
 
     command: str
     seed: int
@@ -34,8 +34,8 @@ class TrainingRecord:
     validation_samples: int = 0
     validation_mse_scaled: float | None = None
     stopped: str = ""
-    dataset_code: str = ""  # that made the rows
-    code: str = ""  # that trained
+    dataset_code: str = ""  # version of the code that made the rows
+    code: str = ""  # version of the code that trained
 
 
 class AngleNetwork:
@@ -80,7 +80,7 @@ class AngleNetwork:
 
     @classmethod
     def load(cls, path: Path) -> AngleNetwork:
-        """Read what `save` wrote; ValueError when the file is none of ours."""
+        """Read what `save` wrote. Raises ValueError for any other file."""
         with safe_open(str(path), framework="pt") as file:
             metadata = file.metadata() or {}
             if "record" not in metadata:

@@ -1,4 +1,4 @@
-"""Contact samples from the mechanics: what the paper collected in its simulation, for training its network."""
+"""Contact samples from the mechanics, in place of the paper's simulation, for training its network."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from crosspih_common.shapes import Hole, Peg
 from services.inference.mechanics import PairTables, contact_geometry, contact_wrench_basis, first_contacts
 from services.inference.network.paper.dataset import ContactDataset
 
-# a block of poses that stays in the processor's cache
+# a block of poses that fits into the processor's cache
 BLOCK = 512
 
 
@@ -28,9 +28,9 @@ def pushed_until_contact(
 ) -> tuple[Array, Array]:
     """Push n pegs in a straight line to a force of force_n: (travel_m (n,), wrench (n, 6)), one contact each.
 
-    rotation_hole_peg (n, 3, 3), translation_hole_peg_m (n, 3): where the pegs start, in the hole frame; direction_hole
-    (n, 3): unit motions. The wrench is on the peg, in the peg frame. The travel is inf, and the wrench without meaning,
-    where nothing is met.
+    rotation_hole_peg (n, 3, 3), translation_hole_peg_m (n, 3): start poses of the pegs in the hole frame;
+    direction_hole (n, 3): unit motions. The wrench is on the peg, in the peg frame. If nothing is met, the travel is
+    inf and the wrench has no meaning.
     """
     n = len(rotation_hole_peg)
     force = np.broadcast_to(np.asarray(force_n, float), (n,))
@@ -69,10 +69,10 @@ def single_contact_dataset(
 ) -> ContactDataset:
     """`count` single contacts of a peg pushed along its own axis to a force of force_n.
 
-    Angles (alpha, beta, gamma) uniform in +-half_range_rad, x and y of the rim uniform in +-half_range_m; z is where
-    first contact puts it. noise_sd: of force (N) and moment (Nm). States are named after the arm that touches and the
-    sense in which it is pushed (1-w2-k). Draws in which nothing touches are drawn anew. `on_made` is told how many
-    there are, after every block.
+    Angles (alpha, beta, gamma) uniform in +-half_range_rad, x and y of the rim uniform in +-half_range_m; z follows
+    from first contact. noise_sd: of force (N) and moment (Nm). States are named after the arm that touches and the
+    sense in which it is pushed (1-w2-k). Draws in which nothing touches are repeated. `on_made` is called with the
+    number of contacts after every block.
     """
     tables = PairTables.of(peg, hole)
     axis = np.array([0.0, 0.0, 1.0])
@@ -98,11 +98,11 @@ def single_contact_dataset(
 
 
 def _state(wrench: Array) -> str:
-    """1-w2-k: the arm on whose side the force's line passes the axis, and which way round it turns."""
+    """1-w2-k: the arm on whose side the force's line passes the axis, and the sense of its moment."""
     fx, fy = wrench[:2]
     turn = wrench[5]
     sense = 1 if turn < 0.0 else 2
-    # The arm lies where the lateral force, turned back a quarter, points: u x f has the sign of the turn.
+    # The arm lies along the lateral force turned back by a quarter: u x f has the sign of the turn.
     lateral = np.array([fy, -fx]) * (1.0 if turn > 0.0 else -1.0)
     arm = int(np.round(np.arctan2(lateral[1], lateral[0]) / (np.pi / 2))) % 4 + 1
     return f"1-{sense}-{arm}"

@@ -1,4 +1,4 @@
-"""Training the paper's network: its own way (traingdx, Section 4.2) and three others, with early stopping."""
+"""Trains the paper's network: by the paper's method (traingdx, Section 4.2) or three others, with early stopping."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from services.inference.network.settings import Optimiser, TrainingSettings
 
 @dataclass(frozen=True, slots=True)
 class Curves:
-    """Mean square errors on outputs scaled to 0..1, after each epoch, that before the first included; `best`: the epoch
-    whose weights were kept."""
+    """Mean square errors on outputs scaled to 0..1, before training and after each epoch; `best`: the epoch whose
+    weights were kept."""
 
     training: tuple[float, ...]
     validation: tuple[float, ...]
@@ -44,12 +44,12 @@ def train(
     on_epoch: OnEpoch = _silent,
     dataset_code: str = "",
 ) -> tuple[AngleNetwork, Curves]:
-    """Train on `training`; inputs and outputs are scaled by its own extremes and by nothing else.
+    """Train on `training`; inputs and outputs are scaled by its extremes only.
 
     Ends at the goal, at the last epoch, when no step helps any more, or when the validation error has not fallen for
     `patience` epochs; the weights with the least validation error are kept (without `validation`: the last). `command`
     and the data set's hash, command and code go into the record. The same arguments give the same weights to the last
-    bit. ValueError below 2 contacts.
+    bit. Raises ValueError below 2 contacts.
     """
     if len(training) < 2:
         raise ValueError("training wants at least 2 contacts in the dataset")

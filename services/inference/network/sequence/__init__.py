@@ -1,1 +1,1 @@
-"""The sequence network: what the touches so far felt like, to a Gaussian over the hole's pose."""
+"""The sequence network: from the history of touches to a Gaussian over the hole's pose."""

@@ -1,4 +1,4 @@
-"""The sequence network beside the estimator, on the same touches of the mechanics."""
+"""Compares the sequence network with the estimator on the same simulated touches."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def world_of(sds: tuple[float, float, float, float], friction: float) -> TouchWo
 
 
 def observations(dataset: SequenceDataset, row: int, world: TouchWorld) -> list[TouchObservation]:
-    """One history as the estimator takes it; the base frame is the prior's hole frame."""
+    """One history as input of the estimator; the base frame is the prior's hole frame."""
     compliance = np.diag(np.repeat(world.compliance, 3))
     history = dataset.history
     found = []
@@ -95,9 +95,9 @@ def compare(
 
 
 def _left(found: Array, truth: Array) -> Array:
-    """What is left of the error (..., 6), as a right perturbation of what was found."""
+    """The remaining error (..., 6), as a right perturbation of the estimate."""
     shape = np.broadcast_shapes(found.shape, truth.shape)
-    # copies: scipy's rotations take no array that cannot be written
+    # copies: scipy's rotations accept no read-only array
     pairs = zip(*(np.array(np.broadcast_to(part, shape)).reshape(-1, 6) for part in (found, truth)), strict=True)
     rows = []
     for one, other in pairs:
@@ -122,7 +122,7 @@ def _figures(left: Array, covariance: Array | None) -> dict[str, Any]:
 
 
 def as_text(result: dict[str, Any]) -> str:
-    """What `compare` found, as a table: median and p95 after each touch."""
+    """The result of `compare` as a table: median and p95 after each touch."""
     lines = [f"{result['trials']} histories a prior, seed {result['seed']}; network: {result['command']}"]
     for prior in PRIORS:
         lines += ["", prior, f"{'touches':>34}" + "".join(f"{count + 1:>16}" for count in range(result["touches"]))]

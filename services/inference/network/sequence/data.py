@@ -25,12 +25,13 @@ STANDOFF_M = 0.004
 
 @dataclass(frozen=True, slots=True)
 class TouchWorld:
-    """What the histories are drawn from; ranges are (low, high), in m, rad, N.
+    """The distribution of the histories; ranges are (low, high), in m, rad, N.
 
     The prior's sds are log-uniform: lateral_sd_m, depth_sd_m, tilt_sd_rad, turn_sd_rad; the hole is Gaussian about it,
     cut at 2.5 sd. friction and force_n are uniform. policy_share of the histories follow the touch policy about a
-    belief that nears the truth, as in an assembly; the others start at random about it, up to shift_m and angle_rad
-    off. Noise: force_sd_n and moment_sd_nm of a reading, place_sd_m and turn_error_sd_rad of the peg's pose. The
+    belief that approaches the truth, as in an assembly; the others start at random about it, up to shift_m and
+    angle_rad off. Noise: force_sd_n and moment_sd_nm of a reading, place_sd_m and turn_error_sd_rad of the peg's pose.
+    The
     wrist's compliance, along (m/N) and about (rad/Nm) each axis, is log-uniform within +-compliance_spread of its mean.
     """
 
@@ -91,8 +92,8 @@ def touch_sequences(
 ) -> SequenceDataset:
     """`count` histories of `touches` touches of one contact each.
 
-    Where a push meets nothing it is begun anew elsewhere, `TRIES` times; a history that still lacks a touch is drawn
-    anew. `on_made` is told how many histories there are.
+    A push that meets nothing is repeated elsewhere, up to `TRIES` times; a history that still lacks a touch is drawn
+    anew. `on_made` is called with the number of histories so far.
     """
     world = world or TouchWorld()
     tables = PairTables.of(peg, hole)
@@ -119,8 +120,8 @@ def touch_sequences(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Draw:
-    """n holes and how they are touched: sd and error (n, 6); to_hole (n, 3, 3); friction (n,); compliance (n, 6, 6);
-    by_policy (n,): whether the touch policy begins the pushes; failed_before (n,): pushes that failed before."""
+    """n holes and the settings of their touches: sd and error (n, 6); to_hole (n, 3, 3); friction (n,); compliance (n,
+    6, 6); by_policy (n,): whether the touch policy plans the pushes; failed_before (n,): pushes that failed before."""
 
     sd: Array
     error: Array
@@ -152,7 +153,7 @@ def _block(
 ) -> SequenceDataset:
     """Up to n histories. The base frame is the prior's hole frame {P}."""
     drawn = _Draw.of(n, rng, world)
-    # what is believed before the first touch is the prior itself
+    # the belief before the first touch is the prior itself
     off = -np.einsum("nij,nj->ni", drawn.to_hole, drawn.error[:, :3])
     belief_error, spread = np.column_stack([off, -drawn.error[:, 3:]]), np.ones((n, 6))
     columns: list[tuple[Array, Array, Array, Array]] = []
@@ -161,7 +162,7 @@ def _block(
         touch, missed = _touch(peg, tables, drawn, np.flatnonzero(whole), made, belief_error, spread, rng, world)
         columns.append(touch)
         whole[missed] = False
-        # the belief after this touch: nearer to the truth by a share that differs from axis to axis
+        # the belief after this touch is nearer to the truth by a share that differs from axis to axis
         spread = spread * rng.uniform(0.15, 1.0, (n, 6))
         belief_error = np.clip(rng.normal(size=(n, 6)), -CUT_SD, CUT_SD) * drawn.sd * spread
     rotation, translation, wrench, direction = (np.stack(column, axis=1) for column in zip(*columns, strict=True))
@@ -173,7 +174,7 @@ def _touch(
     peg: Peg, tables: PairTables, drawn: _Draw, left: NDArray[np.int64], made: int, belief_error: Array,
     spread: Array, rng: np.random.Generator, world: TouchWorld,
 ) -> tuple[tuple[Array, Array, Array, Array], NDArray[np.int64]]:  # fmt: skip
-    """One touch of each hole in `left`: rotation, translation, wrench and direction (n, ...) as measured, and those
+    """One touch of each hole in `left`: rotation, translation, wrench and direction (n, ...) as measured, and the holes
     that were missed `TRIES` times."""
     n = len(drawn.error)
     rotation, translation = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))

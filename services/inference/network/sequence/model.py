@@ -1,6 +1,6 @@
 """A recurrent network over touches: history to a Gaussian over the hole's pose error.
 
-Each touch's features pass an encoder, a GRU (Cho et al. 2014) keeps what was felt so far, and a head gives mean and
+An encoder processes each touch's features, a GRU (Cho et al. 2014) keeps the history, and a head gives mean and
 precision factor of the error in units of the prior's sd, after every touch. Trained on the Gaussian's negative log
 likelihood, so that it learns its own uncertainty (Nix and Weigend 1994).
 """
@@ -37,7 +37,7 @@ LOG_LOW, LOG_HIGH = -2.0, 7.0
 
 @dataclass(frozen=True, slots=True)
 class SequenceRecord:
-    """How a sequence network came to be: written into its file. `peg_m` is the peg's section at the body."""
+    """The origin of a sequence network, written into its file. `peg_m` is the peg's section at the body."""
 
     command: str
     seed: int
@@ -106,7 +106,7 @@ class SequenceNetwork:
         """The hole's pose after one history (K touches), and its covariance (6, 6) as a right perturbation of it."""
         mean, covariance = (values[-1] for values in self.predict(history))
         move = Pose.from_rotvec(mean[3:], mean[:3])
-        # the translation's error was along the prior's axes
+        # the translation error is along the prior's axes
         turn = np.eye(6)
         turn[:3, :3] = move.rotation.T
         return prior @ move, turn @ covariance @ turn.T
@@ -118,7 +118,7 @@ class SequenceNetwork:
 
     @classmethod
     def load(cls, path: Path, peg: Peg) -> SequenceNetwork:
-        """Read what `save` wrote; ValueError when the file is none of ours or was trained for another peg."""
+        """Read what `save` wrote. Raises ValueError for any other file, or one trained for another peg."""
         try:
             with safe_open(str(path), framework="pt") as file:
                 metadata = file.metadata() or {}
@@ -140,7 +140,8 @@ class SequenceNetwork:
 
 
 def section_of(peg: Peg) -> tuple[tuple[float, float], ...]:
-    """The peg's section at the body and at the tip, by which a network knows its peg; m, to the micrometre."""
+    """The peg's section at the body and at the tip, which identifies the network's peg; m, rounded to the
+    micrometre."""
     corners = np.concatenate([peg.outline_m(z)[:, :2] for z in (peg.taper_start_m, peg.tip_m)])
     corners = np.round(np.vstack([corners, [peg.taper_start_m, peg.tip_m]]), 6) + 0.0
     return tuple((float(x), float(y)) for x, y in corners)
@@ -154,8 +155,8 @@ def train_sequence_network(
     settings: SequenceTraining | None = None,
     on_epoch: Callable[[int, float, float], None] = lambda epoch, train, validation: None,
 ) -> SequenceNetwork:
-    """Train with early stopping on a part of the histories held back. Each epoch sees every history after a random
-    symmetry of the peg. `on_epoch` is told the epoch and both losses. ValueError below 20 histories."""
+    """Train with early stopping on held-out histories. In each epoch every history is transformed by a random symmetry
+    of the peg. `on_epoch` is called with the epoch and both losses. Raises ValueError below 20 histories."""
     if len(dataset) < 20:
         raise ValueError("training a sequence network wants at least 20 histories")
     settings = settings or SequenceTraining()
@@ -221,12 +222,12 @@ def _tensors(peg: Peg, dataset: SequenceDataset) -> tuple[torch.Tensor, torch.Te
 def _split(output: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Mean (..., 6) and lower triangular precision factor L (..., 6, 6): the precision is L^T L."""
     mean, log_diagonal, below = torch.split(output, [6, 6, 15], dim=-1)
-    # a smooth limit, so that no gradient dies
+    # a smooth limit, so that no gradient vanishes
     middle, half = 0.5 * (LOG_LOW + LOG_HIGH), 0.5 * (LOG_HIGH - LOG_LOW)
     diagonal = torch.exp(middle + half * torch.tanh((log_diagonal - middle) / half))
     factor = torch.diag_embed(diagonal)
     rows, columns = torch.tril_indices(6, 6, -1)
-    # rows share their diagonal's scale: a sharp direction may be any
+    # rows share the scale of their diagonal, so that a direction may be arbitrarily sharp
     factor[..., rows, columns] = below * diagonal[..., rows]
     return mean, factor
 
@@ -236,7 +237,7 @@ def _negative_log_likelihood(output: torch.Tensor, target: torch.Tensor) -> torc
     mean, factor = _split(output)
     white = (factor @ (target - mean)[..., None])[..., 0]
     diagonal = torch.diagonal(factor, dim1=-2, dim2=-1)
-    # pseudo-Huber in the whitened error: a touch explained by another wall must not rule the fit
+    # pseudo-Huber in the whitened error: a touch that another wall explains must not dominate the fit
     square = (white**2).sum(-1)
     robust = 2.0 * 36.0 * (torch.sqrt(1.0 + square / 36.0) - 1.0)
     return (0.5 * robust - torch.log(diagonal).sum(-1)).mean()

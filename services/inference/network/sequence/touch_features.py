@@ -1,4 +1,4 @@
-"""What the sequence network sees of a touch, and the symmetries of the peg under which it must not matter."""
+"""The sequence network's features of a touch, and the symmetries of the peg that must not change its answer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Peg
 
-# scales that bring the features to about one
+# scales that bring the features to order one
 LATERAL_M, DEPTH_M, ANGLE_RAD, LEVER_M, FORCE_N, OFF_AXIS = 0.005, 0.01, 0.05, 0.02, 20.0, 0.1
 FEATURES = 32
 
@@ -19,8 +19,8 @@ FEATURES = 32
 class TouchHistory:
     """Touches (..., K) seen from the prior's hole frame {P}.
 
-    rotation (..., K, 3, 3) and translation_m (..., K, 3): the peg's pose in {P}, its deflection under the wrench taken
-    in; wrench (..., K, 6): on the peg, peg frame, N and Nm; direction (..., K, 3): unit motion in {P}; prior_sd
+    rotation (..., K, 3, 3) and translation_m (..., K, 3): the peg's pose in {P}, with its deflection under the wrench;
+    wrench (..., K, 6): on the peg, peg frame, N and Nm; direction (..., K, 3): unit motion in {P}; prior_sd
     (..., 6): of the hole about {P}, m and rad.
     """
 
@@ -31,7 +31,7 @@ class TouchHistory:
     prior_sd: Array
 
     def turned(self, symmetry: Array) -> TouchHistory:
-        """The same touches seen after a symmetry (..., 3, 3) of peg and hole, a turn or a mirror (`symmetries`)."""
+        """The same touches under a symmetry (..., 3, 3) of peg and hole, a rotation or a reflection (`symmetries`)."""
         every = symmetry[..., None, :, :]
         axial = every * np.linalg.det(every)[..., None, None]
 
@@ -48,23 +48,23 @@ class TouchHistory:
 
 
 def turn_pose_error(symmetry: Array, error: Array) -> Array:
-    """A pose error (..., 6), translation and rotation vector, after a symmetry (..., 3, 3): a mirror flips rotations
-    the other way round."""
+    """A pose error (..., 6), translation and rotation vector, under a symmetry (..., 3, 3): a reflection reverses the
+    sense of rotations."""
     axial = symmetry * np.linalg.det(symmetry)[..., None, None]
     parts = [np.einsum("...ij,...j->...i", m, e) for m, e in ((symmetry, error[..., :3]), (axial, error[..., 3:]))]
     return np.concatenate(parts, axis=-1)
 
 
 def turn_sd(symmetry: Array, sd: Array) -> Array:
-    """Standard deviations (..., 6) after a symmetry (..., 3, 3); exact for those that are alike in x and y."""
+    """Standard deviations (..., 6) under a symmetry (..., 3, 3); exact where x and y have equal ones."""
     parts = [np.einsum("...ij,...j->...i", symmetry**2, part**2) for part in (sd[..., :3], sd[..., 3:])]
     return np.asarray(np.sqrt(np.concatenate(parts, axis=-1)))
 
 
 def symmetries(peg: Peg) -> Array:
-    """The turns and mirrors (S, 3, 3) about the peg's axis that leave its section as it is, the identity first.
+    """The rotations and reflections (S, 3, 3) about the peg's axis that keep its section, the identity first.
 
-    Of the turns by multiples of 90 and 60 degrees, and their mirrors.
+    Candidates are rotations by multiples of 90 and 60 degrees, and their reflections.
     """
     corners = peg.outline_m(peg.body_start_m)
     kept = []
@@ -80,9 +80,9 @@ def symmetries(peg: Peg) -> Array:
 def touch_features(peg: Peg, history: TouchHistory) -> Array:
     """Features (..., K, FEATURES) of order one.
 
-    The peg's place and turn in {P} at the middle of the taper, the force's direction in both frames, its lever about
-    that middle, its size, the motion's direction, where the line of action passes a taper edge, in both frames, how far
-    it passes the edge, and the prior's sd.
+    The peg's position and orientation in {P} at the middle of the taper, the force's direction in both frames, its
+    lever about that middle, its size, the motion's direction, the point where the line of action passes a taper edge,
+    in both frames, its distance from the edge, and the prior's sd.
     """
     tips, bodies = peg.taper_edges_m()
     middle = np.array([0.0, 0.0, 0.5 * (peg.taper_start_m + peg.tip_m)])
