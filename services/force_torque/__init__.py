@@ -1,1 +1,1 @@
-"""From what the sensor reads to what contact does: calibration, compensation, contact states."""
+"""From raw sensor readings to contact: calibration, compensation, contact states."""

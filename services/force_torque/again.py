@@ -1,9 +1,9 @@
-"""`python -m services.force_torque.again FILE --cell CELL`: a recording's samples gone through again, for
+"""`python -m services.force_torque.again FILE --cell CELL`: processes a recording's samples again, for
 `crosspih replay`.
 
-Each recorded wrench names the joint state and the calibration that it was reckoned with, so the order in which samples
-reached the service does not matter. It begins at the first wrench that carries the service's memory, and anew after a
-gap: a sample that was not recorded.
+Each recorded wrench names the joint state and the calibration that it was computed with, so the order in which samples
+reached the service does not matter. Processing starts at the first wrench that carries the service's memory, and
+restarts after a gap: a sample that was not recorded.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ TOPICS = (
 WRENCHES, STATES, ANSWERS = "wrenches", "contact states", "answers"
 OF_BEFORE = "recorded before it was told what each contact wrench went by: the stream cannot be gone through again"
 OF_A_FILE = frozenset({"date", "file"})
-MEMORY = frozenset({"memory"})  # what differs in it differs in the wrenches
+MEMORY = frozenset({"memory"})  # a difference in memory shows in the wrenches
 
 
 def rerun(recording: Recording, cell: CellFile, from_ns: int, outcome: Rerun) -> None:
-    """The stream and the answers, compared with what was recorded."""
+    """Recompute the stream and the answers, and compare them with the recording."""
     config = cell.section("force_torque", ForceTorqueConfig)
     judge = Judge(cell.workcell, config.contact_classifier)
     _Stream(recording, cell, WrenchStream(cell.workcell, config, judge), outcome).compare(from_ns)
@@ -52,7 +52,7 @@ def rerun(recording: Recording, cell: CellFile, from_ns: int, outcome: Rerun) ->
 
 
 class _Stream:
-    """The samples of a recording, found by what the recorded wrenches name."""
+    """The samples of a recording, found by the references in the recorded wrenches."""
 
     def __init__(self, recording: Recording, cell: CellFile, stream: WrenchStream, outcome: Rerun) -> None:
         self._workcell, self._stream, self._outcome = cell.workcell, stream, outcome
@@ -64,7 +64,7 @@ class _Stream:
         self._said = {state.stamp_ns: state for state in recording.messages(CONTACT_STATE)}
 
     def compare(self, from_ns: int) -> None:
-        """Go through them."""
+        """Process all samples and compare."""
         wrenches = [one for one in self._wrenches if one.stamp_ns >= from_ns]
         if not wrenches:
             return
@@ -89,21 +89,21 @@ class _Stream:
             self._outcome.notes.append(f"samples are missing in {gaps} places: gone on at the next memory after each")
 
     def _states(self, wrench: ContactWrench) -> list[JointState] | None:
-        """The last states up to the one that is named; None where not enough of them are recorded."""
+        """The last states up to the named one; None if not enough of them are recorded."""
         index = self._of_stamp.get(wrench.joint_stamp_ns)
         if index is None or index + 1 < JOINT_STATES:
             return None
         return self._joints[index + 1 - JOINT_STATES : index + 1]
 
     def _begin(self, wrench: ContactWrench) -> bool:
-        """Whether it can be begun after this wrench."""
+        """Whether processing can start after this wrench."""
         if wrench.memory is None or not self._use(wrench):
             return False
         self._stream.remember(wrench)
         return True
 
     def _use(self, wrench: ContactWrench) -> bool:
-        """The calibration that it names; False where it is not recorded, or not to the last bit."""
+        """Use the calibration that the wrench names; False if it is not recorded, or not to the last bit."""
         if wrench.calibration_seq == self._stream.calibration_seq:
             return True
         told = self._calibrations.get(wrench.calibration_seq)
@@ -130,7 +130,7 @@ def _end_ns(batch: RawWrenchBatch) -> int:
 def _answers(
     recording: Recording, cell: CellFile, config: ForceTorqueConfig, judge: Judge, from_ns: int, outcome: Rerun
 ) -> None:
-    """What was asked and answered: refused requests are left out, those that were answered must be again."""
+    """Compare requests and answers. Refused requests are skipped; answered ones must be answered again."""
     calibrations = recording.sent(FT_CALIBRATION)
 
     def known(wall_ns: int) -> FtCalibration | None:

@@ -1,4 +1,4 @@
-"""A calibration beside the cell's drawing of the peg: what hangs on the sensor ends where the peg's tip is."""
+"""Checks a calibration against the cell's drawing of the peg: the load must end where the peg's tip is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BEHIND_M = 0.25
 
 
 def judge_centroid(payload: Payload, peg: Peg) -> str | None:
-    """Why the centroid cannot be that of a tool with this peg; None where it can."""
+    """The reason why the centroid cannot belong to a tool with this peg; None if it can."""
     x, y, z = (float(value) for value in payload.mounting.pose_peg_sensor.apply(payload.centroid_sensor_m))
     beside, widest = float(np.hypot(x, y)), peg.outline.radius_m
     tip_mm = peg.tip_m * 1e3

@@ -1,4 +1,4 @@
-"""What the service answers, by what was asked and the calibration alone."""
+"""The service's answers, which depend on the request and the calibration alone."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ from services.force_torque.judging import Judge
 
 
 def compensated(payload: Payload, judge: Judge, command: CompensateWrench) -> ContactReading:
-    """One averaged reading as contact alone, and the contact state that it looks like. Raises CommandRefused
-    `implausible`."""
+    """The contact part of one averaged reading, and its contact state. Raises CommandRefused `implausible`."""
     sd = payload.mounting.peg_sd(command.wrench_sd)
     wrench = payload.contact(command.wrench_raw, command.pose_base_peg.pose().rotation)
     residual = None
@@ -71,7 +70,7 @@ def classified(judge: Judge, command: ClassifyContacts) -> ContactStates:
 def identified(
     workcell: Workcell, config: ForceTorqueConfig, command: IdentifyPayload
 ) -> tuple[CalibrationFile, Payload]:
-    """Bias, weight and centroid of dwells. Raises CommandRefused: calibration, implausible_payload."""
+    """Bias, weight and centroid from dwells. Raises CommandRefused: calibration, implausible_payload."""
     mounting = workcell.sensor_mounting()
     readings = [
         StaticReading(
@@ -123,7 +122,7 @@ def calibration_message(content: CalibrationFile, payload: Payload, file: str) -
 
 
 def payload_of(told: FtCalibration, workcell: Workcell) -> Payload | None:
-    """What was calibrated, to the last bit; None where nothing was, or a recording of before does not tell."""
+    """The calibrated payload, to the last bit; None if nothing was calibrated, or if an older recording lacks it."""
     if not told.calibrated or told.weight_base_n is None:
         return None
     bias, weight, centroid = (np.array(values) for values in (told.bias, told.weight_base_n, told.centroid_m))
@@ -146,7 +145,7 @@ def _limits(workcell: Workcell, config: ForceTorqueConfig) -> CalibrationLimits:
 
 
 def _mend(workcell: Workcell, error: MountingTurned) -> str:
-    """What the cell's file has to say for the turn that was found."""
+    """The setting in the cell's file that corrects the rotation found."""
     pose = workcell.force_torque.turned(workcell.pose_flange_peg(), error.fit.turn_rad)
     turn, position = (", ".join(f"{value:.4f}" for value in part) for part in (pose.rotvec_rad, pose.position_m))
     return f"{{position_m: [{position}], rotvec_rad: [{turn}]}}"

@@ -1,4 +1,4 @@
-"""When the arm is at rest, and what the sensor reads then. Times are the cell's clock; any rate will do."""
+"""Detects when the arm is at rest, and averages the sensor's readings then. Times are the cell's clock, at any rate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from crosspih_common.wrench import mean_and_sd
 
 _STILL_RAD_S = 1e-3
 _ACCELERATION_WINDOW_S = 0.03
-_ACCELERATION_STEP_S = 0.0035  # speeds of encoders closer in time differ by their noise
+_ACCELERATION_STEP_S = 0.0035  # closer in time, differences of encoder speeds are mostly noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,14 +25,14 @@ class RestingReading:
 
 
 class RestingWindow:
-    """The last raw batches. `window_s` of them are averaged; less than `least_s` of rest is none."""
+    """The last raw batches. The mean is over `window_s`; with less than `least_s` of rest there is no reading."""
 
     def __init__(self, window_s: float = 0.2, least_s: float = 0.05) -> None:
         self._window_ns, self._least_ns = int(window_s * 1e9), int(least_s * 1e9)
         self._batches: tuple[RawWrenchBatch, ...] = ()
 
     def add(self, batch: RawWrenchBatch) -> None:
-        """The next batch; one that is older than the last begins anew (the cell's clock was set back)."""
+        """Add the next batch; one older than the last restarts the window (the cell's clock was set back)."""
         kept = self._batches
         if kept and batch.stamp_ns < kept[-1].stamp_ns:
             kept = ()
@@ -40,7 +40,7 @@ class RestingWindow:
         self._batches = (*(one for one in kept if one.stamp_ns >= since), batch)
 
     def reading(self, joints: Sequence[JointState], now_ns: int) -> RestingReading | None:
-        """What the sensor reads at rest now; None while the arm moves or where the streams have run dry.
+        """The mean reading at rest now; None while the arm moves or if the streams have stopped.
 
         joints: the last states, oldest first.
         """
@@ -59,7 +59,7 @@ class RestingWindow:
 
 
 def joint_acceleration_rad_s2(states: Sequence[JointState]) -> float:
-    """The largest joint acceleration over the last 30 ms of joint states, by differences of their speeds."""
+    """The largest joint acceleration over the last 30 ms of joint states, by differences of their speeds, rad/s^2."""
     kept: list[JointState] = []
     for state in reversed(states):
         if states[-1].stamp_ns - state.stamp_ns > _ACCELERATION_WINDOW_S * 1e9 and len(kept) > 1:

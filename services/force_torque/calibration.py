@@ -3,18 +3,18 @@
 At rest and in free air the sensor reads, in its own frame, F = R^T L + F0 and M = r x F + k, with R the rotation
 `rotation_base_sensor`, L the tool's weight vector in the base frame (pointing down), r the tool's centroid in the
 sensor frame, F0 the force bias and k = M0 - r x F0 (Eq. 14). Both are linear: p = (r, k) follows from the moments
-(Eq. 15), (L, F0) from the forces (Eq. 16), and M0 = k + r x F0. L may be left free, which also finds how far the base
-stands out of level.
+(Eq. 15), (L, F0) from the forces (Eq. 16), and M0 = k + r x F0. L may be left free, which also finds the tilt of the
+base.
 
 Errors: `CalibrationError` (ValueError)
-    `PosesDoNotSpan`      the poses leave a parameter undetermined; says which pose to add
-    `ChannelAtFault`      a channel is stuck, clipped, or drifts by more than residuals may be; names it
-    `ResidualsTooLarge`   the readings do not fit a rigid tool at rest; names the worst pose
-    `NothingHangs`        the readings do not follow gravity: no weight hangs on the sensor
-    `WeightPointsUp`      every sign is reversed, or the base hangs otherwise than the cell's file says
-    `MountingTurned`      the readings fit a sensor that is turned on its mount; says by how much
-    `WeightDiffers`       the weight found is not the one on the scales; names the unit that would explain it
-    `CalibrationFileError`  (calibration_file.py) a file is missing, malformed or of another kind
+        `PosesDoNotSpan`      the poses leave a parameter undetermined; says which pose to add
+        `ChannelAtFault`      a channel is stuck, clipped, or drifts by more than the residuals' limit; names it
+        `ResidualsTooLarge`   the readings do not fit a rigid tool at rest; names the worst pose
+        `NothingHangs`        the readings do not follow gravity: no weight hangs on the sensor
+        `WeightPointsUp`      every sign is reversed, or the base's orientation differs from the cell's file
+        `MountingTurned`      the readings fit a sensor that is rotated on its mount; says by how much
+        `WeightDiffers`       the weight found is not the one on the scales; names the unit that would explain it
+        `CalibrationFileError`  (calibration_file.py) a file is missing, malformed or of another kind
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from crosspih_common.wrench import Payload
 from services.force_torque.channels import Channels, beyond_noise, clipped, drift, first_of_copies, stuck
 from services.force_torque.mounting_fit import MountingFit, fit_mounting, hanging_weight_n
 
-_SIGMAS = 4.0  # a turn or a weight within so many standard deviations of none is none
+_SIGMAS = 4.0  # a rotation or a weight within so many standard deviations of zero counts as zero
 
 
 class CalibrationError(ValueError):
@@ -57,7 +57,7 @@ class NothingHangs(CalibrationError):
 
 
 class WeightPointsUp(CalibrationError):
-    """The weight found is not where gravity is said to pull."""
+    """The weight found does not point along gravity as the cell's file states it."""
 
 
 class WeightDiffers(CalibrationError):
@@ -74,12 +74,12 @@ class MountingTurned(CalibrationError):
 
 @dataclass(frozen=True, slots=True)
 class CalibrationLimits:
-    """What a calibration must keep to.
+    """The limits of a calibration.
 
-    `down_base` (3,) is the way things fall in the base frame, of any length, and `tilt_rad` how far from it the weight
-    may point; range_n and range_nm what the sensor can read. Less than `least_weight_n` is no weight; a sensor turned
-    by more than `turn_rad` is turned.
-    `weighed_n`: the weight by scales, where it is known, to be met within `weighed_share`.
+    `down_base` (3,) is the direction of gravity in the base frame, of any length, and `tilt_rad` the largest deviation
+    of the weight from it; range_n and range_nm are the sensor's range. Less than `least_weight_n` counts as no weight;
+    a rotation of the sensor above `turn_rad` counts as rotated. `weighed_n`: the weight by scales, N, if known; the
+    found one must agree within `weighed_share`.
     """
 
     minimum_poses: int = 6
@@ -96,7 +96,7 @@ class CalibrationLimits:
     weighed_share: float = 0.1
 
     def down(self) -> Array:
-        """Unit length."""
+        """`down_base` at unit length."""
         down = np.asarray(self.down_base, dtype=float)
         return np.asarray(down / np.linalg.norm(down), dtype=float)
 
@@ -123,13 +123,13 @@ class StaticReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """The parameters with what they rest on.
+    """The parameters and the evidence for them.
 
-    `residuals` (n, 6) reading minus model a pose; `force_rms_n`, `moment_rms_nm` root mean square a component;
-    `condition_force`, `condition_moment` of the two scaled designs; `bias_sd` (6,), `weight_sd_n` one standard
-    deviation of each found from the residuals' own scatter, slightly cautious for the moments (0 when there are no
-    degrees of freedom left). `poses` (k,) are those of the readings that are no copies of another, `warnings` what is
-    to be looked at though it is no reason to refuse.
+    `residuals` (n, 6): reading minus model per pose; `force_rms_n`, `moment_rms_nm`: root mean square per component;
+    `condition_force`, `condition_moment`: of the two scaled designs; `bias_sd` (6,), `weight_sd_n`: one standard
+    deviation from the scatter of the residuals, slightly cautious for the moments (0 without degrees of freedom).
+    `poses` (k,): the readings that are no copies of another; `warnings`: findings to check that are no reason for a
+    refusal.
     """
 
     payload: Payload
@@ -159,7 +159,7 @@ def calibrate(
     is that of `limits.down_base`. Raises `PosesDoNotSpan` for too few poses or a design whose condition number is above
     the limit, naming the gravity direction to add; `NothingHangs`, `WeightPointsUp`, `MountingTurned` and
     `WeightDiffers`, each with the setting to mend; `ChannelAtFault` naming the channel; `ResidualsTooLarge` naming the
-    worst pose. Readings that are copies of another count once.
+    worst pose. Copies of a reading count once.
     """
     limits = CalibrationLimits() if limits is None else limits
     down = limits.down()
@@ -200,7 +200,7 @@ def calibrate(
     _check_mounting(rotations, forces, force_residuals, weight_base, limits)
 
     # M = r x (F - F0) + M0 is -skew(F - F0) r + M0. In units of the weight, and without the force bias (k of Eq. 15
-    # would hold it), the condition number is that of the poses alone.
+    # would include it), the condition number depends on the poses alone.
     scale = max(float(np.linalg.norm(weight_base)), 1e-9)
     cross_force = np.array([-skew(force / scale) for force in forces - force_bias])
     moment_design = np.concatenate([cross_force, np.tile(np.eye(3), (count, 1, 1))], axis=2).reshape(3 * count, 6)
@@ -256,7 +256,7 @@ def calibrate(
 
 
 def _noise(readings: Sequence[StaticReading], part: slice) -> Array | None:
-    """The standard deviations (n, 3) of the readings; None where one has none."""
+    """The standard deviations (n, 3) of the readings; None if any reading has none."""
     sds = [reading.sd for reading in readings]
     return None if any(sd is None for sd in sds) else np.array(sds)[:, part]
 
@@ -275,7 +275,7 @@ def _covariance(design: Array, residuals: Array) -> Array:
 def _check_mounting(
     rotations: Array, forces: Array, residuals: Array, weight_base: Array, limits: CalibrationLimits
 ) -> None:
-    """Refuse what is no matter of noise: nothing hangs, every sign reversed, or the sensor turned on its mount."""
+    """Refuse gross errors: nothing hangs, every sign is reversed, or the sensor is rotated on its mount."""
     down = limits.down()
     hanging, weight = hanging_weight_n(rotations, forces, down), float(np.linalg.norm(weight_base))
     rms = float(np.sqrt(np.mean(residuals**2)))
@@ -308,7 +308,7 @@ def _turned(fit: MountingFit, rms: float, limits: CalibrationLimits) -> bool:
 
 
 def _check_down(weight_base: Array, limits: CalibrationLimits) -> None:
-    """The weight must pull along the gravity that the cell's file says."""
+    """The weight must point along gravity as the cell's file states it."""
     down = limits.down()
     angle = float(np.arctan2(np.linalg.norm(np.cross(weight_base, down)), weight_base @ down))
     if angle <= limits.tilt_rad:

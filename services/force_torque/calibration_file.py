@@ -1,4 +1,4 @@
-"""The calibration's file: YAML, checked by pydantic, with date, residuals and the poses it rests on."""
+"""The calibration's file: YAML, checked by pydantic, with date, residuals and the poses used."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class CalibrationPose(BaseModel):
 
 
 class CalibratedPeg(BaseModel):
-    """The peg that hung on the sensor, as `crosspih_common.shapes.likeness.peg_as_data` tells it."""
+    """The peg that hung on the sensor, in the form of `crosspih_common.shapes.likeness.peg_as_data`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -81,8 +81,8 @@ class CalibrationFile(BaseModel):
     warnings: tuple[str, ...] = Field(default=(), description="what was to be looked at when it was made")
 
     def payload(self, mounting: SensorMounting | None = None, peg: Peg | None = None) -> Payload:
-        """What compensation needs. Raises `CalibrationFileError` for a mounting other than that of the calibration, and
-        for another peg."""
+        """The input of the compensation. Raises `CalibrationFileError` if the mounting or the peg differs from that of
+        the calibration."""
         if peg is not None and self.peg is not None and not is_same_peg(self.peg.model_dump(), peg):
             raise CalibrationFileError(
                 f"it was made with another peg ({self.peg.outline!r}, by its contour not the {peg.outline.name!r} of "
@@ -112,8 +112,8 @@ def calibration_file(
 ) -> CalibrationFile:
     """The file's content; `calibrated_at` is ISO 8601 with a time zone, passed in because the core reads no clock.
 
-    `mounting` is how the readings came from raw numbers, `down_base` (3,) what the tilt is told against, `readings`
-    those that the calibration rests on, and `peg` what hung on the sensor.
+    `mounting` converted the readings from raw numbers, `down_base` (3,) is the reference of the tilt, `readings` are
+    those that the calibration used, and `peg` hung on the sensor.
 
     Raises `CalibrationFileError` naming the field that does not fit.
     """
@@ -153,7 +153,7 @@ def calibration_file(
 
 
 def save_calibration(content: CalibrationFile, path: Path) -> None:
-    """Write the file whole or not at all; its folder is made when missing."""
+    """Write the file whole or not at all; its folder is created if missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = yaml.safe_dump(content.model_dump(mode="json"), sort_keys=False, default_flow_style=None, width=120)
     partial = path.with_name(path.name + ".partial")

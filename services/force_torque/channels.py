@@ -1,4 +1,4 @@
-"""What a calibration's readings say of single channels: copies, one that is stuck or clipped, drift, and noise.
+"""Checks single channels in a calibration's readings: copies, stuck or clipped channels, drift, and noise.
 
 A model that is linear in its parameters fits values (n, 3), three channels in n poses, by a design (n, 3, k).
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from crosspih_common.geometry.pose import Array
 
-_ALIKE = 1e-3  # of the limit of residuals: readings of a clipped channel are that much alike
+_ALIKE = 1e-3  # of the residuals' limit: readings of a clipped channel agree within it
 _BETTER = 0.35
 _SURE = 8.0
 _NOISY = 10.0
@@ -19,8 +19,8 @@ _NOISY = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Channels:
-    """Three channels that are fitted together: their names, their unit, the most their residuals may be, and what
-    the sensor can read."""
+    """Three channels that are fitted together: their names, their unit, the limit of their residuals, and the sensor's
+    range."""
 
     names: tuple[str, str, str]
     unit: str
@@ -29,7 +29,7 @@ class Channels:
 
 
 def first_of_copies(rotations: Array, wrenches: Array) -> list[int]:
-    """Which poses are not copies of an earlier one: the same reading (n, 6), to the last digits, at the same
+    """Indices of poses that are no copies of an earlier one: the same reading (n, 6), to the last digits, at the same
     orientation (n, 3, 3)."""
     kept: list[int] = []
     for index in range(len(wrenches)):
@@ -44,7 +44,7 @@ def first_of_copies(rotations: Array, wrenches: Array) -> list[int]:
 
 
 def stuck(values: Array, channels: Channels) -> str | None:
-    """A channel that tells one number in all poses while the others follow the load; None where there is none."""
+    """A channel with the same value in all poses while the others follow the load; None if there is none."""
     spread = np.ptp(values, axis=0)
     for axis, name in enumerate(channels.names):
         if spread[axis] == 0.0 and np.max(spread) > channels.limit:
@@ -56,7 +56,8 @@ def stuck(values: Array, channels: Channels) -> str | None:
 
 
 def clipped(design: Array, values: Array, channels: Channels) -> str | None:
-    """A channel that stops at one value in two poses or more where the other readings say that it would go on."""
+    """A channel that stops at one value in two or more poses where the other readings predict a larger one; else
+    None."""
     solution = np.linalg.lstsq(design.reshape(-1, design.shape[2]), values.ravel(), rcond=None)[0]
     rms = _rms(values - design @ solution)
     for axis, name in enumerate(channels.names):
@@ -83,7 +84,8 @@ def clipped(design: Array, values: Array, channels: Channels) -> str | None:
 
 
 def drift(design: Array, values: Array, channels: Channels) -> tuple[str, float] | None:
-    """A channel that moves steadily from the first pose to the last: in words, and by how much; None for none."""
+    """A channel that drifts steadily from the first pose to the last: in words, and by how much; None if there is
+    none."""
     count, size = len(values), design.shape[2]
     if 3 * count - size - 3 < 3:
         return None
@@ -109,8 +111,8 @@ def drift(design: Array, values: Array, channels: Channels) -> tuple[str, float]
 
 
 def beyond_noise(residuals: Array, sd: Array | None, channels: Channels) -> str | None:
-    """Residuals (n, 3) far above what the readings' own standard deviations (n, 3) explain; None where they are not, or
-    where those are not known."""
+    """Residuals (n, 3) far above the readings' own standard deviations (n, 3), in words; None if they are not, or if
+    the standard deviations are not known."""
     if sd is None or not np.max(sd) > 0.0:
         return None
     rms, noise = _rms(residuals), _rms(sd)

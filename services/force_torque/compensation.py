@@ -1,6 +1,6 @@
-"""What the contact wrench tells online: contacts that begin and end, and drift in free air.
+"""Online evaluation of the contact wrench: contacts that begin and end, and drift in free air.
 
-All pure: each step takes its state and returns the next, so that a replay of a recording gives the same answers.
+All pure: each step takes a state and returns the next, so that a replay of a recording gives the same answers.
 Wrenches are (Fx, Fy, Fz, Mx, My, Mz), N and Nm, the load on the peg.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 
 class ContactChange(str, Enum):
-    """What a contact event says."""
+    """The kind of a contact event."""
 
     BEGAN = "began"
     ENDED = "ended"
@@ -31,9 +31,9 @@ class ContactEvent:
 
 @dataclass(frozen=True, slots=True)
 class OnsetSettings:
-    """Contact when |F| or |M| is above its threshold for `hold_s` without a break, over when both are below
-    `release_ratio` times their thresholds as long: the gap between the two keeps noise from toggling it. A slow
-    sensor's single sample is never enough: it takes two.
+    """Contact begins when |F| or |M| is above its threshold for `hold_s` without a break. It ends when both are below
+    `release_ratio` times their thresholds for as long; this hysteresis keeps noise from toggling it. One sample of a
+    slow sensor is never enough: it takes two.
     """
 
     force_threshold_n: float = 1.0
@@ -48,13 +48,13 @@ class OnsetSettings:
             raise ValueError("OnsetSettings wants 0 < release_ratio <= 1 and hold_s above 0 and below 10")
 
     def hold_samples(self, period_s: float) -> int:
-        """How many samples in a row, for a sensor of that period."""
+        """The number of consecutive samples for a sensor of that period."""
         return max(2, round(self.hold_s / period_s))
 
 
 @dataclass(frozen=True, slots=True)
 class OnsetState:
-    """Whether there is contact, and the run of samples that speaks against that: its length and its first sample."""
+    """Whether there is contact, and the run of samples that contradict it: its length and its first sample."""
 
     in_contact: bool = False
     run_samples: int = 0
@@ -96,10 +96,10 @@ def watch_onset(
 
 @dataclass(frozen=True, slots=True)
 class FreeAirSettings:
-    """The running mean forgets over `mean_s`; drift is a mean force or moment above its limit.
+    """The running mean has the time constant `mean_s`; drift is a mean force or moment above its limit.
 
-    The mean must rest on `mean_s` before it counts; `settle_s` after a contact are left out. Samples
-    far above the limit are not drift but contact or motion not yet noticed: above `gate_ratio` limits they are skipped.
+    The mean counts only after `mean_s` of samples; `settle_s` after a contact are left out. Samples far above the limit
+    are not drift but unnoticed contact or motion: above `gate_ratio` limits they are skipped.
     """
 
     mean_s: float = 0.5
@@ -117,7 +117,7 @@ class FreeAirSettings:
 
 @dataclass(frozen=True, slots=True)
 class FreeAirState:
-    """The running mean (6,) of the contact wrench in free air, and how many samples it rests on."""
+    """The running mean (6,) of the contact wrench in free air, and the number of its samples."""
 
     mean: tuple[float, ...] = (0.0,) * 6
     samples: int = 0
@@ -126,7 +126,7 @@ class FreeAirState:
 
 @dataclass(frozen=True, slots=True)
 class FreeAirReport:
-    """Mean residual (6,), its force and moment magnitudes, and whether it rests on enough samples and has drifted."""
+    """Mean residual (6,), its force and moment magnitudes, and whether it has enough samples and has drifted."""
 
     mean: tuple[float, ...]
     force_n: float
@@ -139,7 +139,7 @@ class FreeAirReport:
 def watch_free_air(
     state: FreeAirState, settings: FreeAirSettings, wrenches: ArrayLike, in_contact: bool, period_s: float
 ) -> tuple[FreeAirState, FreeAirReport]:
-    """The next state and a report after contact wrenches (n, 6), one every `period_s`; none counts `in_contact`."""
+    """The next state and a report after contact wrenches (n, 6), one every `period_s`; none counts if `in_contact`."""
     samples = np.atleast_2d(np.asarray(wrenches, dtype=float))
     enough = max(1, round(settings.mean_s / period_s))
     if in_contact:
@@ -152,7 +152,7 @@ def watch_free_air(
             np.linalg.norm(kept[:, :3], axis=1) / settings.force_limit_n,
             np.linalg.norm(kept[:, 3:], axis=1) / settings.moment_limit_nm,
         )
-        # in plain floats: of six numbers, sample after sample, a call of NumPy costs more than the sums
+        # in plain floats: for six numbers per sample, a NumPy call costs more than the sums
         mean, count = list(state.mean), state.samples
         for wrench in kept[level <= settings.gate_ratio].tolist():
             count += 1

@@ -1,9 +1,9 @@
-"""Which of the 26 contact states a wrench shows, by the mechanics: how likely each set of touching edges makes it.
+"""Which of the 26 contact states a wrench shows, by the mechanics: the likelihood of each set of touching edges.
 
-For every set of taper edges (contact_sets.py) the best fitting pose, friction and forces are sought, and the
-likelihood of the wrench is integrated over them (Laplace's method; MacKay, "Information Theory, Inference, and Learning
-Algorithms", chapter 28), so that a set with more contacts, which can explain more, has to explain better. What no set
-explains is none of them. A state's confidence is its share of the whole.
+For every set of taper edges (contact_sets.py) the best fitting pose, friction and forces are found, and the likelihood
+of the wrench is integrated over them (Laplace's method; MacKay, "Information Theory, Inference, and Learning
+Algorithms", chapter 28). So a set with more contacts, which can explain more, has to fit better. A wrench that no set
+explains is in none of the states. A state's confidence is its share of the total.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from services.force_torque.contact_table import STATES
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """How evidence becomes confidence; chosen so that it is right as often as it says (`crosspih bench states`).
+    """Converts evidence to confidence; tuned so that the confidence equals the hit rate (`crosspih bench states`).
 
-    `temperature_few` divides the log evidence where the best set has one or two edges, `temperature_many` where it has
-    more: then a set has as many unknowns as the wrench has numbers, and several explain it about as well. `other_pairs`
-    and `other_threes` are added for the sets that are none of the 26. `nothing` is the log evidence of "no set of taper
+    `temperature_few` divides the log evidence if the best set has one or two edges, `temperature_many` if it has more:
+    then a set has as many unknowns as the wrench has numbers, and several sets fit about as well. `other_pairs` and
+    `other_threes` are added for the sets that are none of the 26. `nothing` is the log evidence of "no set of taper
     edges": a face, the end of an arm, the body.
     """
 
@@ -42,7 +42,7 @@ class Belief:
 
 
 def nominal_compliance_peg(workcell: Workcell, depth_m: float) -> Array:
-    """(6, 6): `Workcell.compliance_peg` with the peg's tip that deep in the nominal hole."""
+    """(6, 6): `Workcell.compliance_peg` with the peg's tip at `depth_m` in the nominal hole."""
     pose = workcell.hole_prior.pose_base_hole() @ Pose.from_translation(
         [0.0, 0.0, depth_m - workcell.peg.shape().tip_m]
     )
@@ -51,7 +51,7 @@ def nominal_compliance_peg(workcell: Workcell, depth_m: float) -> Array:
 
 
 class LikelihoodClassifier:
-    """Judges wrenches on the cross peg of one cell."""
+    """Classifies wrenches on the cross peg of one cell."""
 
     def __init__(
         self, peg: Peg, hole: Hole, compliance_peg: Array, friction: float, scales: FitScales | None = None,
@@ -80,7 +80,7 @@ class LikelihoodClassifier:
     def classify(self, wrench_peg: ArrayLike, wrench_sd: ArrayLike) -> ContactStateResult:
         """The state of a compensated wrench (6,) on the peg, in the peg frame, with its standard deviations (6,).
 
-        ValueError unless all are finite.
+        Raises ValueError unless all are finite.
         """
         wrench, sd = np.asarray(wrench_peg, dtype=float), np.asarray(wrench_sd, dtype=float)
         if wrench.shape != (6,) or sd.shape != (6,) or not np.all(np.isfinite([wrench, sd])):
@@ -109,7 +109,7 @@ class LikelihoodClassifier:
         )
 
     def shares(self, fits: SetFits) -> Array:
-        """(27,): the belief in each of STATES, and last in none of them."""
+        """(27,): the probability of each of STATES, and last of none of them."""
         belief, sets = self._belief, fits.sets
         many = sets.count[np.argmax(fits.evidence)] > 2
         scores = np.append(self._scores(fits), belief.nothing)
@@ -124,7 +124,7 @@ class LikelihoodClassifier:
         return np.asarray(fits.evidence + np.where(fits.sets.state < 0, others, 0.0))
 
     def _why(self, fits: SetFits) -> str:
-        """Why none of the 26: the set that explains it instead, or that none does."""
+        """The reason for none of the 26: another set explains the wrench, or no set does."""
         scores = self._scores(fits)
         best = int(np.argmax(scores))
         if scores[best] < self._belief.nothing:

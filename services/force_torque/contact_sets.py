@@ -1,10 +1,11 @@
-"""The sets of taper edges that a contact may rest on, and how well each explains a wrench: geometry and mechanics.
+"""The sets of taper edges that can be in contact, and how well each explains a wrench: geometry and mechanics.
 
-Eight edges can touch: two at the end of each arm, one a sense (crosspih_common/contacts). The 26 states are 26 of
+Eight edges can touch: two at the end of each arm, one per sense (crosspih_common/contacts). The 26 states are 26 of
 their subsets. For one subset the unknowns are the pose of the peg in the hole, the friction coefficient, and the force
-on each edge (by its logarithm: it only presses). The first edge meets its rim by construction; beside the prior the
-residuals are the wrench less the sum of the edges' own (friction against the sliding of all of them, Eqs. 20-24), the
-gaps of the subset's other edges, and what the rest would cross. Least squares by damped Gauss-Newton, loosely at first.
+on each edge (as a logarithm, so that it only presses). The first edge meets its rim by construction. The residuals are
+the prior, the wrench minus the sum of the edges' wrenches (with friction against the sliding of all of them, Eqs.
+20-24), the gaps of the subset's other edges, and overlaps of the rest. Least squares by damped Gauss-Newton, with
+looser weights at first.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class EdgeSets:
 
     @property
     def count(self) -> NDArray[np.int64]:
-        """How many edges each has (H,)."""
+        """The number of edges of each subset (H,)."""
         return np.asarray(self.used.sum(axis=1))
 
 
@@ -63,12 +64,12 @@ def all_edge_sets() -> EdgeSets:
 
 @dataclass(frozen=True, slots=True)
 class FitScales:
-    """One standard deviation of what is not known before, and how far the model is trusted.
+    """One standard deviation of the unknowns' priors, and how far the model is trusted.
 
     Angles, lateral offset and depth of the hole's rim in the peg; friction about the expected one; the logarithm of
-    each force about that of the whole; `gap_m`: how exactly edges meet; floors of the wrench's noise, and the share of
-    force and moment that the model may miss. `coarse_share`: the same share where the search begins, by which
-    `candidates` subsets are chosen; of these `finalists` after `first_iterations` steps with wrench and gaps
+    each force about that of the total; `gap_m`: how exactly edges meet; floors of the wrench's noise, and the share of
+    force and moment that the model may miss. `coarse_share`: the same share at the start of the search, by which
+    `candidates` subsets are chosen; `finalists` of these remain after `first_iterations` steps with wrench and gaps
     `first_looseness` times looser.
     """
 
@@ -92,7 +93,8 @@ class FitScales:
 @dataclass(frozen=True, slots=True, eq=False)
 class SetFits:
     """For H subsets: cost (H,) the sum of squares at the best fit; evidence (H,) the log of the likelihood with the
-    unknowns integrated out (Laplace), up to a constant; unknowns (H, 10) in standard deviations about what is expected.
+    unknowns integrated out (Laplace), up to a constant; unknowns (H, 10) in standard deviations about their prior
+    means.
     """
 
     sets: EdgeSets
@@ -127,8 +129,8 @@ class _Search:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetModel:
-    """What the fit needs of the cell: the edges, the arm's compliance (6, 6) in the peg frame, the friction expected,
-    how far the rim is expected ahead of the peg frame's origin, and the rim's depth below the hole's face.
+    """The cell's data for the fit: the edges, the arm's compliance (6, 6) in the peg frame, the expected friction, the
+    expected distance of the rim from the peg frame's origin, m, and the rim's depth below the hole's face, m.
     """
 
     edges: ArmEdges
@@ -146,7 +148,7 @@ class SetModel:
         return mean, np.array([q.angle_rad] * 3 + [q.depth_m, q.lateral_m, max(q.friction, 1e-3)])
 
     def wrench_sd(self, wrench: Array, sensor_sd: Array) -> Array:
-        """(6,): the sensor's noise and the model's own."""
+        """(6,): the sensor's noise and the model's error combined."""
         s = self.scales
         force, moment = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
         floor = np.repeat([s.force_floor_n, s.moment_floor_nm], 3)
@@ -191,7 +193,7 @@ class SetModel:
         )
 
     def _bases(self, normal: Array, point: Array, friction: Array, used: NDArray[np.bool_]) -> Array:
-        """Wrenches (H, 4, 6) of 1 N on each edge of a subset while the peg is driven along z and all of them slide."""
+        """Wrenches (H, 4, 6) of 1 N on each edge of a subset while the peg is driven along z and all edges slide."""
         pure = np.concatenate([normal, np.cross(point, normal)], axis=-1) * used[..., None]
         gives = pure @ self.compliance_peg.T
         coupling = np.einsum("hki,hli->hkl", pure, gives)
@@ -206,8 +208,8 @@ class SetModel:
         return np.concatenate([force, np.cross(point, force)], axis=-1) * used[..., None]
 
     def _start(self, sets: EdgeSets, wrench: Array, sd: Array) -> tuple[Array, Array]:
-        """Where the search begins (H, 10): turned by the subset's sense, contacts halfway along, forces by least
-        squares; and how far from the wrench that is (H,), in parts of the wrench's size.
+        """The start of the search (H, 10): rotated by the subset's sense, contacts halfway along, forces by least
+        squares; and its distance from the wrench (H,), as a share of the wrench's size.
         """
         start = np.zeros((len(sets.edges), UNKNOWNS))
         sense = np.where(sets.edges % 2 == 1, 1.0, -1.0)
@@ -228,7 +230,7 @@ class SetModel:
     def _linearise(
         self, unknowns: Array, sets: EdgeSets, wrench: Array, sd: Array, looseness: float
     ) -> tuple[Array, Array]:
-        """Residuals (H, 28) in standard deviations, those of wrench and gaps made that many times smaller, and their
+        """Residuals (H, 28) in standard deviations, those of wrench and gaps divided by `looseness`, and their
         derivatives (H, 28, 10).
         """
         h = len(unknowns)
@@ -278,7 +280,7 @@ class SetModel:
     def fit(self, sets: EdgeSets, wrench: Array, sensor_sd: Array) -> SetFits:
         """The best subsets' fits to a wrench (6,) with the sensor's sd (6,).
 
-        A few steps for those that come near it where they begin, more for the best of them.
+        A few steps for the subsets whose start is near the wrench, more for the best of them.
         """
         sd = self.wrench_sd(wrench, sensor_sd)
         start, far = self._start(sets, wrench, sd)

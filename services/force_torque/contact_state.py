@@ -1,6 +1,6 @@
 """Which of the 26 contact states a wrench shows: count from n_z0, sense from Mz, case from the signs (Tables 2-5).
 
-The printed bands of n_z0 belong to pushes of equal force; a real contact may share its force unequally, rest on walls
+The printed bands of n_z0 apply to pushes of equal force. A real contact may share its force unequally, rest on walls
 of both senses, or bind in the body. So a state comes with a confidence, and "none of these" with the reason.
 """
 
@@ -42,14 +42,14 @@ COUNT_BANDS: tuple[CountBand, ...] = (
     CountBand(1, 0.23, 0.27, 0.31),
     CountBand(2, 0.33, 0.375, 0.42),
     CountBand(3, 0.58, 0.645, 0.71),
-    # "About 1" in print; the lower end is ours. Nothing lies above 1, so its far side is never used.
+    # "About 1" in print; the lower end is our choice. Nothing lies above 1, so its far side is never used.
     CountBand(4, 0.92, 1.0, 1.08),
 )
 
 
 @lru_cache(maxsize=64)
 def count_bands(friction: float = 0.0) -> tuple[CountBand, ...]:
-    """The bands of n_z0, moved to where a friction coefficient takes them; the printed ones for 0."""
+    """The bands of n_z0, shifted for a friction coefficient; the printed ones for 0."""
     return tuple(
         CountBand(band.count, *(with_friction(n, band.count, friction) for n in (band.low, band.middle, band.high)))
         for band in COUNT_BANDS
@@ -58,19 +58,19 @@ def count_bands(friction: float = 0.0) -> tuple[CountBand, ...]:
 
 @dataclass(frozen=True, slots=True)
 class ClassifierSettings:
-    """Noise of the wrench given (one standard deviation a component), and what counts as zero beside it.
+    """Noise of the given wrench (one standard deviation per component), and the rules for a zero component.
 
-    A component is zero below `noise_sigmas` standard deviations or when small beside its own group: of two lateral
-    components the lesser one within `axis_half_angle_rad` of the other's axis; both where the lateral force is below
-    `lateral_ratio` of the whole. `moment_offset_nm` is the moment error left by calibration.
-    `minimum_confidence` is what a state must reach.
+    A component is zero below `noise_sigmas` standard deviations or if it is small in its group: of two lateral
+    components the smaller one if the vector is within `axis_half_angle_rad` of the other's axis; both if the lateral
+    force is below `lateral_ratio` of the total. `moment_offset_nm` is the moment error left by calibration.
+    `minimum_confidence` is the least confidence of a state.
 
-    Two lengths tell taper contacts of one sense from anything else, whatever their number and shares: |Mz / Fz| (arm
-    lever over axial share; the paper's ten samples: 0.055-0.089 m) and the height z of the lateral force ahead of the
+    Two lengths separate taper contacts of one sense from anything else, for any number and shares: |Mz / Fz| (arm lever
+    over axial share; the paper's ten samples: 0.055-0.089 m) and the height z of the lateral force ahead of the
     origin (its samples: 0.058-0.066 m). Their confidence is 0, 1, 1, 0 at the four corners given, linear between.
 
-    `friction` is the coefficient between peg and hole, known or estimated: it leans every push back, so the bands of
-    n_z0 move up and |Mz / Fz| shrinks. The printed bands are those without friction.
+    `friction` is the coefficient between peg and hole, known or estimated: it tilts the force of every push backwards,
+    so the bands of n_z0 move up and |Mz / Fz| shrinks. The printed bands are those without friction.
     """
 
     force_sd_n: float = 0.1
@@ -103,9 +103,9 @@ class ClassifierSettings:
 class ContactStateResult:
     """A state with its confidence (0..1), or none with the reason; `n_z0` is -Fz/|F| (the printed, signless n_z0).
 
-    `signs` are those decided for Fx Fy Fz Mx My Mz. `runner_up` is the next best row that the signs allow.
+    `signs`: of Fx Fy Fz Mx My Mz. `runner_up`: the next best row that the signs allow.
     `count_confidence` (n_z0 in its band), `sense_confidence` (Mz beyond noise), `direction_confidence` (lateral force
-    and moment along the row's), `lever_confidence` (|Mz / Fz| and height those of taper contacts of one sense) are the
+    and moment along the row's), `lever_confidence` (|Mz / Fz| and height as for taper contacts of one sense) are the
     factors of `confidence`.
     """
 
@@ -182,7 +182,7 @@ def classify_contact(wrench_peg: ArrayLike, settings: ClassifierSettings | None 
     sense = _sense_confidence(wrench, settings)
     lever = _lever_confidence(wrench, signs, settings)
     direction = _direction_confidence(wrench, signs, settings)
-    # Rows of the same signs differ in their count alone.
+    # Rows with the same signs differ only in their count.
     ranked = sorted(matches, key=lambda row: (-counts[row.count], row.count))
     best, others = ranked[0], ranked[1:]
     shared = sense * direction * lever
@@ -207,7 +207,7 @@ def classify_contact(wrench_peg: ArrayLike, settings: ClassifierSettings | None 
 
 
 def _sense_confidence(wrench: Array, settings: ClassifierSettings) -> float:
-    """How sure the sign of Mz is, given noise and what calibration may have left."""
+    """The confidence in the sign of Mz, given the noise and the remaining error of the calibration."""
     sd = hypot(settings.moment_sd_nm, settings.moment_offset_nm)
     return erf(abs(float(wrench[5])) / (sqrt(2.0) * sd)) if sd > 0.0 else 1.0
 
@@ -219,7 +219,7 @@ def contact_height_m(wrench_peg: Array) -> float:
 
 
 def _lever_confidence(wrench: Array, signs: Signs, settings: ClassifierSettings) -> float:
-    # Friction scales the axial share of every push alike, and with it this ratio.
+    # Friction scales the axial share of every push alike, and this ratio with it.
     leaning = tan(atan(_AXIAL_SHARE) + atan(settings.friction)) / _AXIAL_SHARE
     yaw = _trapezoid(abs(float(wrench[5] / wrench[2])) * leaning, settings.yaw_length_m)
     if signs[:2] == (0, 0):
@@ -232,7 +232,7 @@ def _trapezoid(value: float, corners: tuple[float, float, float, float]) -> floa
 
 
 def _direction_confidence(wrench: Array, signs: Signs, settings: ClassifierSettings) -> float:
-    """How well the lateral force and the lateral moment point where the signs say: 1 on it, 1/2 at the next sector."""
+    """How well the lateral force and moment point as the signs say: 1 along the direction, 1/2 at the next sector."""
     force, moment = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
     worst = 1.0
     for values, pair, whole, sd in (
@@ -257,7 +257,7 @@ def _sign_hint(signs: Signs) -> str:
 
 
 def _weakest(result: ContactStateResult, wrench: Array, bands: list[CountBand]) -> str:
-    """Why a row that the signs allow is still not believed: its weakest factor, in words."""
+    """The reason why a row that the signs allow is rejected: its weakest factor, in words."""
     factors = {
         "count": result.count_confidence,
         "lever": result.lever_confidence,

@@ -6,8 +6,8 @@ k and k + 1; all arms but k; all four. Arms 1 to 4 lie along +x, +y, -x, -y of t
 
 The tables follow from one rule, and are checked against it: an arm at azimuth u is pushed sideways along -(z x u)
 for sense 1 and +(z x u) for sense 2, and a little along -z; the moments are those of the forces at some height z > 0
-ahead of the origin. (The text copy of the paper lost its minus signs; which of arms 1 and 3 lies along +x is a choice
-that its surviving signs leave open.)
+ahead of the origin. (The text copy of the paper lost its minus signs; the remaining signs leave open which of arms 1
+and 3 lies along +x.)
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ class StateRow:
 
 
 def touching_arms(count: int, case: int) -> tuple[int, ...]:
-    """The arms of a case: (k), (k, k + 1), all but k, or all; ValueError for a case that is none of the tables'."""
+    """The arms of a case: (k), (k, k + 1), all but k, or all. Raises ValueError for a case that is not in the
+    tables."""
     if case not in ((1, 2, 3, 4) if count in (1, 2, 3) else (1,)) or count not in (1, 2, 3, 4):
         raise ValueError(f"no case {case} of {count} contacts in Tables 2-5")
     if count == 1:

@@ -1,4 +1,4 @@
-"""Wrench to contact state by whichever classifier is asked for."""
+"""From a wrench to a contact state, by the requested classifier."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MIN_MOMENT_SD_NM = 1e-4
 
 
 class Judge:
-    """Both classifiers of one cell. On a peg that is no cross there is only the rule."""
+    """Both classifiers of one cell. For a peg that is no cross there is only the rule."""
 
     def __init__(self, workcell: Workcell, default: ContactClassifier) -> None:
         self._settings = ClassifierSettings(friction=workcell.friction_expected)

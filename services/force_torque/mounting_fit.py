@@ -1,7 +1,7 @@
-"""Whether readings at rest look like those of a sensor that is turned on its mount, or reports the reaction.
+"""Tests whether readings at rest fit a sensor that is rotated on its mount, or one that reports the reaction force.
 
-For a sensor turned against the frame it is taken for, the forces are F_i = Q R_i^T L + F0 with one rotation Q for all
-poses. Q, L and F0 are told apart by poses in which gravity lies in well-spread directions; a reversed sign is an L that
+For a sensor rotated against its assumed frame, the forces are F_i = Q R_i^T L + F0 with one rotation Q for all
+poses. Q, L and F0 are separated by poses in which gravity lies in well-spread directions; a reversed sign is an L that
 points up.
 """
 
@@ -23,10 +23,10 @@ _WORST_CONDITION = 300.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountingFit:
-    """The turn of the sensor in the frame it was taken for, and what remains.
+    """The rotation of the sensor in its assumed frame, and the remaining error.
 
-    turn_rad (3,) rotation vector, turn_sd_rad its one standard deviation; reversed_sign: the weight points down only
-    when all readings are taken the other way round; weight_base_n (3,) then; force_rms_n a component.
+    turn_rad (3,): rotation vector, turn_sd_rad its one standard deviation; reversed_sign: whether the weight points
+    down only if all readings are negated; weight_base_n (3,): the weight in that case; force_rms_n: per component.
     """
 
     turn_rad: Array
@@ -37,11 +37,11 @@ class MountingFit:
 
     @property
     def angle_rad(self) -> float:
-        """How far it is turned."""
+        """The angle of the rotation, rad."""
         return float(np.linalg.norm(self.turn_rad))
 
     def in_words(self) -> str:
-        """The turn, for people: "turned by 30.0 degrees about its z axis"."""
+        """The rotation, for people: "turned by 30.0 degrees about its z axis"."""
         axis = self.turn_rad / max(self.angle_rad, 1e-12)
         index = int(np.argmax(np.abs(axis)))
         if abs(axis[index]) > np.cos(np.deg2rad(5.0)):
@@ -52,9 +52,9 @@ class MountingFit:
 
 
 def hanging_weight_n(rotations: Array, forces: Array, down_base: Array) -> float:
-    """The weight, N, by how far forces (n, 3) move as gravity moves in the frame of rotations (n, 3, 3).
+    """The weight, N, from the change of forces (n, 3) with gravity's direction in the frame of rotations (n, 3, 3).
 
-    Whatever the sensor's turn or sign; 0 where gravity does not move.
+    Valid for any rotation or sign of the sensor; 0 if gravity's direction does not change.
     """
     directions = down_base @ rotations
     moved = np.sum((directions - directions.mean(axis=0)) ** 2)
@@ -64,8 +64,8 @@ def hanging_weight_n(rotations: Array, forces: Array, down_base: Array) -> float
 
 
 def fit_mounting(rotations: Array, forces: Array, down_base: Array) -> MountingFit | None:
-    """The turn that fits forces (n, 3), sensor frame, at rotations_base_sensor (n, 3, 3); None where the poses cannot
-    tell it. `down_base` (3,) is the unit vector of gravity in the base.
+    """The rotation that fits forces (n, 3), sensor frame, at rotations_base_sensor (n, 3, 3); None if the poses do not
+    determine it. `down_base` (3,) is the unit vector of gravity in the base.
     """
     if len(forces) < 4:
         return None
@@ -79,7 +79,7 @@ def fit_mounting(rotations: Array, forces: Array, down_base: Array) -> MountingF
 
 
 def _starts(rotations: Array, forces: Array, down_base: Array) -> list[Array]:
-    """Rotations near the one that takes gravity's directions to the forces, for either sign."""
+    """Rotations near the one that maps gravity's directions to the forces, for either sign."""
     design = np.column_stack([down_base @ rotations, np.ones(len(forces))])
     linear = np.linalg.lstsq(design, forces, rcond=None)[0][:3].T
     left, _, right = np.linalg.svd(linear)
@@ -90,7 +90,8 @@ def _starts(rotations: Array, forces: Array, down_base: Array) -> list[Array]:
 
 
 def _fit(rotations: Array, forces: Array, start: Array) -> tuple[Array, Array, float, float] | None:
-    """Gauss-Newton from a rotation: (3, 3), weight (3,), rms and the turn's standard deviation."""
+    """Gauss-Newton from a rotation: the rotation (3, 3), weight (3,), rms and the rotation's standard deviation,
+    rad."""
     count, turn = len(forces), start
     to_sensor = np.swapaxes(rotations, 1, 2)
     weight, bias = _linear(turn @ to_sensor, forces)

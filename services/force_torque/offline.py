@@ -1,6 +1,6 @@
-"""`python -m services.force_torque.offline READINGS --cell CELL [--out FILE]`: bias, weight and centroid with no bus.
+"""`python -m services.force_torque.offline READINGS --cell CELL [--out FILE]`: bias, weight and centroid without a bus.
 
-READINGS is an IdentifyPayload as JSON; `--out` is where the calibration's file goes. Prints {"found": FtCalibration},
+READINGS is an IdentifyPayload as JSON; `--out` is the path of the calibration's file. Prints {"found": FtCalibration},
 or {"refused": text} where the readings do not fit. Status 2 where a file cannot be read.
 """
 
@@ -23,7 +23,7 @@ from services.force_torque.config import ForceTorqueConfig
 
 
 def answer(readings: Path, cell: Path, out: Path | None) -> dict[str, Any]:
-    """What is printed. Raises CrosspihError, OSError, ValidationError."""
+    """The data to print. Raises CrosspihError, OSError, ValidationError."""
     command = IdentifyPayload.model_validate_json(readings.read_text(encoding="utf-8"))
     file = load_cell(cell)
     try:
@@ -37,7 +37,7 @@ def answer(readings: Path, cell: Path, out: Path | None) -> dict[str, Any]:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """The status."""
+    """Run, and return the exit status."""
     parser = argparse.ArgumentParser()
     parser.add_argument("readings", type=Path)
     parser.add_argument("--cell", type=Path, required=True)

@@ -22,7 +22,7 @@ from services.force_torque.compensation import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pipeline:
-    """Everything that the pipeline remembers between batches."""
+    """The pipeline's state between batches."""
 
     payload: Payload
     low_pass: LowPass
@@ -32,13 +32,13 @@ class Pipeline:
     free: FreeAirState = field(default_factory=FreeAirState)
 
     def with_payload(self, payload: Payload) -> Pipeline:
-        """After a calibration: the new payload, and what was remembered of free air forgotten."""
+        """The pipeline after a calibration: the new payload, with the free-air memory cleared."""
         return replace(self, payload=payload, free=FreeAirState(), low_pass=replace(self.low_pass, last=None))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PipelineStep:
-    """What one batch gave: the filtered contact wrench (6,) at its end, contact, events, and the state of free air."""
+    """The result of one batch: the filtered contact wrench (6,) at its end, contact, events, and the free-air state."""
 
     pipeline: Pipeline
     wrench: Array
@@ -57,11 +57,11 @@ def step(
     accelerating: bool,
     may_touch: bool,
 ) -> PipelineStep:
-    """Process a batch (n, 6), as the sensor gives it, first sample at `stamp_ns`, at orientation (3, 3).
+    """Process a batch (n, 6) of raw sensor values, first sample at `stamp_ns`, at orientation (3, 3).
 
-    While the arm is `accelerating` the payload's inertia is felt like a contact: then neither contact nor free air is
-    judged, and both stay as they were. Where the peg `may_touch` the hole's part, too lightly to be noticed, nothing is
-    taken for free air.
+    While the arm is `accelerating`, the payload's inertia looks like a contact. Then neither contact nor free air is
+    evaluated, and both keep their state. If the peg `may_touch` the hole's part, too lightly to be noticed, no sample
+    counts as free air.
     """
     contact, period_s = pipeline.payload.contact(samples, rotation_base_peg), period_ns * 1e-9
     stamps = stamp_ns + period_ns * np.arange(len(contact))
@@ -70,7 +70,7 @@ def step(
         onset, events = pipeline.onset, list[ContactEvent]()
     else:
         onset, events = watch_onset(pipeline.onset, pipeline.onset_settings, stamps, filtered, period_s)
-    # an accelerating arm counts like a contact here: the samples just after it are left out too
+    # an accelerating arm is treated like a contact: the samples just after it are left out too
     disturbed = onset.in_contact or accelerating or may_touch
     free, report = watch_free_air(pipeline.free, pipeline.free_settings, contact, disturbed, period_s)
     after = replace(pipeline, low_pass=low_pass, onset=onset, free=free)

@@ -103,7 +103,7 @@ class ForceTorqueShell:
         return self._use(content, payload)
 
     def _check_plausible(self, payload: Payload) -> None:
-        """Beside what the sensor reads now, where the arm is known to be at rest."""
+        """Compare with the sensor's present reading, if the arm is known to be at rest."""
         refusal = None
         resting = self._resting.reading(self._joints.values(), self._bus.clock.now_ns())
         joints = self._joints.value()
@@ -136,4 +136,4 @@ class ForceTorqueShell:
             self._state.publish(told.state)
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing to release."""

@@ -1,8 +1,8 @@
-"""The contact wrench as it goes on: batch after batch, each with the joint states that were known when it came.
+"""The stream of contact wrenches: batch after batch, each with the joint states known at its arrival.
 
-What it says follows from the batches, the states and the calibrations alone, and every wrench names which of them it
-went by (`joint_stamp_ns`, `calibration_seq`) and now and then what is remembered (`memory`): so a recording can be gone
-through again from there, to the last bit (again.py).
+Its output depends on the batches, the states and the calibrations alone. Every wrench names the ones it used
+(`joint_stamp_ns`, `calibration_seq`) and sometimes carries the state (`memory`), so that a recording can be processed
+again from there, to the last bit (again.py).
 """
 
 from __future__ import annotations
@@ -37,16 +37,17 @@ from services.force_torque.config import ForceTorqueConfig
 from services.force_torque.judging import Judge
 from services.force_torque.online import Pipeline, step
 
-JOINT_STATES = 32  # the last ones, that an acceleration is taken from
-_FIRST_PERIOD_S = 1e-3  # until the first batch says its own
+JOINT_STATES = 32  # number of last states for the acceleration
+_FIRST_PERIOD_S = 1e-3  # until the first batch states its own
 _REMEMBER_NS = 100_000_000
 CLEAR_OF_THE_FACE_M = 0.002
-DRIFT_OVER = 0.8  # of its limit: from there on a drift that was told counts as gone
+DRIFT_OVER = 0.8  # share of its limit; below it a reported drift counts as gone
 
 
 @dataclass(frozen=True, slots=True)
 class BatchResult:
-    """What one batch led to. `drift` is why the sensor should be calibrated again, when that became so now."""
+    """The result of one batch. `drift` is the reason to calibrate the sensor again, given once when it first
+    applies."""
 
     wrench: ContactWrench
     state: ContactState | None
@@ -85,23 +86,23 @@ class WrenchStream:
 
     @property
     def calibrated(self) -> bool:
-        """Whether any calibration was ever told."""
+        """Whether any calibration was ever received."""
         return self.calibration_seq >= 0
 
     @property
     def payload(self) -> Payload:
-        """What the present calibration says."""
+        """The payload of the present calibration."""
         return self._pipeline.payload
 
     def use(self, payload: Payload, calibration_seq: int) -> None:
-        """From the next batch on, this calibration; what was known of free air is forgotten."""
+        """Use this calibration from the next batch on; the free-air memory is cleared."""
         with self._lock:
             self._pipeline = self._pipeline.with_payload(payload)
             self.calibration_seq, self._drifted = calibration_seq, False
             self._remembered_ns = 0
 
     def remember(self, wrench: ContactWrench) -> None:
-        """Be as the service was when it had told that wrench. ValueError where it does not carry its memory."""
+        """Restore the service's state after that wrench. Raises ValueError if it does not carry its memory."""
         kept = wrench.memory
         if kept is None:
             raise ValueError("the wrench carries no memory; begin at one that does")
@@ -116,7 +117,7 @@ class WrenchStream:
             self._remembered_ns = wrench.stamp_ns
 
     def take(self, batch: RawWrenchBatch, states: Sequence[JointState]) -> BatchResult:
-        """The next batch; states are the last `JOINT_STATES` that were heard, oldest first, at least one."""
+        """Process the next batch; states are the last `JOINT_STATES` received, oldest first, at least one."""
         with self._lock:
             return self._take(batch, states)
 
@@ -136,7 +137,7 @@ class WrenchStream:
         stamp_ns = batch.stamp_ns + batch.period_ns * (len(batch.samples) - 1)
         free, config = result.free_air, self._config
         drift = free.reason if free.drifted and not self._drifted else ""
-        # told once: what lies on its limit would be told at every crossing
+        # reported once: a drift at its limit would otherwise be reported at every crossing
         if free.drifted:
             self._drifted = True
         elif max(free.force_n / config.drift_force_n, free.moment_nm / config.drift_moment_nm) < DRIFT_OVER:
@@ -160,7 +161,7 @@ class WrenchStream:
         return BatchResult(wrench, state, result.events, drift)
 
     def _pose_base_peg(self, joints_rad: tuple[float, ...]) -> Pose:
-        """Of an arm that stands it is reckoned once."""
+        """The pose of the peg in the base; computed once while the arm stands still."""
         known, pose = self._stands
         if known != joints_rad:
             pose = self._arm.pose_base_flange(joints_rad) @ self._pose_flange_peg
@@ -168,7 +169,8 @@ class WrenchStream:
         return pose
 
     def _may_touch(self, pose_base_peg: Pose) -> bool:
-        """Whether the peg's tip is so far in that it may touch the hole's part, wherever within its range that is."""
+        """Whether the peg's tip is so deep that it may touch the hole's part, for any place of the part within its
+        range."""
         tip = self._pose_hole_base.apply(pose_base_peg.apply([0.0, 0.0, self._tip_m]))
         _, _, depth_m, rx, ry, _ = self._half_ranges
         beside_m = float(np.hypot(tip[0], tip[1])) + self._widest_m

@@ -1,1 +1,1 @@
-"""The bridge to ROS 2: what the cell says goes out as topics, and an assembly can be asked for as a service."""
+"""The bridge to ROS 2: the cell's data go out as topics, and an assembly can be requested as a service or an action."""

@@ -1,7 +1,7 @@
-"""`assemble` as a ROS 2 action: the same assembly as the service asks for, with feedback, a result and its end.
+"""`assemble` as a ROS 2 action: the same assembly as by the service, with feedback and a result, and cancellable.
 
-One goal at a time, and none while an assembly or withdrawal of the services is carried out: it is rejected, not queued.
-A cancelled goal is aborted by planning as any assembly is: its peg is backed off before the goal has ended.
+One goal at a time, and none during an assembly or withdrawal by the services: such a goal is rejected, not queued.
+Planning aborts a cancelled goal like any assembly: the peg is backed off before the goal ends.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from services.ros2.outcomes import ABORT_DEADLINE_S, ASSEMBLY_DEADLINE_S, assemb
 
 NAME = "crosspih_interfaces/action/Assemble"
 DEFINITION = Path(__file__).parent / "crosspih_interfaces" / "action" / "Assemble.action"
-KEPT = 8  # goals that have ended, whose results can still be asked for
-FEEDBACK, STATUS = RosQos(depth=10), RosQos(transient_local=True, depth=1)  # rcl_action's own
+KEPT = 8  # ended goals whose results can still be requested
+FEEDBACK, STATUS = RosQos(depth=10), RosQos(transient_local=True, depth=1)  # the QoS profiles of rcl_action
 Reply = Callable[[Any], None]
 
 
 @dataclass(eq=False)
 class _Goal:
-    """One goal; `stamp_ns` is when it was accepted, by the wall's clock."""
+    """One goal; `stamp_ns` is the time of its acceptance, by the wall clock."""
 
     id: bytes
     stamp_ns: int
@@ -61,7 +61,7 @@ class _Goal:
 
 
 class AssembleAction:
-    """The action `assemble` of the bridge's node; `motions` is the lane that its services carry out theirs on."""
+    """The action `assemble` of the bridge's node; `motions` is the lane on which its services run their motions."""
 
     def __init__(self, node: RosNode, bus: Bus, motions: Lane, strategy: Strategy, base_frame: str) -> None:
         self._types, self._bus, self._motions, self._strategy = node.types, bus, motions, strategy
@@ -96,19 +96,19 @@ class AssembleAction:
         return self._types.make(f"{NAME}_SendGoal_Response", accepted=accepted, stamp=self._convert.time(goal.stamp_ns))
 
     def _carry_out(self, goal: _Goal, strategy: str) -> Callable[[], None]:
-        """On the lane of motions; what it returns is done when that counts as idle again."""
+        """Runs on the lane of motions; the returned function is called when the lane counts as idle again."""
         with self._lock:
             goal.status = ros.EXECUTING
         self._tell_status()
         try:
             status, message = self._outcome(goal, strategy)
         except Exception as error:
-            # a defect must reach the asker, and must not leave the goal without an end
+            # a bug must be reported to the client, and must not leave the goal without an end
             status, message = ros.ABORTED, self._ended(Failure.DEFECT.value, f"{type(error).__name__}: {error}")
         return lambda: self._finish(goal, status, message)
 
     def _outcome(self, goal: _Goal, strategy: str) -> tuple[int, Any]:
-        """Ask for the assembly: the goal's last status and its result."""
+        """Request the assembly: returns the goal's final status and its result."""
         try:
             wanted = Strategy(strategy) if strategy else self._strategy
         except ValueError:
@@ -136,7 +136,7 @@ class AssembleAction:
             reply(self._answer(status, message))
 
     def _get_result(self, payload: bytes, reply: Reply) -> None:
-        """On Zenoh's thread: answered at once where the goal has ended or is not known, else when it has ended."""
+        """On Zenoh's thread: answered at once if the goal has ended or is unknown, else when it ends."""
 
         def look() -> Callable[[], None]:
             goal_id = bytes(self._types.decode(payload, f"{NAME}_GetResult_Request").goal_id.uuid)
@@ -167,7 +167,7 @@ class AssembleAction:
             ]
             before = [goal.status for goal in chosen]
             for goal in chosen:
-                goal.status = ros.CANCELING  # before planning hears of it: the goal may end at once
+                goal.status = ros.CANCELING  # before planning is informed: the goal may end at once
         if not chosen:
             lost = ros.CANCEL_GOAL_TERMINATED if known else ros.CANCEL_UNKNOWN_GOAL
             return self._cancelled(lost if any(goal_id) else ros.CANCEL_NONE, [])
@@ -175,7 +175,7 @@ class AssembleAction:
             heard = self._bus.call(ABORT, AbortAssembly(), ABORT_DEADLINE_S).was_running
         except CrosspihError:
             heard = False
-        if not heard:  # planning has not begun with it, or is done
+        if not heard:  # planning has not started it yet, or has finished
             with self._lock:
                 for goal, status in zip(chosen, before, strict=True):
                     goal.status = status if goal.status == ros.CANCELING else goal.status
@@ -239,5 +239,5 @@ class AssembleAction:
         return self._convert.pose_stamped(pose.pose(), self._base_frame, time.time_ns())
 
     def close(self) -> None:
-        """No further goal is heard."""
+        """Accept no further goals."""
         self._asked.close()

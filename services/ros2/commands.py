@@ -1,7 +1,7 @@
-"""What ROS may ask for: an assembly, a withdrawal, and their end. Nothing else of ROS reaches the arm.
+"""The commands that ROS can give: assembly, withdrawal, and abort. Nothing else from ROS reaches the arm.
 
-Each is a std_srvs/Trigger, the assembly also an action (action.py), and goes to planning as a command of ours, with all
-its limits, caps and refusals; the bridge itself can move nothing: it takes no lease of the arm and publishes no
+Each is a std_srvs/Trigger; the assembly is also an action (action.py). It goes to planning as a normal command, with
+all its limits, caps and refusals. The bridge itself can move nothing: it takes no lease of the arm and publishes no
 set-point.
 """
 
@@ -68,6 +68,6 @@ class Commands:
         return True, "the assembly was told to end" if was_running else "no assembly was running"
 
     def close(self) -> None:
-        """No further request is carried out."""
+        """Carry out no further requests."""
         self._action.close()
         self._motions.close()

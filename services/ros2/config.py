@@ -13,9 +13,9 @@ ROS2_DRIVER = "ros2"
 
 
 def devices_of_ros(hardware: dict[str, Any]) -> frozenset[str]:
-    """Which of arm, force_torque and camera are ROS 2's by the raw section `hardware` of the cell's file.
+    """The devices among arm, force_torque and camera that belong to ROS 2, by the cell file's raw section `hardware`.
 
-    What they say is in ROS already, and is not said there twice.
+    Their data are in ROS already, and are not published there twice.
     """
     drivers = hardware.get("drivers") or {}
     names = ("arm", "force_torque", "camera")
@@ -23,7 +23,7 @@ def devices_of_ros(hardware: dict[str, Any]) -> frozenset[str]:
 
 
 class BridgeConfig(RosNetwork):
-    """Where ROS is, under which names the cell appears there, and whether ROS may ask for an assembly."""
+    """Where ROS runs, the cell's names there, and whether ROS may request an assembly."""
 
     node: str = Field(default="crosspih", pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", description="the node's name")
     joint_names: tuple[str, ...] | None = Field(

@@ -1,4 +1,4 @@
-"""Results of planning in a line for people, and how long they may take."""
+"""Planning's results as a line for people, and their time limits."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def assembly_outcome(result: AssemblyResult) -> Said:
 
 
 def error_outcome(error: CrosspihError) -> tuple[str, str]:
-    """The name and the words of an assembly that has no result: `refused` where planning said no; `no_service` where it
-    was not there; `service_lost` where it was lost in the middle; else the error's own code."""
+    """The name and the text of an assembly without a result: `refused` if planning refused; `no_service` if it was not
+    running; `service_lost` if it stopped in between; otherwise the error's own code."""
     if isinstance(error, NotSent):
         return error.code, f"{error}; nothing was begun"
     refused = isinstance(error, CommandRefused)

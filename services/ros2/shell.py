@@ -79,7 +79,7 @@ class BridgeShell:
             bus.subscribe(command.reply_echo, take(hear))
 
     def _until_closed(self, take: Callable[[HeardT], None]) -> Callable[[HeardT], None]:
-        """What the bus still says while the node is being closed is no fault: nobody can be told of it in ROS."""
+        """Ignore bus messages that arrive while the node is closing: nobody can receive them in ROS."""
 
         def told(heard: HeardT) -> None:
             try:
@@ -95,7 +95,7 @@ class BridgeShell:
             try:
                 self._topics.diagnose()
             except BusError:
-                return  # the session is closed, and this with it
+                return  # the session is closed, and this thread ends
 
     def close(self) -> None:
         """Leave the graph."""
