@@ -1,8 +1,8 @@
 """Residuals of presses against the bore: the distance of the peg from the walls that its force points to.
 
-A force clearly tells towards which walls it presses, but, because of friction, hardly at which height. So of the points
-where such a wall may be touched the nearest is assumed to touch, and no other may overlap. A single tilt of the peg
-cannot separate clearance and tilt of the hole (play = 2 c - tilt x length); vision's tilt over many assemblies can.
+A force clearly points to the walls it presses on, but, because of friction, hardly shows at which height. So of the
+points where such a wall may be touched the nearest is assumed to touch, and no other may overlap. A single tilt of the
+peg cannot separate clearance and tilt of the hole (play = 2 c - tilt x length); vision's tilt over many assemblies can.
 """
 
 from __future__ import annotations

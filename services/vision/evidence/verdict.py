@@ -210,7 +210,7 @@ def judge(evidence: Evidence, quality: Quality) -> None:
     sure = max(MIN_CHAMFER, CHAMFER_NOISES * quality.residual)
     # beside a white inside the chamfer's grey is a guess; and a pocket, as bright as its bottom, has a chamfer as well
     chamfer = evidence.chamfer > sure and quality.inside_saturated < WHITE_INSIDE and evidence.black < BOTTOM_SHARE
-    # a chamfer that is as likely drawn on the face is no proof
+    # a chamfer that is as likely drawn on the face proves nothing
     no_ink = evidence.black < BLACK_SHARES[2] or inside.uneven > INK_UNEVEN
     # noise can make a single line look like a chamfer, and changes the likelihood
     noise = max(inside.noise / NOISY_GREY, 1.0) ** 2
