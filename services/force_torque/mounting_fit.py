@@ -26,7 +26,8 @@ class MountingFit:
     """The rotation of the sensor in its assumed frame, and the remaining error.
 
     turn_rad (3,): rotation vector, turn_sd_rad its one standard deviation; reversed_sign: whether the weight points
-    down only if all readings are negated; weight_base_n (3,): the weight, N, negated in that case; force_rms_n: per component.
+    down only if all readings are negated; weight_base_n (3,): the weight, N, negated in that case; force_rms_n: per
+    component.
     """
 
     turn_rad: Array

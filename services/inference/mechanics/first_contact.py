@@ -223,7 +223,7 @@ class _Bounds:
 
 
 def _bounds(ratio: Array, enters: NDArray[np.bool_], leaves: NDArray[np.bool_], apart: Array) -> _Bounds:
-    """From travels (K, Q, n) at which faces are crossed into the body and out of it. Overwrites the travels."""
+    """Bounds from travels (K, Q, n) at which faces are crossed, into the body and out of it. Overwrites the travels."""
     inward = ratio + FAR_M
     inward *= enters
     last = inward.max(axis=0)
