@@ -1,1 +1,1 @@
-"""The cell for Foxglove and Lichtblick, live: a WebSocket of topics in their well-known schemas and of our own."""
+"""A live WebSocket for Foxglove and Lichtblick: topics in their well-known schemas and in our own."""

@@ -14,7 +14,7 @@ HOST, PORT = "CROSSPIH_FOXGLOVE_HOST", "CROSSPIH_FOXGLOVE_PORT"
 
 
 class FoxgloveConfig(Section):
-    """Where viewers connect to, and how much they are told."""
+    """Where viewers connect, and how much data they get."""
 
     host: str = Field(
         default="127.0.0.1", description=f"whoever reaches it sees all, and commands nothing; {HOST} goes before it"

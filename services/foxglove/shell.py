@@ -46,7 +46,7 @@ from services.foxglove.config import FoxgloveConfig
 from services.foxglove.told import ViewerChannel, ViewerMessages
 
 CATCH_UP_S = 0.2
-# what commands were asked and answered
+# the replies of commands
 REQUESTS = (ASSEMBLE, FOLLOW)
 ANSWERS = (CAPTURE, LOCATE, ESTIMATE, SEATED, NETWORK, SEQUENCE_NETWORK, ADVISE_INSERTION, ASSEMBLE)
 ValueT = TypeVar("ValueT")
@@ -59,11 +59,11 @@ class Looking(ServerListener):
         self._told = told
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """A viewer wants a topic."""
+        """A viewer subscribes to a topic."""
         self._told.looks(channel.topic)
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
-        """A viewer wants it no more, or is gone."""
+        """A viewer unsubscribes from a topic, or has disconnected."""
         self._told.looks_away(channel.topic)
 
 
@@ -90,7 +90,7 @@ class FoxgloveShell:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The port that it listens on."""
         return self._server.port
 
     def _started(self, config: FoxgloveConfig, name: str) -> WebSocketServer:
@@ -99,7 +99,7 @@ class FoxgloveShell:
                 name=name, host=config.host, port=config.port, capabilities=[Capability.Time],
                 server_listener=Looking(self._told), context=self._context, message_backlog_size=config.backlog,
             )  # fmt: skip
-        except Exception as error:  # the library has no type of its own for it
+        except Exception as error:  # the library declares no type for it
             raise ConfigError(
                 f"foxglove: {config.host}:{config.port} cannot be listened on ({error}); give another --port, or 0"
             ) from None
@@ -140,7 +140,7 @@ class FoxgloveShell:
 
     def _clock(self, tick: CellClock) -> None:
         if self._boot_id not in ("", tick.boot_id):
-            self._server.clear_session()  # the cell was started again: viewers begin anew
+            self._server.clear_session()  # the cell was started again: start afresh for every viewer
         self._boot_id = tick.boot_id
         self._server.broadcast_time(max(tick.stamp_ns, 0))
 
@@ -149,7 +149,7 @@ class FoxgloveShell:
             self._told.catch_up()
 
     def close(self) -> None:
-        """Let the viewers go."""
+        """Disconnect the viewers."""
         self._closing.set()
         self._catching_up.join()
         self._server.stop()

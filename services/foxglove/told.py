@@ -1,4 +1,4 @@
-"""What viewers are told: which channels there are, what each was last told, and who asks. Knows no WebSocket."""
+"""Which messages viewers get: the open channels, the last message of each, and who subscribes. Knows no WebSocket."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ class ViewerChannel(Protocol):
     """Takes the messages of one topic."""
 
     def log(self, msg: bytes, *, log_time: int | None = None) -> None:
-        """The next one; the time is the cell's, ns."""
+        """Send the next message; `log_time` is the cell's, ns."""
 
 
-# name, (schema name, schema encoding, message encoding, schema), what it is
+# name, (schema name, schema encoding, message encoding, schema), description
 Open = Callable[[str, tuple[str, str, str, bytes], str], ViewerChannel]
 
 
 class ViewerMessages:
     """Turns messages of the bus into messages for viewers. Any thread may call it.
 
-    What comes many times a second is turned only while somebody looks; the rest always, so that who comes late is told
-    what holds (`asked`, then `catch_up`).
+    Streams are converted only while somebody subscribes. All other messages are always converted, so that a viewer who
+    subscribes late gets the current state (`asked`, then `catch_up`).
     """
 
     def __init__(self, workcell: Workcell, cell: str, rate_hz: float, open_channel: Open) -> None:
         self._cell, self._open = cell, open_channel
         self._channels: dict[str, ViewerChannel] = {}
         self._last: dict[str, tuple[bytes, int]] = {}
-        self._looked_at: dict[str, int] = {}  # how many look at each
+        self._looked_at: dict[str, int] = {}  # number of subscribers of each topic
         self._asked: set[str] = set()
         self._lock = threading.Lock()
         self._topics = FoxgloveTopics(workcell, self._tell, rate_hz)
 
     def take(self, topic: Topic[Any], value: Any) -> None:
-        """One message of a topic, as it is and as what follows from it."""
+        """Convert one message of a topic: as it is, and as the viewers' topics that follow from it."""
         with self._lock:
             if topic.kind is Kind.STREAM and not self._looked_at:
                 return
@@ -63,13 +63,13 @@ class ViewerMessages:
         channel.log(data, log_time=max(stamp_ns, 0))
 
     def looks(self, name: str) -> None:
-        """Somebody wants a topic."""
+        """Somebody subscribes to the topic."""
         with self._lock:
             self._looked_at[name] = self._looked_at.get(name, 0) + 1
             self._asked.add(name)
 
     def looks_away(self, name: str) -> None:
-        """Somebody wants it no more."""
+        """Somebody unsubscribes from the topic."""
         with self._lock:
             left = self._looked_at.get(name, 0) - 1
             if left > 0:
@@ -78,7 +78,7 @@ class ViewerMessages:
                 self._looked_at.pop(name, None)
 
     def catch_up(self) -> None:
-        """Tell what holds on the topics that were asked for since."""
+        """Send the current state on the topics that were subscribed to since the last call."""
         with self._lock:
             asked, self._asked = self._asked, set()
             for name in asked:

@@ -1,1 +1,1 @@
-"""The recorder: every key of the table into one MCAP file an assembly, byte for byte as it travelled."""
+"""The recorder: writes every key of the table into one MCAP file per assembly, byte for byte as it was sent."""

@@ -1,4 +1,4 @@
-"""The recording that this recorder's predecessor was making when it ended."""
+"""Finds the unfinished recording of a recorder process that ended while it was recording."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from crosspih_common.recording.parts import first_part, part_number
 from crosspih_common.recording.records import Metadata
 from crosspih_common.recording.scanning import Damage, scanning
 
-HEAD_RECORDS = 16  # the words about a recording are among its first records
-SHUT_DOWN = "shut_down"  # how a recording ended whose recorder was stopped in the middle of it
+HEAD_RECORDS = 16  # the metadata that is read here is among the first records of a file
+SHUT_DOWN = "shut_down"  # the value of `why` for a recording whose recorder was stopped while it was recording
 ASKED = "asked"
 
 
 @dataclass(frozen=True, slots=True)
 class BrokenOff:
-    """A recording without an end that was asked for; `ago_s` is since its last part was written."""
+    """A recording that nobody asked to end; `ago_s` is the time since its last part was written."""
 
     first: Path
     name: str
@@ -27,7 +27,7 @@ class BrokenOff:
 
 
 def broken_off(directory: Path, cell: str, boot_id: str, within_s: float) -> BrokenOff | None:
-    """What to go on with: of this cell's present run, the newest recording, if nobody asked for its end.
+    """The recording to go on with: the newest one of the cell's present run, if nobody asked for its end.
 
     None where there is none, or where it was last written more than `within_s` of wall time ago.
     """
@@ -53,7 +53,9 @@ def broken_off(directory: Path, cell: str, boot_id: str, within_s: float) -> Bro
 
 
 def _words(path: Path, records: int | None) -> dict[str, dict[str, str]]:
-    """The metadata among a file's first records, or with None of a whole one: nothing of a torn one."""
+    """The metadata among the first `records` records of a file; with None all of the file's metadata, and nothing if it
+    is torn.
+    """
     words: dict[str, dict[str, str]] = {}
     try:
         with scanning(path) as scan:

@@ -19,7 +19,7 @@ class Compression(str, Enum):
 
 
 class RecorderConfig(Section):
-    """Where recordings go, and what a kill, a slow or a full disk may cost."""
+    """Where recordings go, and how much data may be lost by a kill, a slow disk or a full one."""
 
     directory: Path = Field(default=Path("recordings"), description="made when missing")
     required: bool = Field(
@@ -39,9 +39,9 @@ class RecorderConfig(Section):
         default=True, description="write topics for viewers beside what was said: frames, scene, wrenches, log"
     )
     foxglove_hz: float = Field(default=50.0, gt=0.0, le=500.0, description="of the frames and joints in them")
-    # what waits for the disk, at most; beyond it samples are dropped and counted
+    # the most that may wait for the disk; beyond it samples are dropped and counted
     queue_samples: int = Field(default=50_000, ge=1)
     queue_bytes: int = Field(default=256 << 20, ge=1 << 20, description="of samples above 4 KiB: pictures")
-    # at a stop: wait until no sample from before it has come for this long, but not longer than the limit
+    # at a stop: wait until no earlier sample has arrived for `quiet_s`, but at most `quiet_limit_s`
     quiet_s: float = Field(default=0.2, ge=0.0, le=5.0)
     quiet_limit_s: float = Field(default=2.0, ge=0.0, le=30.0)

@@ -34,14 +34,14 @@ _UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
 
 
 def create_file(directory: Path, name: str) -> tuple[Path, IO[bytes]]:
-    """Make `<directory>/<name>-<counter>.mcap`, the counter one past the highest there. Never overwrites.
+    """Create `<directory>/<name>-<counter>.mcap`; the counter is one more than the highest there. Never overwrites.
 
     Raises OSError when the directory or the file cannot be made.
     """
     directory = directory.resolve()
     directory.mkdir(parents=True, exist_ok=True)
     stem = _UNFIT.sub("_", name).strip("._-")[:80] or "recording"
-    # also those of which only a later part is left: their name is taken
+    # also count recordings of which only a later part is left: their name is taken
     numbered = re.compile(re.escape(stem) + r"-(\d+)(\.part\d+)?\.mcap")
     taken = [int(match.group(1)) for entry in directory.iterdir() if (match := numbered.fullmatch(entry.name))]
     number = max(taken, default=0) + 1
@@ -54,7 +54,7 @@ def create_file(directory: Path, name: str) -> tuple[Path, IO[bytes]]:
 
 
 def create_part(first: Path, number: int) -> tuple[Path, int, IO[bytes]]:
-    """Make the next part of a recording, from that number on: (path, number, stream). Never overwrites.
+    """Create the next part of a recording, numbered from that number on: (path, number, stream). Never overwrites.
 
     Raises OSError.
     """
@@ -70,9 +70,9 @@ def create_part(first: Path, number: int) -> tuple[Path, int, IO[bytes]]:
 class RecordingFile:
     """Writes samples as they are: payload bytes as message data, `seq` as sequence, cell time as log time.
 
-    Each schema and channel is written twice, in the chunk of its first message and in an attachment after it: one
-    damaged chunk must not take the meaning of all that follow. Every method may raise OSError (a full disk); then only
-    `abandon` makes sense.
+    Each schema and channel is written twice: in the chunk of its first message, and in an attachment after it. So one
+    damaged chunk does not make all later messages unreadable. Every method may raise OSError (a full disk); after that
+    only `abandon` may be called.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class RecordingFile:
         self._writer = Writer(stream, chunk_size=config.chunk_bytes, compression=_COMPRESSION[config.compression])
         self._schemas: dict[type | str, int] = {}
         self._channels: dict[str, int] = {}
-        self._shown: dict[ViewerTopic, list[int]] = {}  # channel, and how many messages it has
+        self._shown: dict[ViewerTopic, list[int]] = {}  # channel and its number of messages
         self._any_shown = False
         self._repeat = RecordBuilder()
         self._flushed_bytes = self._flushed_messages = 0
@@ -100,7 +100,7 @@ class RecordingFile:
 
     @property
     def channels(self) -> int:
-        """How many keys have spoken."""
+        """How many keys have sent samples."""
         return len(self._channels)
 
     def bytes_written(self) -> int:
@@ -112,7 +112,7 @@ class RecordingFile:
         self.write_all(iter((sample,)))
 
     def write_all(self, samples: Iterator[Waiting]) -> None:
-        """Add samples, until there are no more or one cannot be written."""
+        """Add samples until none is left or one cannot be written."""
         channels, add, note = self._channels, self._writer.add_message, self._unflushed.append
         for sample in samples:
             key, topic, payload, seq, stamp_ns, wall_ns = sample
@@ -152,7 +152,9 @@ class RecordingFile:
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def show(self, topic: ViewerTopic, stamp_ns: int, wall_ns: int, data: bytes) -> None:
-        """Add a message for viewers; after `flush`, before `flush_shown`, so that it shares no chunk with a sample."""
+        """Add a message for viewers. Call it after `flush` and before `flush_shown`, so that it shares no chunk with a
+        sample.
+        """
         channel = self._shown.get(topic)
         if channel is None:
             name, encoding, message_encoding, schema_data = topic.channel_schema()
@@ -189,7 +191,9 @@ class RecordingFile:
             self._writer.add_attachment(0, 0, DEFINITIONS, "application/zstd", data)
 
     def finish(self, metadata: Mapping[str, Mapping[str, str]]) -> int:
-        """Write what remains, the last metadata, the index and the footer, to the disk itself; returns the size."""
+        """Write what remains, the last metadata, the index and the footer, and sync them to the disk;
+        returns the size.
+        """
         self._close_chunk()
         for name, entries in metadata.items():
             self._writer.add_metadata(name, sealed(name, entries))
@@ -201,10 +205,11 @@ class RecordingFile:
         return size
 
     def abandon(self) -> Counter[str]:
-        """Let go of a file that cannot be written any more: what was flushed stays, what was not is cut off; a file
-        without a message is removed. How many samples of each key that costs."""
+        """Give up a file that cannot be written any more. What was flushed stays and what was not is cut off; a file
+        without a message is removed. Returns how many samples of each key are lost.
+        """
         with contextlib.suppress(OSError, ValueError):
-            self._stream.close()  # may try to write what it still holds
+            self._stream.close()  # closing it may try to write what it still buffers
         with contextlib.suppress(OSError):
             if self._flushed_messages == 0:
                 self.path.unlink()

@@ -13,14 +13,16 @@ from crosspih_common.recording.viewers import URDF
 from services.recorder.file import RecordingFile
 from services.recorder.sample import Waiting
 
-# what waits to be shown, at most: a minute of a cell that runs ten times as fast as real time
+# the most that may wait to be shown: a minute of a cell that runs ten times as fast as real time
 MAX_WAITING = 100_000
-CHECK_EVERY = 16  # samples between two looks at the clock
+CHECK_EVERY = 16  # samples between two checks of the clock
 _PATHS = frozenset(topic.path for topic in (*HEARD, *TRUTH_HEARD))
 
 
 class ForViewers:
-    """What one recording shows. `offer` is quick and keeps samples; `work` makes messages of them; one thread's."""
+    """The topics for viewers of one recording. `offer` is quick and only keeps samples; `work` makes messages of them.
+    One thread calls both.
+    """
 
     def __init__(self, workcell: Workcell, rate_hz: float) -> None:
         self._urdf = arm_urdf(workcell).encode()
@@ -34,16 +36,16 @@ class ForViewers:
         self._made.append((topic, stamp_ns, data))
 
     def begin(self, file: RecordingFile) -> None:
-        """A file begins: the arm, and what is known and stays true. Raises OSError."""
+        """A file begins: write the arm, and the states that are known. Raises OSError."""
         file.attach(URDF, "application/xml", self._urdf)
-        # no frame may be told before what holds from the beginning, or a viewer would see time go back
+        # write no frame before the states from the beginning, or a viewer would see time go back
         since_ns = max(self._stamp_ns - OUT_OF_ORDER_NS, 0)
         for topic, data in self._topics.known():
             file.show(topic, since_ns, self._wall_ns, data)
         file.flush_shown()
 
     def offer(self, samples: Iterable[Waiting]) -> None:
-        """Keep what something would come of; the oldest are given up where too many wait."""
+        """Keep a sample that a message can be made of; the oldest are dropped where too many wait."""
         kept = [sample for sample in samples if sample[1].path in _PATHS]
         over = len(self._waiting) + len(kept) - MAX_WAITING
         if over > 0:
@@ -51,7 +53,7 @@ class ForViewers:
         self._waiting.extend(kept)
 
     def work(self, file: RecordingFile, within_s: float | None) -> None:
-        """Write what waits, for so long at most; with None, all of it. Raises OSError."""
+        """Write what waits, for at most this long; with None, all of it. Raises OSError."""
         until = None if within_s is None else time.monotonic() + within_s
         count = 0
         while self._waiting:
@@ -69,7 +71,7 @@ class ForViewers:
         try:
             self._topics.take(topic, decoder_of(topic.type)(payload, f"{label_of(topic.type)} {seq}", key))
         except Exception:
-            # the recording itself must never end for what is only shown: it is counted, and told at the file's end
+            # a failure in a viewers' topic must never end the recording: it is counted, and reported at the file's end
             self._counts["failed"] += 1
         self._stamp_ns, self._wall_ns = max(stamp_ns, self._stamp_ns), wall_ns
         for made, at_ns, data in self._drained():
@@ -81,6 +83,7 @@ class ForViewers:
         return iter(made)
 
     def metadata(self) -> dict[str, str]:
-        """How many messages were made, and of how many samples none could be (`crosspih recording export foxglove`
-        makes all of them anew)."""
+        """The number of messages made, and of samples of which none was made (`crosspih recording export foxglove`
+        makes all of them anew).
+        """
         return {name: str(self._counts[name]) for name in ("messages", "not_shown", "failed")}

@@ -8,18 +8,20 @@ from collections.abc import Callable
 
 from services.recorder.sample import Waiting
 
-SMALL_BYTES = 4096  # below it a sample's size is not counted: the number of samples bounds them
+SMALL_BYTES = 4096  # smaller samples are not counted by bytes: the limit on the number of samples bounds them
 
 
 class Inbox:
-    """Holds at most so many samples, and so many bytes of large ones; a full inbox refuses at once, so that no callback
-    ever waits. Small samples come in without a lock, which would cost more than all else that is done here."""
+    """Holds a limited number of samples, and a limited number of bytes of large ones. A full inbox refuses at once, so
+    that no callback ever waits. Small samples are added without a lock: the lock would cost more than everything else
+    here.
+    """
 
     def __init__(self, max_samples: int, max_bytes: int) -> None:
         self._max_samples, self._max_bytes = max_samples, max_bytes
         self._lock = threading.Lock()
         self._settling = threading.Condition(self._lock)
-        self._waiting: list[Waiting] = []  # appended to by any thread, emptied by the writer's alone
+        self._waiting: list[Waiting] = []  # any thread appends to it, only the writer empties it
         self._large_bytes = 0
         self._asleep = False
         self._wake = threading.Event()
@@ -28,8 +30,9 @@ class Inbox:
         self._closed = False
 
     def offerer(self) -> Callable[[Waiting, int], bool]:
-        """What enqueues (sample, its bytes), for any thread; False when full. Threads that do so at the same time may
-        each find the last place free."""
+        """A function for any thread that enqueues (sample, its bytes) and returns False when full. Threads that call it
+        at the same time may each find the last place free.
+        """
         waiting, append, most = self._waiting, self._waiting.append, self._max_samples
 
         def offer(sample: Waiting, size: int) -> bool:
@@ -50,8 +53,10 @@ class Inbox:
             return True
 
     def take(self, timeout_s: float) -> list[Waiting]:
-        """All that waits, oldest first; none at the time-out or when closed. Follow with `settle`. One thread's."""
-        self._asleep = True  # from now on whoever enqueues wakes it
+        """All waiting samples, oldest first; none at the time-out or when closed. Follow with `settle`. Only the
+        writer's thread calls it.
+        """
+        self._asleep = True  # from now on whoever enqueues wakes this thread
         if not self._waiting and not self._closed:
             self._wake.wait(timeout_s)
         self._asleep = False
@@ -65,13 +70,15 @@ class Inbox:
             return batch
 
     def settle(self, count: int) -> None:
-        """Say that so many of the taken samples are dealt with."""
+        """Report that so many of the taken samples are dealt with."""
         with self._settling:
             self._settled += count
             self._settling.notify_all()
 
     def drain(self, deadline_s: float) -> bool:
-        """Wait until all that was offered before this call is dealt with; False when that takes longer."""
+        """Wait until everything offered before this call is dealt with; False when that takes longer
+        than the time-out.
+        """
         until = time.monotonic() + deadline_s
         with self._settling:
             target = self._taken + len(self._waiting)

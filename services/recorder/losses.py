@@ -1,4 +1,4 @@
-"""When what is missing from a recording matters, and how it is said. Pure."""
+"""When missing samples of a recording matter, and the warnings about them. Pure."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from crosspih_common.keys import Kind
 from crosspih_common.recording.gaps import gap_matters
 
-STRAYS = 10  # one follows from each publisher that was started again and spoke once
+STRAYS = 10  # each publisher that was started again and had sent one sample leaves one stray
 CODES = ("samples_dropped", "samples_missing", "samples_rejected", "numbers_in_doubt")
 
 
 def warnings_of(counts: Mapping[str, Mapping[str, int]], kinds: Mapping[str, Kind]) -> dict[str, str]:
-    """Event codes and what each says; `counts` as the tally gives them, `kinds` what travels on each key."""
+    """The warnings as event codes and texts; `counts` is as the tally gives them, `kinds` is the kind of each key."""
     found: dict[str, str] = {}
     dropped = _added(counts["overflow"], counts["unwritten"])
     if dropped:

@@ -1,11 +1,11 @@
-"""`python -m services.recorder.rate`: how fast samples get into a file, beside the bare MCAP writer.
+"""`python -m services.recorder.rate`: how fast samples get into a file, compared with the bare MCAP writer.
 
-The samples are an arm's: joint states, raw and contact wrenches, as often as a cell sends them. Ours is the whole way
-from the bus's callback: label, author, numbers, stamp, inbox, the writer's thread, the file with its end. The bare one
-is mcap's own `Writer.add_message` with the same chunks and compression, one call a sample. `shown` is ours with the
-topics for viewers, all of which are made before the file ends. In turn; one JSON object on standard output, which
-`crosspih bench recorder` shows. With `--paced HZ` samples come at that rate instead, topics for viewers made of them,
-and what was lost is counted.
+The samples are those of an arm: joint states, raw and contact wrenches, as often as a cell sends them. `ours` is the
+whole way from the bus's callback: label, author, numbers, stamp, inbox, the writer's thread, and the file with its end.
+`bare` is mcap's own `Writer.add_message` with the same chunks and compression, one call a sample. `shown` is `ours`
+with the topics for viewers, all of which are made before the file ends. The three take turns. The result is one JSON
+object on standard output, which `crosspih bench recorder` shows. With `--paced HZ` samples come at that rate instead,
+topics for viewers are made of them, and the lost samples are counted.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from services.recorder.shell import tap_all
 CELL = "bench-recorder"
 ROUNDS = 5
 STEP_NS = 4_000_000
-JOINT_STATES_A_BATCH = 3  # nearly as in a cell: 250 joint states, 100 raw batches and 100 contact wrenches a second
+JOINT_STATES_A_BATCH = 3  # close to a cell: 250 joint states, 100 raw batches and 100 contact wrenches a second
 
 Heard = tuple[AuthoredHandler, str, bytes, str, str]  # the bus's callback and its arguments
 Sent = tuple[Topic[Any], str, bytes, str, int]  # topic, key, payload, label, stamp
 
 
 def samples(count: int) -> list[Sent]:
-    """So many samples as a cell sends them."""
+    """The given number of samples, as a cell sends them."""
     made: list[Sent] = []
 
     def add(topic: Topic[Any], value: Payload, number: int) -> None:
@@ -85,7 +85,7 @@ def bare(sent: Sequence[Sent], folder: Path, config: RecorderConfig) -> None:
 
 
 class Ours:
-    """The recorder on a bus in memory, its publishers beside it."""
+    """The recorder on a bus in memory, with its publishers."""
 
     def __init__(self, folder: Path, shows: bool = False) -> None:
         self.config = RecorderConfig(directory=folder, quiet_s=0.0, queue_samples=1_000_000, min_free_bytes=0)
@@ -103,7 +103,9 @@ class Ours:
             self._buses.append(Bus(transport, CELL, name))
 
     def heard(self, sent: Sequence[Sent]) -> list[Heard]:
-        """What the bus calls with each sample when it comes, and with what: the recorder's is the only subscription."""
+        """The callback that the bus calls with each sample, and its argument: the recorder's is the only
+        subscription.
+        """
         found: list[Heard] = []
         for topic, key, payload, label, _ in sent:
             (callback,) = self._hub.handlers_of(key)
@@ -111,7 +113,9 @@ class Ours:
         return found
 
     def write(self, heard: Sequence[Heard], pace: Callable[[int], None] | None = None) -> int:
-        """One recording of all samples; how many of them are not in it. Raises RuntimeError where none can begin."""
+        """Write one recording of all samples; returns how many of them are missing from it. Raises RuntimeError where
+        none can begin.
+        """
         status = self._recorder.start("ours", 0)
         if not status.recording:
             raise RuntimeError(status.trouble)
@@ -142,7 +146,7 @@ def _rates(work: Callable[[], object], count: int) -> tuple[float, float]:
 
 
 def measure(count: int, rounds: int = ROUNDS) -> dict[str, list[float]]:
-    """Samples a second of either, round by round, by the wall's clock and by CPU time."""
+    """Samples a second of each, round by round, by wall time and by CPU time."""
     sent = samples(count)
     rates: dict[str, list[float]] = {f"{name}{of}": [] for name in ("bare", "ours", "shown") for of in ("", "_cpu")}
     folder = Path(tempfile.mkdtemp(prefix="crosspih-recorder-"))
@@ -167,7 +171,9 @@ def measure(count: int, rounds: int = ROUNDS) -> dict[str, list[float]]:
 
 
 def paced(count: int, rate_hz: float) -> dict[str, float]:
-    """So many samples at a rate, topics for viewers made of them: how many were lost, and in what time they came."""
+    """Send this many samples at a rate and make topics for viewers of them: how many were lost, and how
+    long it took.
+    """
     sent = samples(count)
     folder = Path(tempfile.mkdtemp(prefix="crosspih-recorder-"))
     ours = Ours(folder, shows=True)

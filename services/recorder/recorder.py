@@ -1,4 +1,4 @@
-"""The recorder's core: takes samples from any thread, writes them on one, begins, goes on with and finishes files."""
+"""The recorder's core: takes samples from any thread and writes them on one; begins, continues and finishes files."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ from services.recorder.tally import Tally
 from services.recorder.tape import DiskFull, Metadata, Tape, why_of
 
 DRAIN_S = 5.0
-# sent by wall time whatever the cell does: they say nothing about whether the cell has finished speaking
+# sent by wall time whatever the cell does: they do not show whether the cell has finished sending
 ALWAYS_SPEAKING = (CLOCK.path, STATUS.path)
 # how far one service's cell clock may be ahead of another's: a few ticks of the clock
 CLOCK_SLACK_NS = 60_000_000
-# what is kept while it is not yet known whether a recording goes on
+# how many samples are kept while it is not yet known whether a recording goes on
 UNDECIDED_SAMPLES = 20_000
 
-# each time that chunks are closed: samples come first, what viewers are shown has time until the recording ends
+# how long to write viewers' messages each time that chunks are closed: samples come first, and viewers' messages have
+# time until the recording ends
 SHOW_S = 0.05
 
 _key_of = itemgetter(Sample._fields.index("key"))
@@ -46,10 +47,11 @@ def _none() -> None:
 class Recorder:
     """At most one recording at a time.
 
-    `metadata()` gives what every file begins with. `tell(code, text)` is called, once each, when the disk fails
-    (`recording_failed`), when a recording goes on in a new part (`recording_resumed`) and when samples are missing that
-    matter. `look()` gives the recording that a predecessor left, None where there is none, False while that cannot be
-    told yet. `for_viewers()` gives what makes a recording's topics for viewers, None for none.
+    `metadata()` gives the metadata at the beginning of every file. `tell(code, text)` is called once for each of these:
+    the disk fails (`recording_failed`), a recording goes on in a new part (`recording_resumed`), and samples are
+    missing that matter. `look()` gives the recording that a predecessor left: None where there is none, False while
+    that is not yet known. `for_viewers()` gives the object that makes a recording's topics for viewers, or None for no
+    such topics.
     """
 
     def __init__(
@@ -76,7 +78,7 @@ class Recorder:
 
     @property
     def writes(self) -> bool:
-        """Whether the thread that writes still runs."""
+        """Whether the writer's thread still runs."""
         return self._thread.is_alive()
 
     # ------------------------------------------------------------------------------------------------------ samples
@@ -84,11 +86,11 @@ class Recorder:
     def taker(
         self, topic: Topic[Any], key: str, on_full: Callable[[], object], on_malformed: Callable[[str], object]
     ) -> Callable[[bytes, int], None]:
-        """What takes the samples of one key, (payload, number), on the bus's thread. `on_full` is called where
-        there is no room, `on_malformed` with why something is no sample of the topic.
+        """A callback that takes the samples of one key, (payload, number), on the bus's thread. `on_full` is called
+        where there is no room, `on_malformed` with the reason why something is no sample of the topic.
 
-        What can be known of a key before its samples is known then: the rest is done with each, in one function, for a
-        call costs as much as what it does.
+        Everything that depends only on the key is computed here, once. The rest is done for each sample in one
+        function, because a function call costs as much as the work itself.
         """
         kind, always = topic.kind, topic.path in ALWAYS_SPEAKING
         tally, account, offer = self._tally, self._tally.account(key, topic.rate_hz), self._inbox.offerer()
@@ -100,7 +102,7 @@ class Recorder:
         def take(payload: bytes, seq: int) -> None:
             now_s = monotonic()
             line = account.line
-            if line is not None and line.expected == seq:  # as of nearly all
+            if line is not None and line.expected == seq:  # as nearly all are
                 account.heard += 1
                 line.expected, line.heard_s = seq + 1, now_s
             else:
@@ -125,7 +127,7 @@ class Recorder:
         return take
 
     def refused(self, key: str) -> None:
-        """A sample that did not get so far: of another type than its key's."""
+        """Count a sample that was refused before this point: of another type than its key's."""
         self._tally.count("refused", key)
 
     def _run(self) -> None:
@@ -155,7 +157,7 @@ class Recorder:
             if tape.viewers is not None:
                 tape.viewers.offer(batch)
             self._attempt(RecordingFile.write_all, said, rest)
-        for sample in rest:  # what comes after a sample that could not be written
+        for sample in rest:  # the samples after one that could not be written
             self._tally.count("unwritten", _key_of(sample))
 
     def _periodically(self, said: list[tuple[str, str]]) -> None:
@@ -168,7 +170,7 @@ class Recorder:
             try:
                 path = tape.go_on(self._begin_with())
             except OSError:
-                return  # it was said when it failed
+                return  # it was reported when it failed
             self._tell_missing(said, "recording_resumed", f"the disk can be written again: goes on in {path}")
         for code, text in warnings_of(self._tally.counts(), self._kinds).items():
             if code not in self._told:
@@ -181,14 +183,14 @@ class Recorder:
         said.append((code, text))
 
     def _attempt(self, work: Callable[..., None], said: list[tuple[str, str]], *arguments: Iterator[Waiting]) -> None:
-        """Work on the file, if there is one; a file that cannot be written is let go of and reported once."""
+        """Work on the file, if there is one. A file that cannot be written is given up and reported once."""
         tape = self._tape
         if tape is None or tape.file is None:
             return
         try:
             work(tape.file, *arguments)
         except Exception as error:
-            # whatever it was, the writer's thread must outlive it: the next file may do
+            # whatever the error was, the writer's thread must outlive it: the next file may work
             path = tape.file.path
             for key, count in tape.let_go(error).items():
                 self._tally.count("unwritten", key, count)
@@ -205,7 +207,7 @@ class Recorder:
     # --------------------------------------------------------------------------------------- a predecessor's recording
 
     def _decide(self, said: list[tuple[str, str]]) -> None:
-        """Whether to go on with what a predecessor left, as soon as that can be told."""
+        """Decide whether to go on with a predecessor's recording, as soon as that can be known."""
         if self._look is None:
             return
         found = self._look()
@@ -232,7 +234,7 @@ class Recorder:
         self._tell_missing(said, "recording_resumed", text)
 
     def _wait_decided(self, deadline_s: float) -> None:
-        """Until it is known whether a recording goes on; at the deadline it does not."""
+        """Wait until it is known whether a recording goes on; at the deadline it does not."""
         until = time.monotonic() + deadline_s
         while self._look is not None and time.monotonic() < until:
             time.sleep(0.02)
@@ -240,8 +242,9 @@ class Recorder:
     # ----------------------------------------------------------------------------------------------------- commands
 
     def start(self, name: str, stamp_ns: int) -> RecordingStatus:
-        """Begin a recording, the running one finished as by `stop`. Where no file can be made: `trouble` in the reply,
-        or CommandRefused with `recorder.required`."""
+        """Begin a recording; a running one is first finished as by `stop`. Where no file can be made: `trouble` in the
+        reply, or CommandRefused with `recorder.required`.
+        """
         self._catch_up(stamp_ns)
         with self._lock:
             self._look = None
@@ -273,7 +276,9 @@ class Recorder:
             return self._last
 
     def _catch_up(self, stamp_ns: int) -> None:
-        """Samples and commands come by different ways, so a command may be first: give the samples time to arrive."""
+        """Samples and commands arrive by different ways, so a command may arrive first: give the samples time to
+        arrive.
+        """
         with self._lock:
             recording = self._tape is not None
         if recording:
@@ -300,7 +305,7 @@ class Recorder:
         self._tape = None
 
     def status(self) -> RecordingStatus:
-        """The recording under way, or the last one."""
+        """The current recording, or the last one."""
         with self._lock:
             return self._status()
 
@@ -322,7 +327,7 @@ class Recorder:
         )
 
     def close(self) -> None:
-        """End the writer; a recording that runs is finished as one that a successor may go on with."""
+        """End the writer; a running recording is closed such that a successor may go on with it."""
         self._inbox.drain(DRAIN_S)
         with self._lock:
             self._finish(SHUT_DOWN)

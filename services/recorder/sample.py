@@ -1,4 +1,4 @@
-"""One sample as it travelled, and its stamp read without decoding it."""
+"""One sample as it was sent, and its stamp read without decoding it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from crosspih_common.messages import Image
 
 # pydantic writes the root's fields first, so that the stamp opens every message
 STAMP_FIRST = b'{"stamp_ns":'
-LONGEST_STAMP = len(STAMP_FIRST) + 19 + 1  # to the comma behind it
+LONGEST_STAMP = len(STAMP_FIRST) + 19 + 1  # up to the comma after it
 _STAMP_FIRST = re.compile(rb'\s*\{\s*"stamp_ns"\s*:\s*(-?\d{1,19})\s*[,}]')
 
 
 class Sample(NamedTuple):
-    """A payload with what MCAP wants to know of it: `stamp_ns` is the cell's clock, `wall_ns` ours on arrival."""
+    """A payload with the fields that MCAP needs: `stamp_ns` is the cell's clock, `wall_ns` this
+    machine's on arrival.
+    """
 
     key: str
     topic: Topic[Any]
@@ -30,7 +32,7 @@ class Sample(NamedTuple):
     wall_ns: int
 
 
-# As it waits for the writer: a named tuple takes three times as long to be made.
+# A sample as it waits for the writer: a named tuple would take three times as long to make.
 Waiting = tuple[str, Topic[Any], bytes, int, int, int]
 
 
@@ -44,7 +46,7 @@ def _json_stamp(payload: bytes) -> int:
     if match is not None:
         return int(match.group(1))
     try:
-        stamp_ns = from_json(payload)["stamp_ns"]  # which refuses what is nested without end; json falls over it
+        stamp_ns = from_json(payload)["stamp_ns"]  # refuses endless nesting, on which json fails
     except (ValueError, TypeError, KeyError):
         stamp_ns = None
     if not isinstance(stamp_ns, int) or not -1 <= stamp_ns < 1 << 63:

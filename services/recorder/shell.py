@@ -24,7 +24,7 @@ LIBRARIES = ("crosspih", "eclipse-zenoh", "mcap", "foxglove-schemas-protobuf", "
 
 
 def library_versions() -> dict[str, str]:
-    """What this process runs with."""
+    """The versions of the libraries in this process."""
     versions = {"python": platform.python_version(), "platform": platform.platform()}
     for name in LIBRARIES:
         try:
@@ -72,7 +72,7 @@ class RecorderShell:
                 "started": datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
                 "boot_id": self._context.bus.clock.boot_id,
             },
-            # log times are this machine's, stamps the cell's
+            # log times are this machine's clock, stamps the cell's
             "wall_clock": {
                 "host": this_host(),
                 "cells_host": "" if wall is None else wall.host,
@@ -82,7 +82,9 @@ class RecorderShell:
         }
 
     def _left_behind(self) -> BrokenOff | bool | None:
-        """What a predecessor left; False before the cell's clock tells which run of the cell this is."""
+        """The recording that a predecessor left; False while the cell's clock has not yet told which run of the cell
+        this is.
+        """
         boot_id = self._context.bus.clock.boot_id
         if not boot_id:
             return False

@@ -1,4 +1,4 @@
-"""What did not get into the file, key by key."""
+"""The samples that are missing from the file, key by key."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from collections.abc import Mapping
 
 from crosspih_common.recording.numbering import Line
 
-RATE_HZ = 100.0  # of a key of which the table says nothing
+RATE_HZ = 100.0  # for a key for which the table names no rate
 
 
 class KeyTally:
-    """How many samples of one key came, one thread at a time, and what their numbers say. `before`: of `heard`, what
-    came before the recording began."""
+    """How many samples of one key came, and what their sequence numbers show; used by one thread at a time. `before`
+    counts those samples in `heard` that came before the recording began.
+    """
 
     __slots__ = ("_lock", "_rate_hz", "before", "heard", "line")
 
@@ -26,7 +27,7 @@ class KeyTally:
         """A sample with this number came; -1 where it has none."""
         self.heard += 1
         line = self.line
-        if line is not None and line.expected == seq:  # of nearly all, and nothing that others count with
+        if line is not None and line.expected == seq:  # true of nearly all samples; no other thread changes this
             line.expected = seq + 1
             line.heard_s = now_s
         elif seq >= 0:
@@ -44,10 +45,10 @@ class KeyTally:
 
 
 class Tally:
-    """Counts, per key: samples that overflowed here, that the disk did not take (`unwritten`), that never came (`gaps`
+    """Counts per key: samples that overflowed here, that the disk did not take (`unwritten`), that never came (`gaps`
     in `seq`), malformed ones and refused ones.
 
-    What follows from numbers is in crosspih_common/recording/numbering.py: `restarts` of publishers, and `strays`.
+    crosspih_common/recording/numbering.py has what follows from the numbers: `restarts` of publishers, and `strays`.
     """
 
     KINDS = ("overflow", "unwritten", "gaps", "malformed", "restarts", "strays", "refused")
@@ -61,12 +62,12 @@ class Tally:
         }
 
     def account(self, key: str, rate_hz: float | None = None) -> KeyTally:
-        """That of one key."""
+        """The account of one key."""
         with self._lock:
             return self._accounts.setdefault(key, KeyTally(self._lock, RATE_HZ if rate_hz is None else rate_hz))
 
     def arrived(self, key: str, seq: int, now_s: float, rate_hz: float | None = None) -> None:
-        """A sample with this number came (or was seen to come and then overflowed)."""
+        """Count a sample with this number that came (or that was seen to come and then overflowed)."""
         self.account(key, rate_hz).count_sample(seq, now_s)
 
     def count(self, kind: str, key: str, amount: int = 1) -> None:
@@ -75,7 +76,7 @@ class Tally:
             self._counts[kind][key] += amount
 
     def begin(self) -> None:
-        """A new recording: all counts from zero; the numbers go on."""
+        """Begin a new recording: all counts start from zero; the sequence numbers go on."""
         with self._lock:
             for counter in self._counts.values():
                 counter.clear()
@@ -83,7 +84,7 @@ class Tally:
                 account.begin()
 
     def counts(self) -> dict[str, dict[str, int]]:
-        """Each kind's counts, key by key, none of zero; and `heard`, how many samples came."""
+        """Counts of each kind, key by key, without zeros; and `heard`, how many samples came."""
         with self._lock:
             found = {kind: dict(counter) for kind, counter in self._counts.items()}
             lines = {key: account.line for key, account in self._accounts.items() if account.line is not None}
@@ -104,7 +105,7 @@ class Tally:
         return dict(sorted(total.items()))
 
     def metadata(self) -> Mapping[str, str]:
-        """For the file: a total of each kind, and `<kind> <key>` for each key that has any."""
+        """Metadata for the file: a total of each kind, and `<kind> <key>` for each key with such samples."""
         counts = self.counts()
         entries = {f"{kind}_total": str(sum(counts[kind].values())) for kind in self.KINDS}
         for kind in self.KINDS:

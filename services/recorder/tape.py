@@ -1,4 +1,4 @@
-"""One recording: the file that is being written, and those before it."""
+"""One recording: the file that is being written, and the files before it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class DiskFull(OSError):
 
 
 def why_of(error: Exception) -> str:
-    """An error in few words."""
+    """A short text for an error."""
     return (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
 
 
 class Tape:
-    """A recording under way. `file` is None while the disk does not take it; `warnings` say what it misses.
+    """A recording under way. `file` is None while the disk cannot be written; `warnings` name the missing samples.
 
     `messages`, `channels` and `bytes_written` count what this process wrote.
     """
@@ -57,7 +57,7 @@ class Tape:
 
     @property
     def channels(self) -> int:
-        """How many keys have spoken, in the file that had most."""
+        """How many keys have sent samples, in the file that has most."""
         return max(self._channels, 0 if self.file is None else self.file.channels)
 
     @property
@@ -66,7 +66,7 @@ class Tape:
         return self._bytes + (0 if self.file is None else self.file.bytes_written())
 
     def begin(self, states: list[Sample]) -> Path:
-        """Make the first file, the states known at its head. Raises OSError, and leaves no file then."""
+        """Make the first file, with the known states at its beginning. Raises OSError, and leaves no file then."""
         self._require_room()
         path, stream = create_file(self._config.directory, self.name)
         self._first = path
@@ -127,7 +127,9 @@ class Tape:
         return time.monotonic() >= self._try_at
 
     def let_go(self, error: Exception) -> Counter[str]:
-        """The file cannot be written: keep what is whole of it; how many samples of each key are not."""
+        """Give up a file that cannot be written: keep its complete part. Returns how many samples of
+        each key are lost.
+        """
         file = self.file
         assert file is not None
         self.file, self.trouble = None, f"{file.path}: {why_of(error)}"
@@ -144,7 +146,7 @@ class Tape:
         return lost
 
     def show(self, within_s: float | None) -> None:
-        """Write what waits for viewers, for so long at most. Raises OSError."""
+        """Write viewers' messages that wait, for at most this long. Raises OSError."""
         if self.viewers is not None and self.file is not None:
             self.viewers.work(self.file, within_s)
 

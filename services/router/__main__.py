@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def _telling(cell: str | None) -> tuple[type[Telling], str]:
-    """What tells of refusals, and on which cell's bus. Imported here alone: a plain router needs none of it.
+    """The object that reports refusals, and the cell on whose bus. Imported only here: a plain router needs none of it.
 
     Raises ConfigError for a cell's file that cannot be read.
     """
@@ -83,8 +83,8 @@ def main() -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
-    be_urgent()  # it does little, and everything waits for it; before Zenoh starts its threads
-    telling = kind() if kind is not None else None  # urgent too: Zenoh waits for whoever reads its log
+    be_urgent()  # it does little, but everything waits for it; before Zenoh starts its threads
+    telling = kind() if kind is not None else None  # urgent too: Zenoh waits for the reader of its log
     try:
         session = zenoh.open(router_config(endpoint, given.peers, credentials, listen, routers))
     except zenoh.ZError as error:
@@ -95,7 +95,7 @@ def main() -> int:
             file=sys.stderr,
             flush=True,
         )
-        return 1  # and is started again: a predecessor may be letting go of the port just now
+        return 1  # and is started again: a predecessor may still be releasing the port
     bus = None
     try:
         if telling is not None:
@@ -110,7 +110,7 @@ def main() -> int:
                 notify.status(said)
         links = None
         if listen or routers:
-            from services.router.links import Links  # it loads the key table, which a router alone does without
+            from services.router.links import Links  # it loads the key table, which a plain router does not need
 
             links = Links(session, routers)
         notify.ready()

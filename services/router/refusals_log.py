@@ -1,8 +1,8 @@
-"""Whom the router refused, read from Zenoh's log, the only place where Zenoh reports it.
+"""The refusals of the router, read from Zenoh's log, the only place where Zenoh reports them.
 
-Links that fail their TLS handshake are warnings; what the access rules deny is traced, message by message. Zenoh also
-traces what it *would* deny, once for each key that is declared; those lines follow one that says so, and tell of no
-attempt.
+Links that fail their TLS handshake are logged as warnings; messages that the access rules deny are traced one by one.
+Zenoh also traces what it *would* deny, once for each key that is declared. Those lines follow a line that announces
+them, and report no attempt.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ LEVELS = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_con
 LINK_REFUSED, ACCESS_REFUSED = "link_refused", "access_refused"
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 LINK = re.compile(r"WARN .*?zenoh_link_tls::unicast: (?P<why>.*)")
-HINT = re.compile(r"\.? *Hint: .*")  # on open files, whatever the reason was
+HINT = re.compile(r"\.? *Hint: .*")  # Zenoh's hint on open files, whatever the reason was
 THREAD = re.compile(r"(ThreadId\(\d+\))")
 CACHING = re.compile(r"ACL \((?P<flow>\w+)\): caching permissions for `(?P<key>[^`]*)`")
 NAMED = re.compile(r"(?P<session>[0-9a-f]+) on \S*CertCommonName\((?P<name>[^)]*)\)")
@@ -31,7 +31,7 @@ WHY = {
     "invalid peer certificate: certificate not valid yet": "its certificate is not valid yet",
     "received corrupt message": "it does not speak TLS",
 }
-# what Zenoh's message means to a reader
+# Zenoh's message types in plain words
 VERBS = {
     "Put": "publish on", "Delete": "delete", "Query": "ask", "Reply": "answer for",
     "Declare Subscriber": "read", "Declare/Undeclare Subscriber": "read",
@@ -43,7 +43,7 @@ VERBS = {
 
 @dataclass(frozen=True, slots=True)
 class RefusalEvent:
-    """One refusal: a code of an event, and a sentence for people."""
+    """One refusal: an event code, and a sentence for people."""
 
     code: str
     text: str
@@ -51,7 +51,7 @@ class RefusalEvent:
 
 @dataclass(slots=True)
 class _WorkedOut:
-    """What Zenoh works out beforehand for a key, one message after the other."""
+    """The permissions that Zenoh computes beforehand for a key, one message type after the other."""
 
     flow: str
     key: str
@@ -59,7 +59,7 @@ class _WorkedOut:
     messages: set[str] = field(default_factory=set)
 
     def holds(self, judged: re.Match[str]) -> bool:
-        """Whether a line is one of these: each message comes once, for one session."""
+        """Whether a line belongs to them: each message type comes once, for one session."""
         if judged["cached"] or (judged["flow"], judged["key"]) != (self.flow, self.key):
             return False
         self.session = self.session or judged["session"]
@@ -77,7 +77,7 @@ class RefusalsLog:
         self._worked_out: dict[str, _WorkedOut] = {}  # thread: the last key
 
     def read(self, line: str) -> RefusalEvent | None:
-        """The refusal that a line tells of, if it does."""
+        """The refusal that a line reports, or None."""
         line = COLOURS.sub("", line).rstrip()
         if (link := LINK.search(line)) is not None:
             return RefusalEvent(LINK_REFUSED, f"a connection was refused: {_reason(HINT.sub('', link['why']))}")

@@ -1,4 +1,4 @@
-"""The refusals of a secure router, from Zenoh's log, as events on the bus and lines of the service's log."""
+"""Reports the refusals of a secure router, from Zenoh's log, as events on the bus and as lines of the service's log."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from crosspih_common.keys import EVENTS
 from crosspih_common.messages import Event, Severity
 from services.router.refusals_log import LEVELS, RefusalEvent, RefusalsLog
 
-AGAIN_S = 10.0  # the same refusal is told again after so long
-PIPE_BYTES = 1 << 20  # what waits while Python is busy: Zenoh stands still when it is full
+AGAIN_S = 10.0  # the same refusal is reported again only after this time
+PIPE_BYTES = 1 << 20  # buffer while Python is busy: Zenoh blocks when it is full
 READ_BYTES = 1 << 16
 WAITING = 256
 REMEMBERED = 1000
-WORDS = (b"unauthorized", b"WARN", b"ERROR", b"caching", b"CertCommonName")  # of lines that are looked at at all
+WORDS = (b"unauthorized", b"WARN", b"ERROR", b"caching", b"CertCommonName")  # other lines are not parsed
 
 
 class Telling:
-    """Zenoh's log is standard output: taken over here before Zenoh starts; our own words go on as they did."""
+    """Zenoh logs to standard output. This takes it over before Zenoh starts; this process's own prints are not
+    affected.
+    """
 
     def __init__(self) -> None:
         self._log, self._said = RefusalsLog(), dict[RefusalEvent, float]()
@@ -69,7 +71,7 @@ class Telling:
             print(line, file=sys.stderr, flush=True)
 
     def to(self, session: zenoh.Session, endpoint: str, cell: str) -> Bus:
-        """Tell of refusals on the bus of a cell; the bus is the caller's to close."""
+        """Report refusals on the bus of a cell; the caller closes the bus."""
         bus = Bus(ZenohTransport(session, endpoint), cell, "router")
         threading.Thread(target=self._tell, args=(bus,), name="refusals", daemon=True).start()
         return bus

@@ -34,7 +34,7 @@ def _arguments(argv: list[str]) -> tuple[argparse.Namespace, list[str]]:
 
 
 def play_recordings(arguments: argparse.Namespace, rest: list[str]) -> int:
-    """Serve the page of recordings until SIGINT or SIGTERM; the exit status."""
+    """Serve the page of recordings until SIGINT or SIGTERM; returns the exit status."""
     try:
         from services.viewer.playback import play
     except ModuleNotFoundError as error:
@@ -64,7 +64,7 @@ def play_recordings(arguments: argparse.Namespace, rest: list[str]) -> int:
 
 
 def serve_cell(arguments: argparse.Namespace, rest: list[str]) -> int:
-    """The page of a running cell, as a service of it; the exit status."""
+    """Serve the page of a running cell, as one of its services; returns the exit status."""
     from crosspih_common.service import ServiceContext, run_service
     from services.viewer.config import ViewerConfig
 
@@ -82,7 +82,7 @@ def serve_cell(arguments: argparse.Namespace, rest: list[str]) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """The exit status."""
+    """Returns the exit status."""
     arguments, rest = _arguments(argv)
     if arguments.recording:
         return play_recordings(arguments, rest)

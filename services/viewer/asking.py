@@ -1,7 +1,7 @@
-"""What the page asks of the cell: commands as anybody else sends them, each with its answer or refusal in words.
+"""The commands of the page: sent as any other client sends them; each answer or refusal is put in words.
 
-The page never holds the arm: the planner does, while it carries out what is asked. Where somebody else holds it nothing
-is asked at all.
+The page never holds the arm: the planner holds it while it carries out a command. Where somebody else holds it, the
+page sends no command at all.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ RECORDER_DEADLINE_S, RECORDER_WAIT_S = 60.0, 1.0
 
 @dataclass(frozen=True, slots=True)
 class PageAnswer:
-    """What came of it, in words; `good` is False where it was refused or failed."""
+    """The outcome of a command in words; `good` is False where it was refused or failed."""
 
     good: bool
     text: str
 
 
 def who_holds(lease: LeaseState | None) -> str:
-    """Why nothing may be asked of the arm now; empty where it is free."""
+    """Why no command may be sent to the arm now; empty where it is free."""
     if lease is None:
         return "nobody has told yet who holds the arm"
     if not lease.holder:
@@ -53,7 +53,7 @@ def who_holds(lease: LeaseState | None) -> str:
 
 
 class PageCommands:
-    """Commands of the page, one at a time but for those that must pass the others: stop and pause."""
+    """Commands of the page, one at a time, except for stop and pause, which must pass the others."""
 
     def __init__(self, bus: Bus, lease: Callable[[], LeaseState | None], simulated: Callable[[], bool]) -> None:
         self._bus, self._lease, self._simulated = bus, lease, simulated
@@ -61,11 +61,11 @@ class PageCommands:
 
     @property
     def busy(self) -> str:
-        """Why nothing may be asked of the arm now; empty where it may."""
+        """Why no command may be sent now; empty where one may."""
         return "what this page asked before is still under way" if self._busy.locked() else who_holds(self._lease())
 
     def assemble(self, strategy: Strategy, seed: int | None) -> PageAnswer:
-        """One assembly, recorded, and before it a new trial where there is a seed and the cell is simulated."""
+        """One assembly, recorded. If there is a seed and the cell is simulated, a new trial begins before it."""
         return self._one_at_a_time(lambda: self._assemble(strategy, seed))
 
     def reset(self, seed: int) -> PageAnswer:
@@ -73,15 +73,15 @@ class PageCommands:
         return self._one_at_a_time(lambda: self._reset(seed))
 
     def withdraw(self) -> PageAnswer:
-        """The seated peg straight out."""
+        """Take the seated peg straight out."""
         return self._one_at_a_time(self._withdraw)
 
     def stop(self) -> PageAnswer:
-        """End the assembly that runs, whoever asked for it: the planner backs the peg off."""
+        """End the running assembly, whoever started it: the planner backs the peg off."""
         return _told(lambda: self._stop())
 
     def pause(self, paused: bool) -> PageAnswer:
-        """Hold the assembly that runs before its next motion, or let it go on."""
+        """Pause the running assembly before its next motion, or resume it."""
         return _told(lambda: self._pause(paused))
 
     def _one_at_a_time(self, ask: Callable[[], PageAnswer]) -> PageAnswer:

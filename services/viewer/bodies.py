@@ -1,4 +1,4 @@
-"""What is drawn of a cell, from its file alone: arm, sensor, peg, plate, what stands around, cameras."""
+"""The bodies that are drawn of a cell, from its file alone: arm, sensor, peg, plate, surroundings, cameras."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from services.viewer.solids import SolidMesh, box, capsule, cylinder, joined, pe
 Colour = tuple[int, int, int]
 ARM, JOINT, STEEL, SENSOR = (236, 238, 241), (58, 68, 84), (150, 157, 168), (38, 42, 50)
 BRASS, PLATE, STAND, THING, FORBIDDEN = (222, 164, 58), (126, 138, 156), (92, 100, 112), (176, 164, 146), (206, 66, 66)
-HOUSING = 1.22  # a joint's housing beside the link that it carries
-BARREL = 1.25  # half its length in radii of that link
+HOUSING = 1.22  # radius of a joint's housing over that of the link that it carries
+BARREL = 1.25  # half the housing's length over the radius of that link
 SMOOTH_M = 0.006
-SENSOR_LENGTH_M = 0.033  # of a wrist sensor, at most; the rest of the tool carries the peg
+SENSOR_LENGTH_M = 0.033  # length of a wrist sensor, at most; the rest of the tool carries the peg
 BASE_M = 0.035
 
 
@@ -38,17 +38,17 @@ class Body:
 
 
 def link_frame(index: int) -> str:
-    """The frame that the first `index` joints move."""
+    """The frame after the first `index` joints."""
     return f"link {index}"
 
 
 def bodies_of(workcell: Workcell) -> list[Body]:
-    """Everything that a cell's file tells of, m."""
+    """Everything that a cell's file describes, m."""
     return [*_arm(workcell), *_tool(workcell), *_fixture(workcell), *_around(workcell)]
 
 
 def frames_of(workcell: Workcell, joints_rad: Array) -> dict[str, Pose]:
-    """`pose_base_frame` of what the arm moves: its links, and the peg."""
+    """`pose_base_frame` of everything that the arm moves: its links, and the peg."""
     poses = workcell.arm().link_poses(joints_rad)
     frames = {link_frame(index): pose for index, pose in enumerate(poses)}
     frames["peg"] = poses[-1] @ workcell.pose_flange_peg()
@@ -56,14 +56,16 @@ def frames_of(workcell: Workcell, joints_rad: Array) -> dict[str, Pose]:
 
 
 def _arm(workcell: Workcell) -> list[Body]:
-    """Each link a capsule, bent where the drawing goes along the axis first and then away; a barrel about each axis."""
+    """Each link is a capsule, bent where the drawing goes along the axis first and then away; each axis
+    has a barrel.
+    """
     arm = workcell.arm()
     foot_m = workcell.surroundings.floor_height_m or 0.0
     bodies = []
     radii = [float(radius) for radius in arm.link_radii_m]
     for index, (line, radius) in enumerate(zip(arm.link_lines_m, radii, strict=True)):
         path = [line[0], line[1]]
-        if index == 0:  # the base holds its lower end, so that it does not stand out below
+        if index == 0:  # the base holds the link's lower end, so that it does not stand out below
             path[0] = line[0] + (line[1] - line[0]) * min((radius + foot_m) / np.linalg.norm(line[1] - line[0]), 0.9)
         if arm.table is not None:
             corner = np.array([-arm.table[index, 2], 0.0, 0.0])
@@ -155,8 +157,10 @@ def _around(workcell: Workcell) -> list[Body]:
 
 
 def _of_file(placed: MeshFile) -> SolidMesh | None:
-    """A mesh of the cell's file; None where the file is not here, as that of a recording from elsewhere."""
-    import trimesh  # it comes with viser
+    """A mesh of the cell's file; None where the mesh file is not on this machine, as with a recording
+    from elsewhere.
+    """
+    import trimesh  # viser depends on it
 
     if not Path(placed.file).is_file():
         return None
@@ -171,7 +175,9 @@ def _of_file(placed: MeshFile) -> SolidMesh | None:
 
 
 def cameras_of(workcell: Workcell, told: CameraCalibration | None) -> list[tuple[str, CameraModel, Pose]]:
-    """Name, model and `pose_base_camera` of both cameras, as the driver tells, or else as the cell's file does."""
+    """Name, model and `pose_base_camera` of both cameras: as the driver publishes them, or else from the
+    cell's file.
+    """
     if told is None:
         drawn = workcell.camera
         model = CameraModel(
@@ -187,6 +193,6 @@ def cameras_of(workcell: Workcell, told: CameraCalibration | None) -> list[tuple
 
 
 def seated_peg(workcell: Workcell, pose_base_hole: Pose) -> Pose:
-    """`pose_base_peg` of a peg that sits in a hole there, its body in as deep as counts as inserted."""
+    """`pose_base_peg` of a peg seated in a hole there, its body in as deep as counts as inserted."""
     depth_m = workcell.hole.shape(workcell.peg.shape()).chamfer_m + workcell.insertion_depth_m
     return pose_base_hole @ Pose.from_translation([0.0, 0.0, depth_m - workcell.peg.shape().taper_start_m])

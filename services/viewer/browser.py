@@ -1,4 +1,4 @@
-"""The page's server: viser behind our door."""
+"""The page's server: viser behind our own access check (door.py)."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class NotThroughTheDoor(Exception):
 
 
 class PageServer(viser.ViserServer):
-    """viser behind the door, and without its tunnel: no click may show a cell to the world."""
+    """viser behind the door, and without its public tunnel: no click may publish a cell to the internet."""
 
     def only_with(self, passport: str) -> None:
-        """Refuse every connection that does not bring this passport, before a message of it is read."""
+        """Refuse every connection without this passport, before reading a message of it."""
         behind = self._websock_server
         connections = behind._live_connections
 
@@ -40,13 +40,13 @@ class PageServer(viser.ViserServer):
         behind.on_client_connect(check)
 
     def request_share_url(self, verbose: bool = True) -> None:
-        """Refused."""
+        """Always refused."""
         return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Browser:
-    """A page that is served. `address` is what to open, the token with it; `moved` says why it is another port."""
+    """A page that is served. `address` is the URL to open, with its token; `moved` says why the port is another one."""
 
     server: PageServer
     door: Door
@@ -62,13 +62,13 @@ class Browser:
 
 
 def open_browser(host: str, port: int | None, title: str, token: str = "") -> Browser:
-    """Serve an empty page. From any address but this machine's own a token is wanted: `token`, or one that is drawn.
+    """Open an empty page. Connections from other machines need a token: `token`, or a random one.
 
     Raises ConfigError where it cannot listen there.
     """
     listening, moved = listen(host, port)
     wanted = token or ("" if is_this_machine(host) else secrets.token_urlsafe(24))
-    with contextlib.redirect_stdout(io.StringIO()):  # its banner shows the port behind the door
+    with contextlib.redirect_stdout(io.StringIO()):  # viser's banner shows the port behind the door
         server = PageServer(host="127.0.0.1", port=_free_port(), label=title, verbose=False)
     passport = secrets.token_urlsafe(24)
     server.only_with(passport)

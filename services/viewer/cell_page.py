@@ -1,4 +1,4 @@
-"""One cell on the page: its scene and its panels, brought to a moment."""
+"""One cell on the page: its scene and its panels at one moment."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ LEFT_PX, RIGHT_PX = 370.0, 330.0
 
 
 class CellPage:
-    """Scene and panels of one cell; `name` tells it from another on the same page, `offset_m` (3,) from its scene.
+    """Scene and panels of one cell; `name` distinguishes it from another on the same page, `offset_m` (3,) moves its
+    scene.
 
-    The headline goes where the caller is at; forces, pictures and services become tabs of a panel at the left edge.
+    The headline goes into the caller's current container; forces, pictures and services become tabs of a panel at the
+    left edge.
     """
 
     def __init__(
@@ -46,17 +48,17 @@ class CellPage:
         self.panel.set_width(LEFT_PX)
 
     def see_through(self, clear: bool) -> None:
-        """Peg and plate as glass, or as they are."""
+        """Show peg and plate as glass, or as they are."""
         self._scene.see_through(clear)
 
     def move(self, moment: SceneMoment) -> None:
-        """What moves in the scene."""
+        """Update what moves in the scene."""
         self._scene.show(moment)
 
     def tell(
         self, moment: SceneMoment, chart: Chart | None, before: str = "", alive: frozenset[str] | None = None
     ) -> None:
-        """What the panels say; `alive` are the services that live, where that is known."""
+        """Update the panels; `alive` are the running services, where that is known."""
         self.headline.show(moment, before)
         self._forces.show(moment, chart)
         self._services.show(moment, alive)
@@ -65,7 +67,7 @@ class CellPage:
 
 
 def add_glass(server: viser.ViserServer, pages: Sequence[CellPage]) -> None:
-    """A box to look through peg and plate."""
+    """Add a checkbox that makes peg and plate transparent."""
     box = server.gui.add_checkbox("See through", initial_value=False)
 
     @box.on_update
@@ -75,7 +77,7 @@ def add_glass(server: viser.ViserServer, pages: Sequence[CellPage]) -> None:
 
 
 def look_from(server: viser.ViserServer, view: ViewPoint) -> None:
-    """Where whoever opens the page looks from at first."""
+    """Set the first view point of whoever opens the page."""
     camera = server.initial_camera
     camera.position, camera.look_at, camera.up = view.eye_m, view.target_m, view.up
     camera.fov = FOV_RAD
@@ -84,7 +86,7 @@ def look_from(server: viser.ViserServer, view: ViewPoint) -> None:
 
 
 def add_view_buttons(server: viser.ViserServer, views: dict[str, ViewPoint]) -> None:
-    """Buttons that bring whoever presses one to another view point."""
+    """Add buttons that bring the client who presses one to another view point."""
     group = server.gui.add_button_group("Look at", tuple(views))
 
     @group.on_click

@@ -13,7 +13,7 @@ from services.viewer.series import decimated
 from services.viewer.timeline import PhaseSpan, SceneMoment
 
 BUCKETS = 180
-MARK_SHARE = 0.003  # of the chart's width, a touch
+MARK_SHARE = 0.003  # width of a touch as a share of the chart's
 GROUPS: tuple[tuple[str, str, tuple[Phase, ...]], ...] = (
     ("calibrate", "#868e96", (Phase.CALIBRATING,)),
     ("look", "#15aabf", (Phase.LOCATING,)),
@@ -31,8 +31,9 @@ GROUP_OF = {phase: index for index, (_, _, phases) in enumerate(GROUPS) for phas
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chart:
-    """Columns over one axis: times (n,), s; `shades` (groups + 2, n), 1 where it is such a phase, where a touch is, and
-    at the moment shown, else 0; forces (3, n), N; moments (3, n), Nm."""
+    """Columns over one axis: times (n,), s; `shades` (groups + 2, n), which are 1 during such a phase, at a touch, and
+    at the moment shown, and else 0; forces (3, n), N; moments (3, n), Nm.
+    """
 
     times_s: Array
     shades: Array
@@ -43,7 +44,7 @@ class Chart:
 def chart_of(moment: SceneMoment, times_s: Array, wrenches: Array, now_s: float | None = None) -> Chart:
     """The chart of wrenches (k, 6), N and Nm, at times (k,), s since the trial of `moment` began.
 
-    `now_s` marks a moment, as the one of a recording that is shown.
+    `now_s` marks a moment, such as the one of a recording that is shown.
     """
     base, values = decimated(times_s, wrenches, BUCKETS)
     wide_s = MARK_SHARE * max(float(base[-1]) if len(base) else 0.0, 1.0)
@@ -62,7 +63,7 @@ def chart_of(moment: SceneMoment, times_s: Array, wrenches: Array, now_s: float 
 
 
 def _edges(spans: Sequence[PhaseSpan], first_ns: int) -> Array:
-    """Times just before and at each change of phase, so that a shade has upright ends."""
+    """Times just before and at each change of phase, so that each shade has vertical edges."""
     found = []
     for span in spans:
         for stamp in (span.from_ns, span.until_ns):

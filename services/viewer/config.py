@@ -8,7 +8,7 @@ from crosspih_common.config import Section
 
 
 class ViewerConfig(Section):
-    """Where the page is, and how often it is brought up to date."""
+    """Where the page is served, and how often it is updated."""
 
     host: str = Field(
         default="127.0.0.1",

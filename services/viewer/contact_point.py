@@ -1,4 +1,4 @@
-"""Where the peg is touched, as far as a wrench tells."""
+"""Where the peg is touched, estimated from a wrench."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from crosspih_common.shapes import Peg
 
 REACH_M = 0.15
 STEPS = 601
-MIN_FORCE_N = 0.8  # below, noise turns the line of action about
+MIN_FORCE_N = 0.8  # below it noise turns the line of action about
 
 
 def contact_point(wrench_peg: ArrayLike, peg: Peg) -> Array | None:
     """Where the line of action of the force of a wrench (6,), N and Nm, in the peg frame enters the peg: (3,), m.
 
-    That is the contact, where there is one and friction makes no moment about its normal; of several it lies between
-    them. None where the force is too small to tell, or its line misses the peg.
+    That is the contact point, if there is one contact and friction makes no moment about its normal. With several
+    contacts it lies between them. None where the force is too small, or its line misses the peg.
     """
     wrench = np.asarray(wrench_peg, float)
     force, moment = wrench[:3], wrench[3:]

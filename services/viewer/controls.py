@@ -15,14 +15,14 @@ from services.viewer.words import holder
 if TYPE_CHECKING:
     import viser
 
-STRATEGIES = tuple(one.value for one in Strategy if one is not Strategy.KNOWN_POSE)  # that one wants a pose as well
+STRATEGIES = tuple(one.value for one in Strategy if one is not Strategy.KNOWN_POSE)  # which needs a pose as well
 MOST_SEED = 2**31 - 1
 FIXED = "peg, cell and speed are fixed when a stack starts: <code>crosspih down</code>, then for example "
 HOW = "<code>CROSSPIH_SPEED=max crosspih up</code> or <code>CROSSPIH_CELL=FILE crosspih up</code>"
 
 
 class Controls:
-    """Buttons in the main panel; what was asked is answered below them, in words."""
+    """Buttons in the main panel; the answer to a command is shown below them, in words."""
 
     def __init__(self, server: viser.ViserServer, asking: PageCommands, peg: str, cell: str) -> None:
         gui, self._asking = server.gui, asking
@@ -57,7 +57,7 @@ class Controls:
 
     def _on_click(self, doing: str, ask: Callable[[], PageAnswer]) -> Callable[[Any], None]:
         def clicked(event: Any) -> None:
-            # an assembly takes minutes: a thread of its own leaves the page's own threads free
+            # an assembly takes minutes: a thread of its own keeps the page's threads free
             threading.Thread(target=self._carry_out, args=(doing, ask), name="asking", daemon=True).start()
 
         return clicked
@@ -84,7 +84,9 @@ class Controls:
         return answer
 
     def show(self, moment: SceneMoment, realtime: bool | None, simulated: bool | None) -> None:
-        """Which buttons can be pressed then; `realtime` and `simulated` are None before the clock was heard."""
+        """Enable the buttons that can be pressed now; `realtime` and `simulated` are None before the first tick of the
+        clock.
+        """
         busy = self._asking.busy
         running = moment.phase is not None and moment.phase.phase not in (Phase.DONE, Phase.IDLE)
         if not running:

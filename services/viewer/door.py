@@ -1,4 +1,6 @@
-"""The port that people open: asks the gate about each connection, and passes on to the page's own server behind it."""
+"""The port that people open: asks the gate about each connection, and passes it on to the page's own
+server behind it.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,13 @@ from crosspih_common.errors import ConfigError
 from services.viewer.gate import MOST_HEAD_BYTES, Gate, GateVerdict, head_of
 
 FIRST_PORT, PORTS = 8080, 40
-HEAD_S = 10.0  # in which whoever connects must have said what it wants
+HEAD_S = 10.0  # time for a client to send the head of its request
 PIECE = 65_536
 PASSPORT = "X-Crosspih-Passport"  # the header by which the server behind the door knows who came through it
 
 
 def listen(host: str, port: int | None) -> tuple[socket.socket, str]:
-    """A socket that listens there, and words where it is another port than the usual one.
+    """A socket that listens there, and a text where it is another port than the usual one.
 
     Without `port` the usual one, or the next that is free. Raises ConfigError, in one line.
     """
@@ -111,8 +113,8 @@ class Door:
                 await asyncio.gather(*ways, return_exceptions=True)
 
     def close(self) -> None:
-        """Let nobody in any more, and close what is open."""
-        with contextlib.suppress(RuntimeError):  # the loop has ended by itself
+        """Accept no more connections, and close those that are open."""
+        with contextlib.suppress(RuntimeError):  # the loop has already ended by itself
             self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(5.0)
 

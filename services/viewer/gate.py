@@ -1,9 +1,9 @@
-"""The page's door: who may come in, told from the first lines of a connection; what comes in is passed on as it is.
+"""Who may open the page, decided from the first lines of a connection; allowed connections are passed on unchanged.
 
-Every connection is one HTTP request, or one WebSocket, which the page's own server does not ask for a name. So the door
-is before it: it lets in whoever asks for this machine by its own name, or, where the page can be reached from
-elsewhere, whoever brings the token; and of WebSockets only those that a page from here has opened (a browser says so in
-`Origin`), so that no other site's page that somebody has open can press this one's buttons.
+Every connection is one HTTP request or one WebSocket, and the page's own server does no authentication. So the door
+stands before it. It lets in a client that addresses this machine by its own name or, where the page can be reached from
+elsewhere, a client with the token. It lets in only WebSockets that a page from here has opened (a browser says so in
+`Origin`), so that another site's page in the same browser cannot press this page's buttons.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ICON = (
     "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 24 24'%3E%3Crect width='24' height='24' "
     "rx='5' fill='%231c2733'/%3E%3Cpath d='M9 4h6v5h5v6h-5v5H9v-5H4V9h5z' fill='%23dea43a'/%3E%3C/svg%3E"
 )
-# The theme is the browser's own setting unless a link of the page chose another; `?darkMode` is how the page is told.
+# The theme is the browser's own setting unless a link of the page chose another; the link sets it with `?darkMode`.
 THEME = """<script>(() => {
   const asked = new URLSearchParams(location.search), key = "crosspih-theme";
   let theme = null;
@@ -36,19 +36,19 @@ THEME = """<script>(() => {
 
 
 class GateVerdict(Enum):
-    """What becomes of a connection."""
+    """The decision about a connection."""
 
-    PAGE = "page"  # the page itself is sent
-    PASS = "pass"  # on to the page's server
-    COME_IN = "come in"  # the right token was brought: a cookie is given, and the address without the token
+    PAGE = "page"  # send the page itself
+    PASS = "pass"  # pass on to the page's server
+    COME_IN = "come in"  # the right token was sent: set a cookie, and redirect to the address without the token
     NO_TOKEN = "no token"
-    ELSEWHERE = "elsewhere"  # another site's page, or another name than this machine's
+    ELSEWHERE = "elsewhere"  # another site's page, or another host name than this machine's
     MALFORMED = "malformed"
 
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """The first lines of a connection; header names in lower case."""
+    """The first lines of a request; header names in lower case."""
 
     method: str
     target: str
@@ -56,7 +56,7 @@ class Head:
 
 
 def head_of(first_lines: bytes) -> Head | None:
-    """Read a request's head, up to the empty line; None where it is none."""
+    """Parse a request's head, up to the empty line; None where it is no valid head."""
     try:
         request, *lines = first_lines.decode("latin-1").rstrip("\r\n").split("\r\n")
         method, target, version = request.split(" ")
@@ -67,7 +67,7 @@ def head_of(first_lines: bytes) -> Head | None:
 
 
 def is_this_machine(host: str) -> bool:
-    """Whether an address or a name without its port is this machine's own, as it can be reached from here alone."""
+    """Whether an address or a name without its port means this machine itself, reachable from here alone."""
     name = host.strip("[]").lower()
     if name == "localhost":
         return True
@@ -79,12 +79,12 @@ def is_this_machine(host: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """`token` is empty where nobody needs one: the page is then served to this machine alone."""
+    """`token` is empty where no token is needed: the page is then served to this machine alone."""
 
     token: str
 
     def verdict(self, head: Head | None) -> GateVerdict:
-        """What becomes of a connection that begins so."""
+        """The decision about a connection with this head."""
         if head is None or head.method != "GET" or "host" not in head.headers:
             return GateVerdict.MALFORMED
         url = urlsplit(head.target)
@@ -105,7 +105,7 @@ class Gate:
         return secrets.compare_digest(brought.encode(), self.token.encode())
 
     def answer(self, verdict: GateVerdict) -> bytes:
-        """The whole answer to whoever is not let through."""
+        """The whole answer to a client that is not let through."""
         if verdict is GateVerdict.COME_IN:
             cookie = f"{COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Strict; Max-Age=604800"
             return f"HTTP/1.1 303 See Other\r\nLocation: /\r\nSet-Cookie: {cookie}\r\n{SECURE}{_END}\r\n".encode()

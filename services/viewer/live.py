@@ -1,4 +1,4 @@
-"""Binds the page to the bus: hears what it shows, and asks what its buttons ask."""
+"""Binds the page to the bus: subscribes to what it shows, and sends the commands of its buttons."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ from services.viewer.controls import Controls
 from services.viewer.timeline import StampedPicture, Timeline
 from services.viewer.words import STYLE, themes
 
-POLITE = 10  # nice: whoever moves the arm comes first
+POLITE = 10  # nice: the processes that move the arm come first
 MOST_WAITING = 200_000
-IDLE_S = 30.0  # of force that the chart shows while there was no assembly yet
+IDLE_S = 30.0  # length of the force chart while there was no assembly yet
 HeardT = TypeVar("HeardT")
 
 
@@ -91,7 +91,7 @@ class ViewerShell:
         moved = f" ({browser.moved})" if browser.moved else ""
         self._context.event(Severity.INFO, "page", f"{browser.without_token}{moved}")
         if browser.address != browser.without_token:
-            print(f"viewer: {browser.address}", flush=True)  # the token goes to the log alone, and not over the bus
+            print(f"viewer: {browser.address}", flush=True)  # the token goes to the log alone, and never over the bus
 
     def _listen(self, bus: Bus) -> None:
         timeline, later = self._timeline, self._later
@@ -122,7 +122,7 @@ class ViewerShell:
         bus.watch_alive(self._on_alive)
 
     def _later(self, take: Callable[[HeardT], None]) -> Callable[[HeardT], None]:
-        """What comes is put down, and taken by the page's own thread when it draws next."""
+        """A callback that queues what arrives; the page's own thread takes it when it draws next."""
         return lambda heard: self._waiting.append(lambda: take(heard))
 
     def _on_clock(self, tick: CellClock) -> None:
@@ -147,7 +147,7 @@ class ViewerShell:
                     self._waiting.popleft()()
                 self._timeline.forget()
                 if not self._browser.server.get_clients():
-                    looking.close()  # nobody looks: nothing is drawn, and the fastest stream is not even heard
+                    looking.close()  # no client: draw nothing, and do not subscribe to the fastest stream
                     joints = None
                     continue
                 if joints is None:
@@ -155,7 +155,9 @@ class ViewerShell:
                 told_at = self._draw(joints.value(), told_at)
 
     def _draw(self, joints: JointState | None, told_at: float) -> float:
-        """The scene now, and the panels where they were told long enough ago: when they were told."""
+        """Draw the scene, and the panels if their last update is long enough ago. Returns the time of the panels' last
+        update.
+        """
         if joints is not None:
             self._timeline.joint_state(joints)
         with self._browser.server.atomic():
@@ -184,7 +186,7 @@ class ViewerShell:
             self._controls.show(moment, realtime, simulated)
 
     def close(self) -> None:
-        """Take the page away."""
+        """Close the page."""
         self._closing.set()
         self._thread.join()
         self._browser.close()

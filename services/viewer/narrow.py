@@ -1,4 +1,6 @@
-"""A narrow window, such as a phone's: the panel below the 3-D view instead of over it, and the whole cell in sight."""
+"""For a narrow window, such as a phone's: the panel below the 3-D view instead of over it, and the whole
+cell in view.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import viser
 
-FOV_RAD = 0.75  # upright, of a view that is wide enough
-WIDE_ENOUGH = 0.72  # width over height of a view in which the cell fits with FOV_RAD
-WIDEST_RAD = 1.3  # more would bend what is seen
+FOV_RAD = 0.75  # vertical field of view in a window that is wide enough
+WIDE_ENOUGH = 0.72  # width over height of a window in which the cell fits with FOV_RAD
+WIDEST_RAD = 1.3  # a wider angle would distort the picture
 STEP_RAD = 0.01
 
-# viser's own sheet for phones lies over the view, 20em wide at its right edge. Its parts have no names: they are found
-# by viser's inline styles. Where a browser knows no :has() the sheet stays as it is.
+# viser's own panel for phones lies over the view, 20em wide at its right edge. Its parts have no class names: they are
+# found by viser's inline styles. In a browser without :has() the panel stays as it is.
 STYLE = """<style>@media (max-width: 36em) {
   :has(> [style*="max-height: 60%"][style*="width: 20em"]) { flex-direction: column !important; }
   :has(> [style*="max-height: 60%"][style*="width: 20em"]) > :has(canvas) { min-height: 0; }
@@ -26,9 +28,9 @@ STYLE = """<style>@media (max-width: 36em) {
 
 
 def upright_fov_rad(aspect: float) -> float:
-    """The upright angle of view in which as much fits from side to side as in a view that is wide enough.
+    """The vertical angle of view in which as much fits horizontally as in a window that is wide enough.
 
-    `aspect` is the view's width over its height.
+    `aspect` is the window's width over its height.
     """
     if aspect >= WIDE_ENOUGH:
         return FOV_RAD
@@ -36,7 +38,7 @@ def upright_fov_rad(aspect: float) -> float:
 
 
 def keep_in_view(server: viser.ViserServer) -> None:
-    """Widen the angle of view of whoever looks through a narrow window, also when it is turned or the panel folded."""
+    """Widen the angle of view of clients with a narrow window, also when it is turned or the panel folded."""
 
     @server.on_client_connect
     def _(client: viser.ClientHandle) -> None:

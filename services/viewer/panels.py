@@ -24,18 +24,18 @@ WIDEST_PX = 640
 
 
 class Headline:
-    """The phase and how it went."""
+    """The phase and the outcome."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._html = _Html(server)
 
     def show(self, moment: SceneMoment, before: str = "") -> None:
-        """At a moment."""
+        """Show a moment."""
         self._html.say(before + words.headline(moment) + words.warnings(moment))
 
 
 class ForcePanel:
-    """Forces and moments against time, and the section with what touches."""
+    """Forces and moments against time, and the section with the touching arms."""
 
     def __init__(self, server: viser.ViserServer, peg: Peg) -> None:
         self._peg = peg
@@ -47,7 +47,7 @@ class ForcePanel:
         self._belief = _Html(server)
 
     def show(self, moment: SceneMoment, chart: Chart | None) -> None:
-        """At a moment; the charts stay as they are without a new one."""
+        """Show a moment; without a new chart the charts stay as they are."""
         contact = moment.contact if moment.in_contact else None
         self._section.say(section_svg(self._peg, contact, moment.wrench if moment.in_contact else None))
         self._contact.say(words.contact(moment))
@@ -60,7 +60,7 @@ class ForcePanel:
 
 
 class PicturePanel:
-    """Both pictures, with what vision found where it says so."""
+    """Both pictures; with vision's findings drawn in, where there are some."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._handles: dict[str, Any] = {}
@@ -72,7 +72,7 @@ class PicturePanel:
             self._handles[name] = server.gui.add_image(empty, label=f"{name} camera", jpeg_quality=80, visible=False)
 
     def show(self, moment: SceneMoment) -> list[tuple[str, Array | None]]:
-        """At a moment. Returns the pictures that changed, for whoever else shows them; None: there is none any more."""
+        """Show a moment. Returns the pictures that changed, for other displays; None stands for no picture any more."""
         changed: list[tuple[str, Array | None]] = []
         for name, handle in self._handles.items():
             picture, annotated = newest(moment, name)
@@ -92,18 +92,18 @@ class PicturePanel:
 
 
 class Services:
-    """How the services are."""
+    """The state of the services."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._html = _Html(server)
 
     def show(self, moment: SceneMoment, alive: frozenset[str] | None) -> None:
-        """At a moment; `alive` are those that live, where that is known."""
+        """Show a moment; `alive` are the running services, where that is known."""
         self._html.say(words.services(moment, alive))
 
 
 def newest(moment: SceneMoment, camera: str) -> tuple[StampedPicture | None, bool]:
-    """The picture of a camera to show, and whether vision drew into it what it found."""
+    """The picture of a camera to show, and whether vision's findings are drawn into it."""
     raw, drawn = moment.pictures.get(camera), moment.pictures.get(f"annotated {camera}")
     if drawn is not None and (raw is None or drawn.stamp_ns >= raw.stamp_ns):
         return drawn, True

@@ -27,11 +27,11 @@ FRAME_S = 1 / 25
 TELL_S = 0.2
 MOST = 2
 APART_M = 0.95
-BEFORE_S = 0.5  # what lies before the assembly by less is left out
+BEFORE_S = 0.5  # an assembly that begins less than this after the start of the recording is not preceded by extra time
 
 
 class Shown:
-    """A tape on the page, its times counted from where its first assembly begins."""
+    """A recording on the page; its times count from the beginning of its first assembly."""
 
     def __init__(self, server: viser.ViserServer, tape: ShownRecording, name: str, offset_m: np.ndarray) -> None:
         self._tape, self._timeline = tape, tape.timeline
@@ -50,11 +50,11 @@ class Shown:
         return min(max(self.zero_ns + round(at_s * 1e9), self._timeline.first_ns), self._timeline.last_ns)
 
     def move(self, at_s: float) -> None:
-        """The scene at a time."""
+        """Update the scene to a time."""
         self.page.move(self._timeline.at(self._stamp(at_s)))
 
     def tell(self, at_s: float) -> None:
-        """The panels at a time; the chart is of the whole assembly, the time marked in it."""
+        """Update the panels to a time; the chart is of the whole assembly, with the time marked in it."""
         stamp = self._stamp(at_s)
         moment, end = self._timeline.at(stamp), self._trial_end
         if moment.trial_ns != end.trial_ns and moment.trial_ns > end.trial_ns:
@@ -66,7 +66,7 @@ class Shown:
 
 
 class PlaybackPage:
-    """The page; `run` shows it until it is told to stop."""
+    """The page; `run` shows it until `stop` is set."""
 
     def __init__(self, browser: Browser, tapes: Sequence[ShownRecording]) -> None:
         self.browser = browser
@@ -153,7 +153,7 @@ class PlaybackPage:
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """What to call recordings on a page: their files' names, or A and B where those are the same."""
+    """Names for recordings on a page: those of their files, or A and B where those are equal."""
     stems = [path.stem for path in paths]
     return stems if len(set(stems)) == len(stems) else [f"{chr(65 + index)} {stem}" for index, stem in enumerate(stems)]
 

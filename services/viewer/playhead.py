@@ -1,4 +1,4 @@
-"""Where in a recording the page is."""
+"""The current time of the playback."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SPEEDS = ("0.1", "0.5", "1", "2", "5")
 
 
 class Playhead:
-    """A time between `first_s` and `last_s` that runs at `speed` while it plays; several threads may turn it."""
+    """A time between `first_s` and `last_s` that runs at `speed` while it plays; several threads may change it."""
 
     def __init__(self, first_s: float, last_s: float, marks_s: Sequence[float] = ()) -> None:
         self.first_s, self.last_s = first_s, last_s
@@ -20,7 +20,7 @@ class Playhead:
 
     @property
     def now_s(self) -> float:
-        """Where it is."""
+        """The current time."""
         with self._lock:
             return self._now_s
 
@@ -31,29 +31,29 @@ class Playhead:
             return self._playing
 
     def play(self) -> None:
-        """Run; from the start where it is at the end."""
+        """Play; from the start if it is at the end."""
         with self._lock:
             if self._now_s >= self.last_s:
                 self._now_s = self.first_s
             self._playing = True
 
     def pause(self) -> None:
-        """Stand still."""
+        """Stop playing."""
         with self._lock:
             self._playing = False
 
     def speed(self, factor: float) -> None:
-        """So many seconds of the recording in one."""
+        """Set how many seconds of the recording pass in one second."""
         with self._lock:
             self._speed = factor
 
     def seek(self, at_s: float) -> None:
-        """Go there."""
+        """Jump to a time."""
         with self._lock:
             self._now_s = min(max(at_s, self.first_s), self.last_s)
 
     def step(self, forwards: bool) -> None:
-        """Go to the next mark, or to the one before, and stand still."""
+        """Jump to the next mark, or to the one before, and stop playing."""
         with self._lock:
             self._playing = False
             if forwards:
@@ -64,7 +64,7 @@ class Playhead:
                 self._now_s = earlier[-1] if earlier else self.first_s
 
     def advance(self, wall_s: float) -> float:
-        """So much wall time has passed: where it is now. At the end it stands still."""
+        """Let this much wall time pass; returns the current time. At the end it stops."""
         with self._lock:
             if self._playing:
                 self._now_s += wall_s * self._speed

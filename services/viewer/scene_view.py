@@ -1,4 +1,4 @@
-"""A cell in the page's 3-D view: what stands is drawn once, what moves follows a moment."""
+"""A cell in the page's 3-D view: fixed bodies are drawn once, moving ones follow a moment."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 STILL_M = 2e-5
 TOUCHED_M = 0.0022
-SAMPLES = 14  # of where the rim may be
-N_TO_M = 0.008  # of an arrow
+SAMPLES = 14  # number of rims drawn from the covariance
+N_TO_M = 0.008  # length of a force arrow
 LONGEST_M = 0.16
 SIGMAS = 2.8  # 95 % of a Gaussian in three dimensions lie inside
-LARGER = 10.0  # how much larger than it is the uncertainty is drawn
+LARGER = 10.0  # by what factor the uncertainty is drawn enlarged
 FRUSTUM_M = 0.06
 FORCE, TOUCHED, DOUBT, GHOST = (34, 139, 230), (250, 176, 5), (190, 75, 219), (64, 192, 87)
 
@@ -88,7 +88,7 @@ class CellView:
     # ------------------------------------------------------------------------------------------------------- showing
 
     def show(self, moment: SceneMoment) -> None:
-        """Bring everything that moves to where it was at that moment."""
+        """Move everything to where it was at that moment."""
         frames: dict[str, Pose] = {}
         if moment.joints_rad is not None:
             frames = frames_of(self._workcell, moment.joints_rad)
@@ -104,12 +104,12 @@ class CellView:
         self._show_force(moment, frames.get("peg"))
 
     def see_through(self, clear: bool) -> None:
-        """Peg and plate as glass, or as they are: what touches inside can be seen then."""
+        """Show peg and plate as glass, or as they are: glass shows what touches inside."""
         for name, opacity in (("platform/plate", 0.3), ("peg", 0.55)):
             self._solids[name].opacity = opacity if clear else None
 
     def picture(self, camera: str, pixels: Array | None) -> None:
-        """Hang a picture, (height, width, 3) uint8, into the camera that took it."""
+        """Show a picture, (height, width, 3) uint8, in the frustum of the camera that took it."""
         self._frusta[camera].image = pixels
 
     def _place(self, name: str, pose: Pose) -> None:
@@ -129,7 +129,7 @@ class CellView:
             )  # fmt: skip
 
     def _believe(self, belief: HoleBelieved | None) -> None:
-        """The ghost of the peg where it would sit, and how far the hole may be off, much enlarged."""
+        """Draw a ghost of the peg as if seated, and the uncertainty of the hole, much enlarged."""
         self._belief = belief
         for name in ("ghost", "doubt", "rims"):
             self._scene.remove_by_name(self._node(name))
@@ -155,7 +155,9 @@ class CellView:
         )  # fmt: skip
 
     def _rims(self, covariance: Array) -> Array:
-        """Rims (k, 2, 3) of holes that may be: samples of the covariance (6, 6), as much larger as the ellipsoid."""
+        """Possible rims (k, 2, 3) of the hole: samples of the covariance (6, 6), enlarged by the same factor as the
+        ellipsoid.
+        """
         corners = self._hole.outer_rim_m()
         values, axes = np.linalg.eigh(covariance)
         drawn = np.random.default_rng(0).standard_normal((SAMPLES, 6))
@@ -210,7 +212,7 @@ class CellView:
 
 
 def _arrow(point_m: Array, force_n: Array) -> Array:
-    """An arrow (2, 3) that presses on a point: it ends there."""
+    """An arrow (2, 3) that presses on a point: its tip is there."""
     size = float(np.linalg.norm(force_n))
     length = 0.02 + min(size * N_TO_M, LONGEST_M)
     return np.array([point_m - force_n / size * length, point_m])

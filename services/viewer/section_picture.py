@@ -1,4 +1,4 @@
-"""The peg's section as a picture: which arms of the cross touch, and which way the felt force pushes."""
+"""The peg's section as a picture: which arms of the cross touch, and in which direction the measured force pushes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import ContactState
 from crosspih_common.shapes import CrossPeg, Peg
 
-SIZE = 120.0  # of the picture's half, in its own units
-FILLED = 62.0  # of that, what the outline reaches
+SIZE = 120.0  # half the picture's width, in its own units
+FILLED = 62.0  # the outline's extent in these units
 MIN_ARROW_N, ARROW_FULL_N = 0.5, 15.0
 LIT, WALL, QUIET = "#f59f00", "#e8590c", "var(--mantine-color-default-border)"
 
 
 def arms_of(state: ContactState | None) -> tuple[int, ...]:
-    """The touching arms, 1 to 4 along +x, +y, -x, -y of the peg frame, of a contact state of the paper's tables."""
+    """The touching arms, 1 to 4 along +x, +y, -x, -y of the peg frame, for a contact state of the paper's tables."""
     if state is None or state.case is None:
         return ()
     count, _, case = (int(part) for part in state.case.split("-"))
@@ -30,9 +30,10 @@ def arms_of(state: ContactState | None) -> tuple[int, ...]:
 
 
 def section_svg(peg: Peg, state: ContactState | None, wrench: Array | None) -> str:
-    """The section as the arm sees it, looking along the peg's axis at the hole: x to the right, y down.
+    """The section as seen from the arm, along the peg's axis towards the hole: x to the right, y down.
 
-    The arms of `state` are lit, with the side that the wall presses on; an arrow shows the lateral force of `wrench`.
+    The arms of `state` are highlighted, with the side that the wall presses on; an arrow shows the lateral force of
+    `wrench`.
     """
     scale = FILLED / peg.outline.reach_m
     points = " ".join(f"{x * scale:.1f},{y * scale:.1f}" for x, y in peg.outline.corners_m)

@@ -1,4 +1,4 @@
-"""Rows of numbers that grow, and what a chart of few points shows of many: no peak is lost."""
+"""Growing series of numbers, and their reduction to a chart of few points without losing a peak."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FIRST_ROWS = 1024
 
 
 class GrowingRows:
-    """Stamps (n,), ns, that never go back, with a row of `width` numbers each; appended in amortised constant time."""
+    """Stamps (n,), ns, in ascending order, with a row of `width` numbers each; appended in amortised constant time."""
 
     def __init__(self, width: int) -> None:
         self._stamps = np.zeros(FIRST_ROWS, np.int64)
@@ -32,7 +32,7 @@ class GrowingRows:
         return self._values[: self._count]
 
     def append(self, stamp_ns: int, row: ArrayLike) -> None:
-        """One more; what is older than the newest that is there is left out, as a sample that was overtaken."""
+        """Append a row; one that is older than the newest is dropped, as a sample that was overtaken."""
         if self._count and stamp_ns < self._stamps[self._count - 1]:
             return
         if self._count == len(self._stamps):
@@ -43,7 +43,7 @@ class GrowingRows:
         self._count += 1
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Leave out what is older."""
+        """Remove the older rows."""
         first = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if first:
             kept = self._count - first
@@ -52,12 +52,12 @@ class GrowingRows:
             self._count = kept
 
     def at(self, stamp_ns: int) -> Array | None:
-        """The row (width,) that was the newest then; None before the first."""
+        """The row (width,) that was the newest at that time; None before the first."""
         index = int(np.searchsorted(self.stamps_ns, stamp_ns, side="right")) - 1
         return None if index < 0 else self.values[index]
 
     def between(self, first_ns: int, last_ns: int) -> tuple[NDArray[np.int64], Array]:
-        """Stamps (k,) and rows (k, width) of a span, both ends included."""
+        """Stamps (k,) and rows (k, width) of a time span, both ends included."""
         low = int(np.searchsorted(self.stamps_ns, first_ns))
         high = int(np.searchsorted(self.stamps_ns, last_ns, side="right"))
         return self.stamps_ns[low:high], self.values[low:high]
@@ -66,8 +66,8 @@ class GrowingRows:
 def decimated(times: Array, values: Array, buckets: int) -> tuple[Array, Array]:
     """At most 2 x `buckets` points (m,), (m, width) of times (n,) and values (n, width).
 
-    Of each bucket of equal duration the least and the largest value of every column, in the order in which the larger
-    column has them: a line through them looks as one through all, and reaches every extreme.
+    Each bucket of equal duration gives the least and the largest value of every column, ordered as in the column with
+    the largest range. A line through them looks like one through all points, and reaches every extreme.
     """
     if len(times) <= 2 * buckets:
         return times, values

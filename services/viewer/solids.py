@@ -1,4 +1,4 @@
-"""Triangle meshes of what stands in a cell: capsules, cylinders, boxes, pegs, plates with a hole, ellipsoids."""
+"""Triangle meshes of the bodies in a cell: capsules, cylinders, boxes, pegs, plates with a hole, ellipsoids."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from crosspih_common.geometry.pose import Array, Pose
 from crosspih_common.shapes import Hole, Outline, Peg
 
 Faces = NDArray[np.uint32]
-AROUND = 28  # corners of a circle
+AROUND = 28  # corners of a full circle
 BANDS = 7  # of a half sphere
 
 
@@ -25,7 +25,7 @@ class SolidMesh:
     faces: Faces
 
     def moved(self, pose: Pose) -> SolidMesh:
-        """The same mesh, its frame at `pose`."""
+        """The same mesh moved to `pose`."""
         return SolidMesh(pose.apply(self.corners_m), self.faces)
 
 
@@ -71,7 +71,7 @@ def revolved(profile_m: ArrayLike) -> SolidMesh:
 
 
 def capsule(start_m: ArrayLike, end_m: ArrayLike, radius_m: float) -> SolidMesh:
-    """A cylinder with round ends about the line from `start_m` to `end_m` (3,), m; a ball where both are one."""
+    """A cylinder with round ends about the line from `start_m` to `end_m` (3,), m; a ball where the two are equal."""
     pose, length = frame_along(start_m, end_m)
     up = np.linspace(0.0, np.pi / 2, BANDS + 1)
     top = np.column_stack([radius_m * np.cos(up), length / 2 + radius_m * np.sin(up)])
@@ -117,7 +117,7 @@ def peg_mesh(peg: Peg) -> SolidMesh:
 
 
 def plate_mesh(hole: Hole) -> SolidMesh:
-    """The plate in the hole frame, z into it: its opening, the chamfer and the bore."""
+    """The plate in the hole frame, z into the hole: its opening, the chamfer and the bore."""
     half = hole.plate_half_size_m
     square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
     opening, bore = hole.opening().corners_m, hole.outline.corners_m
@@ -134,7 +134,9 @@ def _at(corners_m: Array, z_m: float) -> Array:
 
 
 def _walls(rings: list[Array]) -> list[SolidMesh]:
-    """The walls between rings of corners (n, 3), from below to above; each has corners of its own, for sharp edges."""
+    """The walls between rings of corners (n, 3), from below to above; each wall has its own corners, for
+    sharp edges.
+    """
     meshes = []
     for low, high in pairwise(rings):
         count = len(low)

@@ -1,4 +1,4 @@
-"""A recording as a timeline: decoded once, the pictures only when they are looked at."""
+"""A recording as a timeline: decoded once, pictures only when they are shown."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PICTURES: dict[str, Topic[Image]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownRecording:
-    """A recording that can be shown: of which cell, and what was said."""
+    """A recording that can be shown: its cell, and its messages."""
 
     path: Path
     cell: CellFile
@@ -78,9 +78,10 @@ def _listeners(timeline: Timeline) -> list[tuple[Topic[Any], Callable[[Any], Non
 
 
 def read_tape(path: Path, cell_file: Path | None = None) -> ShownRecording:
-    """Read a recording. The cell is the one that the recording carries, unless `cell_file` names another.
+    """Read a recording. The cell is the one in the recording, unless `cell_file` names another.
 
-    Raises RecordingError where the file is none, or has nothing to show; ConfigError where its cell cannot be read.
+    Raises RecordingError where the file is no recording, or has nothing to show; ConfigError where its cell cannot be
+    read.
     """
     probe = Timeline(6)
     wanted = [topic for topic, _ in _listeners(probe)] + list(PICTURES.values())

@@ -1,4 +1,4 @@
-"""What was said on a cell's bus, by its stamps, and what of it was true at any moment: live and in a recording."""
+"""The messages of a cell's bus, by their stamps, and the state of the cell at any moment: live and in a recording."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from crosspih_common.messages import (
 )
 from services.viewer.series import GrowingRows
 
-KEPT_NS = 600 * 10**9  # live: so much of the cell's time is kept
-SLACK_NS = 60 * 10**9  # and thrown away in one go when it is so much more
+KEPT_NS = 600 * 10**9  # live: how much of the cell's time is kept
+SLACK_NS = 60 * 10**9  # older messages are removed at once when this much more has come
 ItemT = TypeVar("ItemT")
 
 
 @dataclass(frozen=True, slots=True)
 class HoleBelieved:
-    """Where the hole is believed to be, with its covariance (6, 6) where there is one, and by what."""
+    """Where the hole is believed to be, with its covariance (6, 6) if there is one, and the source of the estimate."""
 
     pose_base_hole: PoseData
     covariance: tuple[float, ...] | None
@@ -47,7 +47,7 @@ class HoleBelieved:
 
 @dataclass(frozen=True, slots=True)
 class StampedPicture:
-    """A picture that can be had: `stamp_ns` tells it from the others of its camera, `load` decodes it."""
+    """A picture that can be loaded: `stamp_ns` identifies it among its camera's pictures, `load` decodes it."""
 
     stamp_ns: int
     load: Callable[[], Image]
@@ -55,7 +55,7 @@ class StampedPicture:
 
 @dataclass(frozen=True, slots=True)
 class PhaseSpan:
-    """A phase of an assembly; `until_ns` is the moment asked about for the one that goes on."""
+    """A phase of an assembly; for the current one `until_ns` is the moment asked about."""
 
     phase: Phase
     from_ns: int
@@ -64,10 +64,10 @@ class PhaseSpan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneMoment:
-    """All that is shown of one moment; what was not said until then is None or empty.
+    """All that is shown of one moment; what had not been sent by then is None or empty.
 
-    `joints_rad` (n,), `wrench` (6,) on the peg in the peg frame, N and Nm. `trial_ns` is when the assembly began that
-    goes on or was the last; touches, spans, belief and result are of it.
+    `joints_rad` (n,), `wrench` (6,) on the peg in the peg frame, N and Nm. `trial_ns` is when the current or last
+    assembly began; touches, spans, belief and result belong to it.
     """
 
     stamp_ns: int
@@ -97,28 +97,28 @@ class StampedItems(Generic[ItemT]):
         self.items: list[ItemT] = []
 
     def add(self, stamp_ns: int, item: ItemT) -> None:
-        """One more; one that was overtaken takes its place by its stamp."""
+        """Add an item; a late one is inserted by its stamp."""
         at = bisect_right(self.stamps_ns, stamp_ns)
         self.stamps_ns.insert(at, stamp_ns)
         self.items.insert(at, item)
 
     def at(self, stamp_ns: int) -> ItemT | None:
-        """The newest one then."""
+        """The newest item at that time."""
         index = bisect_right(self.stamps_ns, stamp_ns) - 1
         return None if index < 0 else self.items[index]
 
     def between(self, first_ns: int, last_ns: int) -> list[ItemT]:
-        """Those of a span, both ends included."""
+        """The items of a span, both ends included."""
         return self.items[bisect_right(self.stamps_ns, first_ns - 1) : bisect_right(self.stamps_ns, last_ns)]
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Leave out what is older, but for the newest of it, which is true still."""
+        """Remove older items, except for the newest of them, which is still valid."""
         first = max(bisect_right(self.stamps_ns, stamp_ns) - 1, 0)
         del self.stamps_ns[:first], self.items[:first]
 
 
 class Timeline:
-    """What was said. Messages may come from several threads."""
+    """The messages of a cell. They may come from several threads."""
 
     def __init__(self, joints: int) -> None:
         self._lock = threading.Lock()
@@ -126,7 +126,7 @@ class Timeline:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything: the cell was started again, and its clock with it."""
+        """Forget everything: the cell was started again, and with it its clock."""
         with self._lock:
             self.joints, self.wrench = GrowingRows(self._joint_count), GrowingRows(7)
             self.first_ns, self.last_ns = -1, -1
@@ -144,7 +144,7 @@ class Timeline:
             self._trials: StampedItems[int] = StampedItems()
 
     def tick(self, stamp_ns: int) -> None:
-        """The cell's clock says so."""
+        """Take a tick of the cell's clock."""
         with self._lock:
             self._tick(stamp_ns)
 
@@ -154,7 +154,7 @@ class Timeline:
         self.last_ns = max(self.last_ns, stamp_ns)
 
     def forget(self) -> None:
-        """Leave out what is older than KEPT_NS; cheap when there is nothing to leave out."""
+        """Remove what is older than KEPT_NS; cheap when there is nothing to remove."""
         with self._lock:
             if self.last_ns - self.first_ns < KEPT_NS + SLACK_NS:
                 return
@@ -172,25 +172,25 @@ class Timeline:
     # ------------------------------------------------------------------------------------------------------- hearing
 
     def joint_state(self, heard: JointState) -> None:
-        """Encoders; of another arm's count of joints, nothing."""
+        """Take encoder readings; those of an arm with another number of joints are ignored."""
         with self._lock:
             if len(heard.joints_rad) == self._joint_count:
                 self._tick(heard.stamp_ns)
                 self.joints.append(heard.stamp_ns, heard.joints_rad)
 
     def contact_wrench(self, heard: ContactWrench) -> None:
-        """The contact wrench."""
+        """Take a contact wrench."""
         with self._lock:
             self._tick(heard.stamp_ns)
             self.wrench.append(heard.stamp_ns, (*heard.wrench, float(heard.in_contact)))
 
     def contact_state(self, heard: ContactState) -> None:
-        """What the wrench looks like."""
+        """Take the contact state that the wrench is classified as."""
         with self._lock:
             self._contacts.add(heard.stamp_ns, heard)
 
     def phase(self, heard: AssemblyPhase) -> None:
-        """A step of an assembly; the first one after none, or after the last one's end, begins a trial."""
+        """Take a phase of an assembly; the first one ever, or after the last one's end, begins a trial."""
         with self._lock:
             self._tick(heard.stamp_ns)
             before = self._phases.at(heard.stamp_ns)
@@ -200,22 +200,22 @@ class Timeline:
             self._phases.add(heard.stamp_ns, heard)
 
     def touch(self, heard: Touch) -> None:
-        """A touch."""
+        """Take a touch."""
         with self._lock:
             self._touches.add(heard.stamp_ns, heard)
 
     def hole(self, heard: HoleEstimate) -> None:
-        """Where vision sees the hole."""
+        """Take vision's measurement of the hole."""
         with self._lock:
             self._beliefs.add(heard.stamp_ns, HoleBelieved(heard.pose_base_hole, heard.covariance, "vision"))
 
     def estimate(self, heard: PoseErrorEstimate, by: str) -> None:
-        """Where touches, or the walls of the bore, say that the hole is."""
+        """Take an estimate of the hole from touches or from the walls of the bore."""
         with self._lock:
             self._beliefs.add(heard.stamp_ns, HoleBelieved(heard.pose_base_hole, heard.covariance, by))
 
     def result(self, heard: AssemblyResult) -> None:
-        """How an assembly ended."""
+        """Take the result of an assembly."""
         with self._lock:
             self._results.add(heard.stamp_ns, heard)
             if heard.pose_base_hole is not None:
@@ -223,39 +223,39 @@ class Timeline:
                 self._beliefs.add(heard.stamp_ns, HoleBelieved(heard.pose_base_hole, heard.covariance, by))
 
     def withdraw(self, heard: WithdrawResult) -> None:
-        """How a withdrawal ended."""
+        """Take the result of a withdrawal."""
         with self._lock:
             self._withdrawn.add(heard.stamp_ns, heard)
 
     def calibration(self, heard: CameraCalibration) -> None:
-        """What the cameras are."""
+        """Take the calibration of the cameras."""
         with self._lock:
             self._cameras.add(heard.stamp_ns, heard)
 
     def lease(self, heard: LeaseState) -> None:
-        """Who holds the arm."""
+        """Take the lease: who holds the arm."""
         with self._lock:
             self._leases.add(heard.stamp_ns, heard)
 
     def status(self, heard: ServiceStatus) -> None:
-        """How a service is."""
+        """Take the status of a service."""
         with self._lock:
             self._statuses.setdefault(heard.service, StampedItems()).add(heard.stamp_ns, heard)
 
     def event(self, heard: Event) -> None:
-        """What people should know."""
+        """Take an event for people."""
         with self._lock:
             self._events.add(heard.stamp_ns, heard)
 
     def picture(self, name: str, picture: StampedPicture) -> None:
-        """A picture of the camera, or an annotated one, by its name."""
+        """Take a picture of a camera, or an annotated one, by its name."""
         with self._lock:
             self._pictures.setdefault(name, StampedItems()).add(picture.stamp_ns, picture)
 
     # -------------------------------------------------------------------------------------------------------- asking
 
     def at(self, stamp_ns: int) -> SceneMoment:
-        """What was true then."""
+        """The state at that time."""
         with self._lock:
             trial_ns = self._trials.at(stamp_ns)
             since = self.first_ns if trial_ns is None else trial_ns
@@ -300,7 +300,7 @@ class Timeline:
         return tuple(spans)
 
     def wrenches(self, first_ns: int, last_ns: int) -> tuple[Array, Array]:
-        """Times (k,), s since `first_ns`, and contact wrenches (k, 6), N and Nm, of a span."""
+        """Times (k,), s since `first_ns`, and contact wrenches (k, 6), N and Nm, of a time span."""
         with self._lock:
             stamps, values = self.wrench.between(first_ns, last_ns)
             return np.asarray((stamps - first_ns) * 1e-9, float), np.array(values[:, :6])

@@ -1,4 +1,4 @@
-"""From where the page looks at a cell at first, and from where else it may."""
+"""The view points of the page: the first one on a cell, and the others to choose from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.viewer.bodies import upwards
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewPoint:
-    """Where the eye is, what it looks at, and what is up: each (3,), m, base frame."""
+    """The position of the eye, the point that it looks at, and the upward direction: each (3,), m, base frame."""
 
     eye_m: Array
     target_m: Array
@@ -21,7 +21,7 @@ class ViewPoint:
 
 
 def view_points(workcell: Workcell, offset_m: Array | None = None) -> dict[str, ViewPoint]:
-    """The view points by their names; the first one is the page's first. `offset_m` (3,) moves them with the cell."""
+    """The view points by name; the first one is the page's first. `offset_m` (3,) moves them with the cell."""
     up = upwards(workcell)
     hole = workcell.hole_prior.pose_base_hole()
     into = hole.rotation[:, 2]

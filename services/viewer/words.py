@@ -1,4 +1,4 @@
-"""What the page says in words and small tables, as HTML. All that came from the bus is escaped."""
+"""The texts and small tables of the page, as HTML. All that came from the bus is escaped."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ STATE_COLOUR = {
     ServiceState.STOPPING: "#fab005",
     ServiceState.FAILED: "#fa5252",
 }
-SILENT_NS = 4 * 10**9  # without a status for so long a service counts as silent
+SILENT_NS = 4 * 10**9  # a service without a status for this long counts as silent
 
 
 def colour_of(phase: Phase | None) -> str:
-    """Of the phase's chip, and its shade in the charts."""
+    """The colour of a phase's chip and of its shade in the charts."""
     group = None if phase is None else GROUP_OF.get(phase)
     return "#868e96" if group is None else GROUPS[group][1]
 
 
 def headline(moment: SceneMoment) -> str:
-    """The phase, what it says, how long it has been, and how the assembly ended."""
+    """The phase, its text, its duration, and how the assembly ended."""
     if moment.phase is None:
         idle = '<span class="chip" style="background:#868e96">idle</span> <span class="dim">no assembly yet</span>'
         return _block(idle)
@@ -74,7 +74,7 @@ def headline(moment: SceneMoment) -> str:
 
 
 def shades(moment: SceneMoment) -> str:
-    """What the colours behind the charts mean: the phases that there were."""
+    """The legend of the colours behind the charts: the phases so far."""
     groups = sorted({GROUP_OF[span.phase] for span in moment.spans if span.phase in GROUP_OF})
     keys = [f'<span class="key"><i style="background:{GROUPS[one][1]}"></i>{GROUPS[one][0]}</span>' for one in groups]
     count = sum(not touch.seated for touch in moment.touches)
@@ -102,7 +102,7 @@ def contact(moment: SceneMoment) -> str:
 
 
 def estimate(moment: SceneMoment) -> str:
-    """Where the hole is believed to be, by what, and how far off it may be."""
+    """Where the hole is believed to be, the source of the estimate, and its uncertainty."""
     belief = moment.belief
     if belief is None:
         return _block('<span class="dim">hole: as drawn; nothing has measured it</span>')
@@ -119,9 +119,9 @@ def estimate(moment: SceneMoment) -> str:
 
 
 def services(moment: SceneMoment, alive: frozenset[str] | None = None) -> str:
-    """Each service: its state, rates of what it sends and hears, losses, and its last error.
+    """Each service: its state, rates of what it sends and receives, losses, and its last error.
 
-    `alive` are those that live; where that is not known, one counts as silent that has told nothing for a while.
+    `alive` are the running ones; where that is not known, a service without a recent status counts as silent.
     """
     if not moment.services:
         return _block('<span class="dim">no service has told how it is</span>')
@@ -168,6 +168,6 @@ def _block(inside: str) -> str:
 
 
 def themes() -> str:
-    """Links that choose the page's colours; it is loaded anew with them."""
+    """Links that choose the page's colours; each loads the page anew."""
     links = " · ".join(f'<a href="?theme={name}">{name}</a>' for name in ("light", "dark", "auto"))
     return _block(f'<span class="dim">colours: {links}</span>')
