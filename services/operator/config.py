@@ -1,4 +1,4 @@
-"""The `operator` section of a cell's file: what commands of the operator need to know of the cell."""
+"""The `operator` section of a cell's file: facts about the cell that only the operator's commands need."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One assembly on a running cell: asked for, heard, recorded, shown; and the peg taken out again."""
+"""One assembly on a running cell: started, observed, recorded and shown; and the withdrawal of the peg."""

@@ -1,4 +1,4 @@
-"""A trial of a bench, made once more where it can be watched: `crosspih assemble --as-bench`."""
+"""Repeats one trial of a bench where it can be watched: `crosspih assemble --as-bench`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from services.operator.cell.which_cell import cell_path
 
 @contextmanager
 def bench_session(job: TrialJob, record: bool) -> Iterator[Session]:
-    """A session on a stack of its own, made and calibrated as a bench makes it for this trial; stopped at the end.
+    """A session on a separate stack, started and calibrated as a bench does it for this trial; stopped at the end.
 
     Raises CrosspihError or LauncherError.
     """
@@ -29,7 +29,7 @@ def bench_session(job: TrialJob, record: bool) -> Iterator[Session]:
         yield cell.start()
     finally:
         cell.close()
-        # the cell's own variables name a folder that is gone now
+        # the cell's own variables name a folder that no longer exists
         for name in set(os.environ) - set(before):
             del os.environ[name]
         os.environ.update(before)
@@ -45,7 +45,7 @@ def _settings(overrides: Mapping[str, Any], at: tuple[str, ...] = ()) -> Iterato
 
 
 def watch_command(job: TrialJob) -> str:
-    """The command that makes this trial of a bench once more, with its phases, its recording and its report."""
+    """The command that repeats this trial of a bench, with its phases, its recording and its report."""
     words = ["crosspih", "assemble", "--as-bench", "--seed", str(job.seed)]
     if job.known is not None:
         words.append("--after-cross")

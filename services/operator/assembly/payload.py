@@ -1,4 +1,4 @@
-"""What every contact made from here begins with: an arm that is held, and knows what hangs on its sensor."""
+"""Preparation of every contact that is made from here: the arm is held, and the payload on its sensor is known."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from services.operator.assembly.session import Session
 
 @contextmanager
 def ready_arm(session: Session, purpose: str) -> Iterator[ArmLease]:
-    """Hold the arm of a simulated cell for a block, at home and told what the last calibration found.
+    """Hold the arm of a simulated cell for a block, at home and with the payload of the last calibration set.
 
-    It is calibrated where it never was.
+    A cell that was never calibrated is calibrated first.
 
     Raises CommandRefused `held`, and as `Bus.call`.
     """
@@ -23,7 +23,7 @@ def ready_arm(session: Session, purpose: str) -> Iterator[ArmLease]:
     if calibration is None:
         calibration = session.calibrate_ft(0.25)
     with hold_arm(session.bus, purpose) as lease:
-        # a payload is judged by what the sensor reads at rest: not while the last contact still presses
+        # the payload is checked against the sensor at rest: not while the last contact still presses
         session.new_trial(ResetCell(seed=0))
         lease.ask(
             SET_PAYLOAD,

@@ -1,4 +1,4 @@
-"""A cell like the one at hand, with another peg and its hole: for a stack that a command starts for itself."""
+"""A cell like the current one, but with another peg and its hole: for a stack that a command starts for itself."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ CALIBRATION_FILE = "run/{cell}/ft-calibration.yaml"
 def content_with_peg(cell: CellFile, peg: str) -> dict[str, Any] | None:
     """The cell's file, as a mapping, with a peg by its name or its drawing's file; None when it is the cell's own.
 
-    Another peg weighs something else, so its calibration is kept in a file of its own: of a drawing by its contour,
-    whatever its file is called. Raises ConfigError.
+    Another peg has another weight, so its calibration is kept in a separate file. For a peg from a drawing its contour
+    identifies that file, whatever the drawing is called. Raises ConfigError.
     """
     section = peg_section(peg)
     own = cell.workcell.peg
@@ -42,7 +42,7 @@ def content_with_peg(cell: CellFile, peg: str) -> dict[str, Any] | None:
 
 
 def _calibrated_as(section: dict[str, Any]) -> str:
-    """What tells a peg from others in the name of its calibration's file."""
+    """The part of a calibration file's name that identifies the peg."""
     corners = section.get("corners_m")
     if corners is None:
         return str(section["outline"])
@@ -52,7 +52,7 @@ def _calibrated_as(section: dict[str, Any]) -> str:
 
 @contextmanager
 def cell_with_peg(peg: str | None) -> Iterator[None]:
-    """CROSSPIH_CELL names a cell with that peg as long as this lasts; with None nothing is changed.
+    """For the length of the block CROSSPIH_CELL names a cell with that peg; with None nothing is changed.
 
     Raises ConfigError when there is no such peg, and when a stack with another one is running.
     """
@@ -73,7 +73,7 @@ def cell_with_peg(peg: str | None) -> Iterator[None]:
     with tempfile.TemporaryDirectory(prefix="crosspih-peg-") as folder:
         path = Path(folder) / "cell.yaml"
         path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        load_cell(path)  # what is wrong with it is said here, not by five services
+        load_cell(path)  # report errors of the file here once, not by five services
         os.environ["CROSSPIH_CELL"] = str(path)
         try:
             yield

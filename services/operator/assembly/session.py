@@ -1,4 +1,4 @@
-"""The operator's place on the bus of a running cell: a client that also scores, and so knows the simulator's truth."""
+"""The operator's client on the bus of a running cell; it also scores, and so reads the simulator's truth."""
 
 from __future__ import annotations
 
@@ -35,17 +35,18 @@ class Session(Cell):
     def require_checked_cell(self, say: Callable[[str], None] = lambda text: None) -> None:
         """Before the first assembly since the cell was started: the gentle part of `crosspih cell check`.
 
-        `say` is told each of its steps. Raises CommandRefused `cell_unfit`, with what is wrong and how to mend it.
+        `say` is called with each of its steps. Raises CommandRefused `cell_unfit`, with what is wrong and how to mend
+        it.
         """
         folder = run_folder() / self.file.workcell.name
         check_before_first(self.bus, self.file.workcell, self.clock().boot_id, folder, say)
 
     def new_trial(self, command: ResetCell) -> SimulationTruth:
-        """A new trial in the simulated cell, and what was drawn."""
+        """Begin a new trial in the simulated cell; returns what was drawn."""
         return self.bus.call(RESET, command, RESET_DEADLINE_S)
 
     def truth(self) -> SimulationTruth | None:
-        """The simulator's truth as last heard; None on a real cell."""
+        """The latest truth of the simulator; None on a real cell."""
         return self._truth.value()
 
     def trial(
@@ -57,11 +58,10 @@ class Session(Cell):
         known: PosePrior | None = None,
         on_check: Callable[[str], None] = lambda text: None,
     ) -> tuple[TrialFigures, AssemblyResult]:
-        """One assembly, scored. A cell without a simulator is not reset, and what needs its truth is left out of the
-        figures.
+        """One assembly, scored. A cell without a simulator is not reset, and figures that need the truth are left out.
 
-        `on_begin` is called with the cell's time when the assembly starts. `known` is where the hole is, for the
-        strategy known_pose. `on_check` is told each step of the first check of a cell that is not simulated.
+        `on_begin` is called with the cell's time when the assembly starts. `known` is the hole's pose for the strategy
+        known_pose. `on_check` is called with each step of the first check of a cell that is not simulated.
         """
         truth: SimulationTruth | None = None
         if not self.simulated:

@@ -1,4 +1,4 @@
-"""What a person sees while an assembly runs, and the summary at its end."""
+"""The printed messages while an assembly runs, and the summary at its end."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Story:
         self.telling = False
 
     def begin(self, now_ns: int) -> None:
-        """From now on tell; what comes late from before is passed over."""
+        """Start printing; messages from before this time that arrive late are ignored."""
         self._start_ns, self.telling = now_ns, True
 
     def checking(self, step: str) -> None:
@@ -71,7 +71,7 @@ class Story:
 
 
 def directions_held(rank: int) -> str:
-    """In words, how much of the pose the walls of the bore fix: the rank of what they hold, 5 at most."""
+    """In words, how much of the pose the walls of the bore fix: the rank of their constraints, 5 at most."""
     return f"{rank} of 5" + ("" if rank == 5 else "; how a round is turned about its axis nothing tells")
 
 
@@ -131,7 +131,7 @@ def summary(figures: TrialFigures) -> Table:
 
 
 def _near(path: str) -> str:
-    """A path as short as it can be said from here."""
+    """The shortest form of a path as seen from the current folder."""
     try:
         return str(Path(path).relative_to(Path.cwd()))
     except ValueError:

@@ -1,4 +1,4 @@
-"""The stack that a command needs: the running one, or one of its own that is stopped at the end."""
+"""The stack that a command needs: the running one, or a separate one that is stopped at the end."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from services.operator.bench.cells.stopping import stopped_in_order
 from services.operator.cell.which_cell import cell_path, endpoint
 
 START_DEADLINE_S = 90.0
-LOOK_S = 2.0  # for a router that is there already
+LOOK_S = 2.0  # for a router that is already there
 
 
 def refused_at_once(where: str) -> bool:
-    """Whether this machine says that nobody listens there: a router's start would be waited for, and so a second lost
-    before a stack is started that is not there yet."""
+    """Whether this machine refuses a connection there at once. Otherwise a command would wait about a second for a
+    router that is not there before it starts a stack.
+    """
     protocol, _, address = where.partition("/")
     host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
     if protocol != "tcp" or not port.isdigit() or os.environ.get(CERTIFICATES):
@@ -40,7 +41,7 @@ def refused_at_once(where: str) -> bool:
 
 @contextmanager
 def running_session(needed: tuple[str, ...], deadline_s: float) -> Iterator[Session]:
-    """A session on the running stack for what makes no sense in one that has just been started.
+    """A session on the running stack, for commands that make no sense in one that has just been started.
 
     Raises BusUnreachable where none runs, and a CrosspihError when a needed service is not there by the deadline.
     """
@@ -61,7 +62,7 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
     `speed` is "realtime" or "max". A running stack keeps its own speed: asking for the other one is an error.
     """
     session = None
-    load_cell(cell_path())  # what is wrong in it is said before anything is started
+    load_cell(cell_path())  # report errors in the file before anything is started
     if not refused_at_once(endpoint()):
         with contextlib.suppress(BusUnreachable):
             session = Session(connect_timeout_s=1.0)
@@ -92,6 +93,6 @@ def cell_session(speed: str | None, needed: tuple[str, ...] = (*NEEDED, "recorde
                 session.require_sound_cell()
                 yield session, True
         finally:
-            # when the stack is gone already nothing is left to stop
+            # if the stack is already gone nothing is left to stop
             with contextlib.suppress(CrosspihError):
                 stop_stack(project)

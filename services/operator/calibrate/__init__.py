@@ -1,1 +1,1 @@
-"""`crosspih calibrate stereo|hand-eye|mount|stiffness|tcp|board`: guided, with what is missing and a file."""
+"""`crosspih calibrate stereo|hand-eye|mount|stiffness|tcp|board`: guided; each names missing data and writes a file."""

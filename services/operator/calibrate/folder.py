@@ -1,4 +1,4 @@
-"""A calibration's own folder: what was taken and what came out, so that it can be done again offline (`--from`)."""
+"""A calibration's own folder with its inputs and results, so that it can be repeated offline (`--from`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ PICTURES = (".png", ".pgm", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
 class TakenPair(BaseModel):
-    """One pair of pictures; joints where an arm showed the board (`pose_base_flange` is then by its kinematics)."""
+    """One pair of pictures; with joints where an arm showed the board (`pose_base_flange` then follows from its
+    kinematics).
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -34,7 +36,7 @@ class TakenPair(BaseModel):
 
 
 class Taken(BaseModel):
-    """The whole of a folder with pictures."""
+    """The whole content of a folder with pictures."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -46,12 +48,12 @@ class Taken(BaseModel):
 
 
 def now() -> str:
-    """The wall's time with its zone, ISO 8601, to the second."""
+    """The wall clock's time with its zone, ISO 8601, to the second."""
     return datetime.now(timezone.utc).astimezone().isoformat(timespec="seconds")
 
 
 def new_folder(cell: str, what: str) -> Path:
-    """run/<cell>/calibration/<what>-<date>, made."""
+    """Create run/<cell>/calibration/<what>-<date>."""
     stamp = datetime.now(timezone.utc).astimezone().strftime("%Y%m%d-%H%M%S")
     root = default_run_root() / cell / "calibration"
     folder, number = root / f"{what}-{stamp}", 1
@@ -63,17 +65,19 @@ def new_folder(cell: str, what: str) -> Path:
 
 
 def named_folder(cell: str, given: Path) -> Path:
-    """What `--from` names: a path, or by its first word the newest folder of an earlier calibration (`mount`)."""
+    """The folder that `--from` names: a path, or by its first word the newest folder of an earlier calibration
+    (`mount`).
+    """
     if given.exists() or len(given.parts) != 1:
         return given
-    # their dates are in their names; one that was made offline holds nothing that was taken
+    # their names hold their dates; a folder that was made offline holds no inputs
     folders = sorted((default_run_root() / cell / "calibration").glob(f"{given.name}-*"))
     taken = [folder for folder in folders if (folder / PRESSED).exists() or (folder / TAKEN).exists()]
     return taken[-1] if taken else given
 
 
 def write_picture(image: Image, path: Path) -> None:
-    """As PGM or PPM: the numbers as the camera sent them."""
+    """Write as PGM or PPM: the values as the camera sent them."""
     pixels = image.pixels
     if image.encoding == "bgr8":
         pixels = pixels[:, :, ::-1]
@@ -84,7 +88,7 @@ def write_picture(image: Image, path: Path) -> None:
 
 
 def encoding_of(image: Image) -> str | None:
-    """What must be told beside the file: a bayer pattern; the rest is in the file."""
+    """The encoding to note beside the file, only for a Bayer pattern; the file itself shows every other encoding."""
     return image.encoding if image.encoding.startswith("bayer_") else None
 
 
@@ -100,7 +104,7 @@ def write_pair(folder: Path, number: int, left: Image, right: Image, joints_rad:
 
 
 def write_yaml(path: Path, content: dict[str, Any], header: str = "") -> None:
-    """Whole or not at all."""
+    """Write the file completely or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(path.name + ".partial")
     partial.write_text(header + yaml.safe_dump(content, sort_keys=False, width=110), encoding="utf-8")
@@ -121,13 +125,14 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def save_taken(folder: Path, taken: Taken) -> None:
-    """Beside its pictures."""
+    """Write the list of pairs beside their pictures."""
     write_yaml(folder / TAKEN, taken.model_dump(mode="json"))
 
 
 def read_taken(paths: list[Path], board: str | None) -> tuple[Taken, Path]:
-    """Of a folder that a calibration has left, or of pictures: those with `left` and `right` in their names, paired in
-    the order of the names. Raises ConfigError that says what is missing."""
+    """Read the folder of an earlier calibration, or a folder of pictures: those with `left` and `right` in their names,
+    paired in the order of the names. Raises ConfigError that says what is missing.
+    """
     if len(paths) == 1 and paths[0].is_dir() and (paths[0] / TAKEN).exists():
         try:
             taken = Taken.model_validate(read_yaml(paths[0] / TAKEN))
@@ -155,7 +160,7 @@ def read_taken(paths: list[Path], board: str | None) -> tuple[Taken, Path]:
 
 
 def read_pressed(given: Path) -> Pressed:
-    """Of a folder that a calibration by pushes has left, or of its file. Raises ConfigError."""
+    """Read the folder of an earlier calibration by pushes, or its file. Raises ConfigError."""
     path = given / PRESSED if given.is_dir() else given
     try:
         return Pressed.model_validate(read_yaml(path))
@@ -169,7 +174,7 @@ def _fault(path: Path, error: ValidationError) -> ConfigError:
 
 
 def pair_job(pair: TakenPair, folder: Path, gamma: str) -> dict[str, Any]:
-    """As the vision process wants it."""
+    """A pair in the form that the vision process takes."""
     return {
         "left": str(folder / pair.left), "right": str(folder / pair.right), "encodings": list(pair.encodings),
         "gamma": gamma,

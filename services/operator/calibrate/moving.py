@@ -1,4 +1,4 @@
-"""The arm, held for a calibration: free ways by joints, dwells, pairs of pictures."""
+"""Holds the arm for a calibration: free moves by joints, dwells, pairs of pictures."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ SHORTEST_S = 0.05
 
 
 class MoveEnded(CrosspihError):
-    """A free move was ended before its end: something was touched, or the arm broke it off."""
+    """A free move ended early: something was touched, or the arm aborted it."""
 
 
 def captured(bus: Bus) -> StereoPair:
-    """A pair; asked for again while the camera is away, up to a patience, for a picture moves nothing.
+    """A pair of pictures; asked for again for a while if the camera is away, because a picture moves nothing.
 
     Raises as `Bus.call`.
     """
@@ -57,7 +57,7 @@ def captured(bus: Bus) -> StereoPair:
 
 
 class HeldArm:
-    """An arm that is held; speeds are a share of its limits."""
+    """An arm that is held; speeds are shares of its limits."""
 
     def __init__(self, bus: Bus, lease: ArmLease, workcell: Workcell, speed_share: float = 0.3) -> None:
         self._bus, self._lease, self.workcell = bus, lease, workcell
@@ -69,8 +69,9 @@ class HeldArm:
         return self._completed(self._lease.ask(DWELL, Dwell(duration_s=duration_s), MOVE_S), "holding still")
 
     def go(self, way: Sequence[Array]) -> MotionOutcome | None:
-        """Through knots of joints, at rest in each; None where there is nothing to go. Raises CommandRefused,
-        MoveEnded."""
+        """Move through joint knots, stopping in each; None where there is nowhere to move. Raises CommandRefused,
+        MoveEnded.
+        """
         limits, outcome = self.workcell.arm().limits, None
         for goal in way:
             off = np.abs(goal - self.joints_rad)
@@ -90,14 +91,14 @@ class HeldArm:
         return outcome
 
     def slide(self, pose_base_peg: Pose, speed_m_s: float = 0.02, turn_rad_s: float = 0.3) -> MotionOutcome:
-        """The peg on a straight line, the arm's caps watching. Raises CommandRefused, MoveEnded."""
+        """Move the peg on a straight line under the arm's caps. Raises CommandRefused, MoveEnded."""
         asked = MoveLinear(
             pose_base_peg=PoseData.of(pose_base_peg), speed_m_s=speed_m_s, rotational_speed_rad_s=turn_rad_s
         )
         return self._completed(self._lease.ask(MOVE_LINEAR, asked, MOVE_S), "a straight move")
 
     def touch(self, request: GuardedMove) -> GuardedMoveOutcome:
-        """A guarded move, however it ends but by the arm's own breaking off. Raises CommandRefused, MoveEnded."""
+        """A guarded move; any end is returned except an abort by the arm. Raises CommandRefused, MoveEnded."""
         outcome = self._lease.ask(GUARDED_MOVE, request, MOVE_S)
         self.joints_rad = np.asarray(outcome.joints_rad, float)
         if outcome.stop_reason not in (StopReason.CONTACT, StopReason.TRAVEL_LIMIT):
@@ -111,7 +112,7 @@ class HeldArm:
         return outcome
 
     def look(self) -> tuple[StereoPair, Image, Image]:
-        """A pair of pictures, with the arm at rest. Raises CommandRefused `no_picture`, and as `Bus.call`."""
+        """Take a pair of pictures with the arm at rest. Raises CommandRefused `no_picture`, and as `Bus.call`."""
         with self._bus.reading(IMAGE_LEFT, 4) as left, self._bus.reading(IMAGE_RIGHT, 4) as right:
             pair = captured(self._bus)
             pictures = [

@@ -23,13 +23,13 @@ OutOption = Annotated[Path | None, typer.Option(help="Where the cell's file goes
 
 
 def needed(services: tuple[str, ...], record: bool) -> tuple[str, ...]:
-    """With the recorder, where it is to record."""
+    """The needed services; with the recorder, where a recording is wanted."""
     return (*services, "recorder") if record else services
 
 
 @contextmanager
 def recorded(session: Session, what: str, record: bool, console: Console) -> Iterator[None]:
-    """A recording of what is done meanwhile, and its name at the end, whatever the end is. Raises as `Bus.call`."""
+    """Record during the block and print the recording's name at its end, however it ends. Raises as `Bus.call`."""
     if not record:
         yield
         return
@@ -43,6 +43,6 @@ def recorded(session: Session, what: str, record: bool, console: Console) -> Ite
 
 
 def say_notes(console: Console, notes: Sequence[str]) -> None:
-    """What to know of a recording."""
+    """Print notes about a recording."""
     for note in notes:
         console.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)

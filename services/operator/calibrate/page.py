@@ -1,4 +1,4 @@
-"""A page that shows what is being taken, for a browser on this machine; `page.html` asks for the rest anew."""
+"""A page that shows the pairs as they are taken, for a browser on this machine; `page.html` polls for updates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HTML, JSON, JPEG = "text/html; charset=utf-8", "application/json", "image/jpeg"
 
 
 class LivePage:
-    """Served for the length of the context. The pictures are files of `folder`, replaced by whoever draws."""
+    """Served for the length of the context. The pictures are files of `folder`, replaced by their writer."""
 
     def __init__(self, folder: Path, title: str, port: int = 0) -> None:
         """Raises OSError where the port is taken."""
@@ -41,16 +41,16 @@ class LivePage:
 
     @property
     def address(self) -> str:
-        """For a browser."""
+        """The address to open in a browser."""
         return f"http://{HOST}:{self._server.server_address[1]}/"
 
     def say(self, state: str) -> None:
-        """What goes on now."""
+        """Show the current step."""
         with self._lock:
             self._told["state"] = state
 
     def add(self, seen: dict[str, Any]) -> None:
-        """One more pair, as vision has seen it: `left`, `right`, `both`, `all` and what is `missing`."""
+        """Add one more pair, as vision saw it: `left`, `right`, `both`, `all` and what is `missing`."""
         with self._lock:
             self._told["pairs"].append({name: seen[name] for name in ("left", "right", "both", "all")})
             self._told["missing"] = list(seen["missing"])
@@ -84,6 +84,6 @@ class LivePage:
                 self.wfile.write(data)
 
             def log_message(self, format: str, *args: Any) -> None:
-                """Nothing: the terminal is the command's."""
+                """Log nothing: the terminal belongs to the command."""
 
         return Handler

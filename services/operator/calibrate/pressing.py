@@ -1,8 +1,8 @@
 """Gentle pushes on the plate beside the hole, in many postures, and dwells in free air.
 
-The rigid thing is the plate that the cell's file has (`cell.hole_prior`): the arm may touch there and nowhere else, and
-its caps hold. Three touches in one orientation find the plate's normal; each push then begins a few millimetres before
-it, touches, and is held at rest at rising depths.
+The rigid body is the plate of the cell's file (`cell.hole_prior`): the arm may touch there and nowhere else, and its
+caps apply. Three touches in one orientation find the plate's normal. Each push then begins a few millimetres before the
+plate, touches it, and is held at rest at increasing depths.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ TILTS_RAD = (0.2, 0.42)
 BESIDE_M = 0.014  # from the rim of the hole to the corner that touches
 AWAY_M, BEFORE_M, DEEP_M = 0.022, 0.003, 0.008
 TOUCH_N, TOUCH_M_S, CREEP_M_S, PROBE_M_S = 2.0, 0.004, 0.0003, 0.01
-MAX_LANDED, LANDED, SLOWEST_M_S = 0.5, 0.2, 3e-4  # of the force, when the touch has come to rest
-SHARES = (0.35, 0.68, 1.0)  # of the force, at the depths of a push
+MAX_LANDED, LANDED, SLOWEST_M_S = 0.5, 0.2, 3e-4  # share of the force, once the touch is at rest
+SHARES = (0.35, 0.68, 1.0)  # shares of the force, at the depths of a push
 FREE_S, HELD_S, SETTLE_S = 0.5, 0.5, 0.15
 WEIGHINGS, WRIST_RAD, WEIGHING_TRIES = 10, 1.3, 400
 SPIN_RAD = 1.6
@@ -53,7 +53,7 @@ ORIENTATIONS, ROUND, MIN_AREA_M2 = 4, (0, 4, 8, 2, 6, 10, 1, 5, 9, 3, 7, 11), 4e
 
 @dataclass(frozen=True, slots=True)
 class PressingManner:
-    """How many pushes, how hard at the most, and which draw of postures."""
+    """How many pushes, how hard at most, and the seed of the postures."""
 
     presses: int = 16
     force_n: float = 18.0
@@ -62,7 +62,8 @@ class PressingManner:
 
 def postures(workcell: Workcell, count: int, seed: int) -> list[tuple[Array, Array]]:
     """(rotation (3, 3) of the peg in the nominal hole's frame, place (2,) of the tip's corner on its face, m), more
-    than asked for: tilted so that one corner of the tip touches, to all sides and about the plate."""
+    than are needed: tilted so that one corner of the tip touches, in all directions and all about the plate.
+    """
     rng, peg = np.random.default_rng(seed), workcell.peg.shape()
     radius = workcell.hole.shape(peg).opening().reach_m + BESIDE_M
     found: list[tuple[Array, Array]] = []
@@ -75,7 +76,7 @@ def postures(workcell: Workcell, count: int, seed: int) -> list[tuple[Array, Arr
         rotation = (lean * Rotation.from_rotvec([0.0, 0.0, spin])).as_matrix()
         if touching_corner(peg, rotation, np.array([0.0, 0.0, 1.0]))[1] < 2.0 * APART_M:
             continue
-        at = 2.0 * np.pi * number / (1.3 * count)  # neighbours after each other, and once round in any case
+        at = 2.0 * np.pi * number / (1.3 * count)  # neighbours follow each other, at least once around
         found.append((rotation, radius * np.array([np.cos(at), np.sin(at)])))
     if len(found) < count:
         raise CalibrationRefused(
@@ -91,7 +92,7 @@ def _area(*poses: Pose) -> float:
 
 
 class Presser:
-    """Pushes, with an arm that is held and knows its payload."""
+    """Makes pushes with an arm that is held and has its payload set."""
 
     def __init__(self, arm: HeldArm, console: Console, manner: PressingManner) -> None:
         self._arm, self._console, self._manner = arm, console, manner
@@ -101,7 +102,7 @@ class Presser:
         self._nominal = workcell.hole_prior.pose_base_hole()
         self._back = workcell.pose_flange_peg().inverse()
         self.normal = self._nominal.rotation[:, 2]
-        self._offset: float | None = None  # of the plate along the normal, once it is known
+        self._offset: float | None = None  # height of the plate along the normal, once it is known
         self._touch_m_s = TOUCH_M_S
 
     def _level(self, duration_s: float) -> tuple[RestLevel, MotionOutcome]:
@@ -111,7 +112,7 @@ class Presser:
         return level, outcome
 
     def _before(self, rotation: Array, place: Array, away_m: float) -> Pose:
-        """The peg with the corner that touches so far before the plate, over a place of the nominal face (2,)."""
+        """The peg with its touching corner at this distance before the plate, over a place of the nominal face (2,)."""
         turned = self._nominal.rotation @ rotation
         corner, _ = touching_corner(self._peg, turned, self.normal)
         point = self._nominal.apply([*place, 0.0])
@@ -125,7 +126,7 @@ class Presser:
         return self._collisions.before_zone(self._nominal @ Pose.from_translation([0.0, 0.0, -far]))
 
     def to_front(self) -> None:
-        """From free space to before the plate. Raises CalibrationRefused, CommandRefused, MoveEnded."""
+        """From free space to the pose before the plate. Raises CalibrationRefused, CommandRefused, MoveEnded."""
         try:
             joints = nearest(self._workcell.arm(), self._front() @ self._back, self._arm.joints_rad)
         except InverseError as error:
@@ -133,14 +134,14 @@ class Presser:
         self._arm.go([joints])
 
     def back_home(self, home: Array) -> None:
-        """From before the plate to where it all began."""
+        """From the pose before the plate back to the start."""
         self._arm.slide(self._front())
         self._arm.go([home])
 
     def find_normal(self) -> None:
-        """Three touches in one orientation, around the hole, wherever the arm gets to.
+        """Three touches in one orientation, around the hole, wherever the arm can reach.
 
-        Raises CalibrationRefused where nothing is touched, or no three places can be come to.
+        Raises CalibrationRefused where nothing is touched, or no three places can be reached.
         """
         why = ""
         for rotation, first in postures(self._workcell, ORIENTATIONS, self._manner.seed)[::2]:
@@ -160,7 +161,7 @@ class Presser:
         raise CalibrationRefused(f"the plate cannot be touched at three places around the hole: {why}")
 
     def _touched(self, rotation: Array, place: Array) -> Pose:
-        """The peg as it touched; it is drawn back then."""
+        """The peg's pose at the touch; the peg is drawn back afterwards."""
         depth = self._workcell.hole_prior.half_range_depth_m
         self._arm.slide(self._before(rotation, place, depth + AWAY_M))
         outcome = self._arm.touch(
@@ -219,7 +220,7 @@ class Presser:
         felt, gone = self._felt(free, level), 0.0
         first = felt
         if felt > MAX_LANDED * self._manner.force_n and self._touch_m_s > SLOWEST_M_S:
-            # an arm that is told late lands hard, and little is left to push
+            # an arm that reacts late lands hard, and little is left to push
             self._touch_m_s = max(SLOWEST_M_S, self._touch_m_s * LANDED * self._manner.force_n / felt)
             self._console.print(
                 f"  landed with {felt:.1f} N: touching with {self._touch_m_s * 1e3:.2f} mm/s from now on", style="dim",
@@ -234,7 +235,7 @@ class Presser:
             level, _ = self._level(HELD_S)
             levels.append(level)
             felt = self._felt(free, level)
-            gives = gone / max(felt - first, 0.5)  # as it was felt
+            gives = gone / max(felt - first, 0.5)  # with the wrench as measured
         return levels
 
     def _felt(self, free: RestLevel, level: RestLevel) -> float:
@@ -257,7 +258,7 @@ class Presser:
                 continue
             tried.append((joints, down @ arm.pose_base_flange(joints).rotation))
         while tried and len(found) < WEIGHINGS:
-            # the direction that is farthest from those that were weighed in
+            # the direction that is farthest from those already weighed in
             spread = [min((float(np.linalg.norm(way - one)) for one in directions), default=0.0) for _, way in tried]
             joints, way = tried.pop(int(np.argmax(spread)))
             if self._collisions.check_path([home, joints]) is not None:
@@ -272,7 +273,9 @@ class Presser:
 
 
 def tell_payload(session: Session, console: Console) -> SetPayload:
-    """What the arm must know before it may touch; the sensor is calibrated where it never was. Raises as `Bus.call`."""
+    """Set the payload, which the arm needs before it may touch; a sensor that was never calibrated is calibrated first.
+    Raises as `Bus.call`.
+    """
     known = session.bus.latest(FT_CALIBRATION).wait_for(lambda _: True, 10.0)
     if known is None or not known.calibrated:
         console.print("the force/torque sensor was never calibrated: doing it now", highlight=False)
@@ -286,7 +289,8 @@ def take_presses(
     session: Session, console: Console, manner: PressingManner, speed_share: float, what: str, weighed: bool,
     on_push: Callable[[Pressed], None] = lambda pressed: None,
 ) -> Pressed:  # fmt: skip
-    """Push, and weigh where that is wanted; the arm ends where it began. `on_push` is told all so far after each.
+    """Push, and weigh where that is wanted; the arm ends where it began. `on_push` is called after each push with all
+    data so far.
 
     Raises CalibrationRefused, CommandRefused, MoveEnded.
     """

@@ -1,9 +1,9 @@
-"""What a recording says of pushes and weighings: the motions that were asked for, and what came of each.
+"""Pushes and weighings read from a recording: the commanded motions, and the outcome of each.
 
-A push is a guarded move that ended in contact and did not draw back; what was held before it is free air, what was held
-after it, and after each straight move further in, are its depths. All else that was held is a weighing. Of dwells at
-one place the longest counts. Where the recording says that the arm was held for `crosspih calibrate`, the last such
-time with a push in it is taken, and nothing else.
+A push is a guarded move that ended in contact and did not draw back. The dwell before it is free air; the dwells after
+it, and after each straight move further in, are its depths. All other dwells are weighings. Of dwells at one place the
+longest counts. Where the recording says that the arm was held for `crosspih calibrate`, only the last such time with a
+push in it is used.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SAME_WAY = 1e-6
 
 
 def echoes(commands: Iterable[Command[Any, Any]]) -> list[Topic[Any]]:
-    """What their servers repeat, and what was refused."""
+    """The echoes of commands by their servers, and the refusals."""
     return [REFUSAL, *(echo for command in commands for echo in (command.request_echo, command.reply_echo))]
 
 
@@ -60,7 +60,7 @@ TOPICS = echoes((*MOTIONS, LEASE_TAKE, LEASE_GIVE, IDENTIFY_PAYLOAD))
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A motion that was asked for, and its end."""
+    """A motion that was commanded, and its end."""
 
     request: Held
     outcome: MotionOutcome
@@ -68,7 +68,7 @@ class Moved:
 
 @dataclass(frozen=True, slots=True)
 class Holding:
-    """Once that the arm was held: the lease, what for, and from when to when, cell clock."""
+    """One time that the arm was held: the lease, its purpose, and its begin and end, cell clock."""
 
     lease: str
     purpose: str
@@ -78,7 +78,7 @@ class Holding:
 
 @dataclass(slots=True)
 class Pushed:
-    """What was held: free air and depths of each push, the way it went, and the weighings."""
+    """The dwells: free air and depths of each push, its direction, and the weighings."""
 
     pushes: list[tuple[MotionOutcome, list[MotionOutcome]]] = field(default_factory=list)
     ways: list[tuple[float, ...]] = field(default_factory=list)
@@ -87,12 +87,12 @@ class Pushed:
 
 
 def is_recording(path: Path) -> bool:
-    """By its name."""
+    """Whether a file is a recording, by its name."""
     return path.suffix.lower() == SUFFIX
 
 
 def opened(path: Path, topics: Iterable[Topic[Any]], workcell: Workcell) -> tuple[Recording, list[str]]:
-    """The recording, and what to know about it: torn, messages missing, another cell.
+    """The recording, and notes about it: torn, messages missing, another cell.
 
     Raises RecordingError, and ConfigError where it is of an arm with other joints.
     """
@@ -111,7 +111,7 @@ def opened(path: Path, topics: Iterable[Topic[Any]], workcell: Workcell) -> tupl
 
 
 def motions(recording: Recording) -> list[Moved]:
-    """All that ended, in the order in which they began."""
+    """All motions that ended, in the order in which they began."""
     found = [
         Moved(request.value, reply.value)
         for command in MOTIONS
@@ -122,7 +122,7 @@ def motions(recording: Recording) -> list[Moved]:
 
 
 def holdings(recording: Recording) -> list[Holding]:
-    """Each time that somebody held the arm, in order; one that was never let go of lasts to the end."""
+    """Each time that somebody held the arm, in order; one that was never released lasts to the end."""
     given = {message.lease: message.stamp_ns for message in recording.messages(LEASE_GIVE.request_echo)}
     return [
         Holding(granted.value.lease, taken.value.purpose, granted.value.stamp_ns,
@@ -133,16 +133,16 @@ def holdings(recording: Recording) -> list[Holding]:
 
 
 def _longest(dwells: list[MotionOutcome]) -> MotionOutcome | None:
-    """The last of the longest, where it is long enough to count."""
+    """The last of the longest dwells, where it is long enough to count."""
     longest = max(reversed(dwells), key=lambda dwell: dwell.duration_s, default=None)
     return longest if longest is not None and longest.duration_s >= MIN_HELD_S - 1e-6 else None
 
 
 def pushed(moved: Iterable[Moved]) -> Pushed:
-    """Go through motions in their order."""
+    """Sort the motions, in their order, into pushes and weighings."""
     found, here = Pushed(), list[MotionOutcome]()
     free: MotionOutcome | None = None
-    levels: list[MotionOutcome] | None = None  # of the push that is going on
+    levels: list[MotionOutcome] | None = None  # of the current push
     way, at = np.zeros(3), np.zeros(3)
 
     def ended() -> None:
@@ -180,7 +180,7 @@ def pushed(moved: Iterable[Moved]) -> Pushed:
 
 
 def of_calibration(recording: Recording) -> Pushed:
-    """The pushes of the last calibration in the recording; of all of it where none says that it was one."""
+    """The pushes of the last calibration in the recording; of the whole recording where it names no calibration."""
     every = motions(recording)
     for holding in reversed(holdings(recording)):
         if holding.purpose.startswith(PURPOSE):
@@ -197,7 +197,7 @@ def _level(outcome: MotionOutcome) -> RestLevel:
 def pressed_of(path: Path, workcell: Workcell) -> tuple[Pressed, list[str]]:
     """The pushes and weighings of a recording as `crosspih calibrate` keeps them, and notes for people.
 
-    Pushes go along the plate's normal, so their direction is taken for it. Raises RecordingError, and ConfigError
+    Pushes go along the plate's normal, so their direction is used as the normal. Raises RecordingError, and ConfigError
     naming what the recording lacks.
     """
     recording, notes = opened(path, TOPICS, workcell)
@@ -239,8 +239,9 @@ def _lacking(recording: Recording, found: Pushed) -> str:
 
 
 def readings_of(path: Path, workcell: Workcell) -> tuple[IdentifyPayload, list[str]]:
-    """What the sensor read in several orientations: as the last calibration of it was asked for, else all that was held
-    in free air. Raises RecordingError, and ConfigError naming what the recording lacks."""
+    """The sensor's readings in several orientations: as the last calibration of it was asked for, else all dwells in
+    free air. Raises RecordingError, and ConfigError naming what the recording lacks.
+    """
     recording, notes = opened(path, TOPICS, workcell)
     asked = [request.value for request, reply in recording.answered(IDENTIFY_PAYLOAD) if reply is not None]
     if asked:

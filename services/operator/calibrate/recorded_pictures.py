@@ -1,4 +1,4 @@
-"""Pairs of pictures that a recording holds, and how the arm stood when each was taken."""
+"""The pairs of pictures in a recording, and the joints of the arm when each was taken."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from services.operator.calibrate.folder import Taken, TakenPair, save_taken, wri
 from services.operator.calibrate.recorded import MOTIONS, PURPOSE, Moved, echoes, holdings, motions, opened
 
 TOPICS = [*echoes((*MOTIONS, CAPTURE, LEASE_TAKE, LEASE_GIVE)), IMAGE_LEFT, IMAGE_RIGHT, JOINT_STATE]
-NEAR_NS = 20_000_000  # from a picture to the encoders' nearest word
+NEAR_NS = 20_000_000  # from a picture to the nearest encoder sample
 AT_REST_RAD_S = 2e-3
 
 
 @dataclass(slots=True)
 class _Arm:
-    """How the arm stood at a time."""
+    """The joints of the arm at a time."""
 
     moved: list[Moved]
     states: list[JointState]
@@ -35,8 +35,9 @@ class _Arm:
         self.stamps = [state.stamp_ns for state in self.states]
 
     def at(self, stamp_ns: int) -> tuple[tuple[float, ...] | None, str]:
-        """Joints, rad, as the calibration saw them: by the dwell that has just ended, else by the encoders' nearest
-        word. Without, why."""
+        """Joints, rad, as the calibration saw them: from the dwell that has just ended, else from the nearest encoder
+        sample. Where there are none, the reason.
+        """
         index = bisect_right(self.began, stamp_ns)
         if index:
             last = self.moved[index - 1]
@@ -54,8 +55,8 @@ class _Arm:
 
 
 def taken_of(path: Path, folder: Path, board: str | None, workcell: Workcell) -> tuple[Taken, list[str]]:
-    """The pairs of the last calibration in the recording (of all of it, where none says that it was one) as files in
-    `folder`, as `crosspih calibrate` keeps them; and notes for people.
+    """The pairs of the last calibration in the recording (of the whole recording, where it names no calibration) as
+    files in `folder`, as `crosspih calibrate` keeps them; and notes for people.
 
     Without `board` the pattern is that of the cell's file in the recording. Raises RecordingError, and ConfigError
     naming what the recording lacks.

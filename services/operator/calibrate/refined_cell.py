@@ -1,4 +1,4 @@
-"""What `crosspih calibrate refine` and `bench refine` share: the tool, its table, the refined cell's file."""
+"""The parts that `crosspih calibrate refine` and `bench refine` share: the tool, its table, the refined cell's file."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ def shown_in(name: str) -> tuple[float, str]:
 
 
 def refined_content(base: dict[str, Any], settings: dict[str, Any]) -> dict[str, Any]:
-    """The cell's file with the refined settings. A simulated cell stays the machine that it was: what
-    `hardware.simulated.truth` says against the drawing is said against the new drawing."""
+    """The cell's file with the refined settings. A simulated cell stays the same machine: each difference to the
+    drawing in `hardware.simulated.truth` is rewritten relative to the new drawing.
+    """
     base = with_correction_moved({name: {} if section is None else section for name, section in base.items()})
     content = merged(base, settings)
     truth = ((base.get("hardware") or {}).get("simulated") or {}).get("truth")
@@ -48,7 +49,7 @@ def refined_content(base: dict[str, Any], settings: dict[str, Any]) -> dict[str,
 
 
 def _taper(drawing: PegDrawing) -> float:
-    """What the section loses over the taper, as a share of the body."""
+    """How much the section shrinks over the taper, as a share of the body."""
     peg = drawing.shape()
     return 1.0 - float(peg.scale_at(peg.tip_m))
 
@@ -60,7 +61,7 @@ def run_refine(recordings: Sequence[Path], cell: Path, console: Console) -> dict
 
 
 def refined_table(result: dict[str, Any]) -> Table:
-    """Every parameter before and after, with what was found and how surely."""
+    """Every parameter before and after, with the change found and its uncertainty."""
     table = Table(
         title=f"{result['assemblies']} assemblies: {result['touches']} touches, {result['presses']} presses, "
         f"{result['seen']} seen, {result['calibrations']} calibrations of the sensor"

@@ -1,5 +1,6 @@
-"""What a calibration by pushes says to the cell's file. A simulated cell stays the machine that it was: what
-`hardware.simulated` says against the old drawing is said against the new one."""
+"""The settings of the cell's file that follow from a calibration by pushes. A simulated cell stays the same machine:
+each difference to the drawing in `hardware.simulated` is rewritten relative to the new drawing.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ def _floats(values: Array) -> list[float]:
 
 
 def stiffness_settings(fit: StiffnessFit, cell: CellFile) -> dict[str, Any]:
-    """`cell.joint_stiffness_nm_rad`, with what the pushes fix; nothing where they fix nothing."""
+    """`cell.joint_stiffness_nm_rad`, with the values that the pushes determine; nothing where they determine none."""
     before = np.asarray(cell.workcell.joint_stiffness_nm_rad, float)
     if not any(fit.taken):
         return {}
@@ -43,7 +44,7 @@ def stiffness_settings(fit: StiffnessFit, cell: CellFile) -> dict[str, Any]:
 
 
 def mount_settings(fit: MountFit, cell: CellFile) -> dict[str, Any]:
-    """`cell.force_torque.correction`: the whole of it, on the mounting that is drawn."""
+    """`cell.force_torque.correction`: the whole correction, relative to the mounting that is drawn."""
     drawn = cell.workcell.force_torque.as_drawn().mounting(cell.workcell.pose_flange_peg()).pose_peg_sensor
     correction = fit.pose_peg_sensor @ drawn.inverse()
     placed = {"shift_m": _floats(correction.translation_m), "turn_rad": _floats(correction.rotvec_rad())}
@@ -51,7 +52,7 @@ def mount_settings(fit: MountFit, cell: CellFile) -> dict[str, Any]:
 
 
 def tcp_settings(fit: TipFit, cell: CellFile) -> dict[str, Any]:
-    """`cell.flange_to_ft`, the peg's frame on the flange; the sensor stays where it was on the flange."""
+    """`cell.flange_to_ft`, the peg's frame on the flange; the sensor keeps its place on the flange."""
     workcell, shift = cell.workcell, Pose.from_translation(fit.shift_m)
     before = workcell.pose_flange_peg()
     peg = before @ shift

@@ -1,7 +1,7 @@
-"""Postures in which the arm shows the board to both cameras, and clear ways between them.
+"""Postures in which the arm shows the board to both cameras, and collision-free ways between them.
 
-Where the cameras stand and the board is mounted need be known about only: a margin is kept to the pictures' edges.
-The collision model is that of the planner; the hardware checks each way once more.
+The poses of the cameras and of the board need to be known only roughly: a margin is kept to the pictures' edges. The
+collision model is the planner's; the hardware checks each way again.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from crosspih_common.geometry import Pose
 from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel
 
-SHARES = (0.24, 0.62)  # of the picture's width that the board covers
+SHARES = (0.24, 0.62)  # share of the picture's width that the board covers
 TILT_RAD, SPIN_RAD = 0.65, np.pi
 EDGE_PX = 10.0
 TRIES, WANTED, NEIGHBOURS, SPARE_M = 3000, 70, 8, 0.002
 VIA = 60
-# how much a difference in each counts: place in the picture, distance, tilts, spin
+# weight of a difference in each: place in the picture, distance, tilts, spin
 WEIGHTS = np.array([2.0, 2.0, 1.5, 1.6, 1.6, 0.5])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownPosture:
-    """A posture (n,), rad, and how the board is then seen: place in the picture, distance, tilts and spin, (6,)."""
+    """A posture (n,), rad, and how the board is seen there: place in the picture, distance, tilts and spin, (6,)."""
 
     joints_rad: Array
     seen: Array
@@ -61,8 +61,9 @@ def _in_both(outline_m: Array, cameras: CameraCalibration) -> bool:
 def outline_px(
     workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose, joints_rad: Array
 ) -> list[list[list[float]]]:
-    """Where the board's outline is to be seen in the left and the right picture in a posture (n,): two lists of pixels,
-    about: lenses are taken as straight."""
+    """The board's outline in the left and the right picture in a posture (n,): two lists of pixels, approximate because
+    lens distortion is ignored.
+    """
     base = workcell.arm().pose_base_flange(joints_rad)
     outline = (cameras.pose_base_camera.pose().inverse() @ base @ pose_flange_board).apply(pattern.outline_m())
     beside = cameras.pose_left_right.pose().inverse().apply(outline)
@@ -72,7 +73,9 @@ def outline_px(
 def drawn_before(
     cameras: CameraCalibration, pattern: BoardPattern, rng: np.random.Generator
 ) -> tuple[Pose, Array] | None:
-    """`pose_camera_board` anywhere in the picture, with how it is then seen; None where it is not all in both."""
+    """`pose_camera_board` anywhere in the picture, with how the board is seen there; None where a picture does not show
+    all of it.
+    """
     width_m, height_m = pattern.size_m
     middle, left = np.array([width_m / 2, height_m / 2, 0.0]), cameras.left
     share = float(np.exp(rng.uniform(*np.log(SHARES))))
@@ -92,7 +95,7 @@ def candidates(
     workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose,
     collisions: CollisionModel, rng: np.random.Generator,
 ) -> list[ShownPosture]:  # fmt: skip
-    """Postures clear of everything, drawn over the picture, distances, tilts and spins."""
+    """Postures clear of everything, sampled over the picture, distances, tilts and spins."""
     arm, home = workcell.arm(), np.asarray(workcell.home_joints_rad, float)
     to_flange, pose_base_camera = pose_flange_board.inverse(), cameras.pose_base_camera.pose()
     found: list[ShownPosture] = []
@@ -103,7 +106,7 @@ def candidates(
         if drawn is None:
             continue
         try:
-            # from home alone: an arm without a closed form looks long for what cannot be reached
+            # from home only: an arm without a closed form searches long for poses that it cannot reach
             joints = solver(arm).follow(pose_base_camera @ drawn[0] @ to_flange, home)
         except InverseError:
             continue
@@ -116,8 +119,9 @@ def candidates(
 def reached(
     home: Array, shown: list[ShownPosture], vias: list[Array], collisions: CollisionModel
 ) -> tuple[list[Array], list[int], list[int]]:
-    """Nodes that can be driven to from home, the parent of each (-1: home itself), and which `shown` each is (-1: a
-    node on the way)."""
+    """Nodes that can be reached from home, the parent of each (-1: home itself), and the index in `shown` of each (-1:
+    a node on the way).
+    """
     nodes, parents, which = [home], [-1], [-1]
     left = [(one.joints_rad, index) for index, one in enumerate(shown)] + [(joints, -1) for joints in vias]
     grown = True
@@ -139,7 +143,7 @@ def reached(
 
 
 def spread_out(shown: list[ShownPosture], count: int) -> list[int]:
-    """The most different ones, farthest point first."""
+    """The most different postures, by farthest-point selection."""
     seen = np.array([one.seen for one in shown]) * WEIGHTS / np.array([1.0, 1.0, 0.5, TILT_RAD, TILT_RAD, SPIN_RAD])
     chosen = [int(np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1)))]
     while len(chosen) < min(count, len(shown)):
@@ -152,7 +156,7 @@ def tour(
     workcell: Workcell, cameras: CameraCalibration, pattern: BoardPattern, pose_flange_board: Pose, start: Array,
     count: int, seed: int = 0,
 ) -> list[list[Array]]:  # fmt: skip
-    """Ways, one a picture: knots of joints (n,) from where the arm stands to the next posture; the last leads home.
+    """Ways, one per picture: joint knots (n,) from the arm's current posture to the next one; the last way leads home.
 
     Raises CalibrationRefused where too few postures show the board, and says what to move.
     """

@@ -1,4 +1,6 @@
-"""What the pushes say so far, in a table that changes with each: how sure each number is, and what is missing."""
+"""The result of the pushes so far, in a table that is updated after each: the uncertainty of each number, and what is
+missing.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from services.operator.calibrate.tables import values_table
 
 
 class SoFar:
-    """Stands below what is printed while it lasts, in a terminal; nothing of it goes into a file or a pipe."""
+    """A live table below the printed lines, in a terminal only; nothing of it goes into a file or a pipe."""
 
     def __init__(self, console: Console, title: str, reckon: Callable[[Pressed], dict[str, Any]]) -> None:
         self._title, self._reckon = title, reckon
@@ -35,7 +37,7 @@ class SoFar:
             self._live.stop()
 
     def show(self, pressed: Pressed) -> None:
-        """All that was taken so far."""
+        """Show the result of all data so far."""
         if self._on:
             self._live.update(self.told(pressed), refresh=True)
 

@@ -14,7 +14,7 @@ UNITS = {"rx": (180.0 / np.pi, "°"), "ry": (180.0 / np.pi, "°"), "rz": (180.0 
 
 
 def values_table(title: str, values: list[dict[str, Any]], told: dict[str, float] | None = None) -> Table:
-    """A row a value: what was found, one sd, and half of the 95 % interval; with what was told before, where given."""
+    """One row per value: the result, one sd, and half of the 95 % interval; with the value before, where given."""
     table = Table(title=title)
     for heading in ("", *(("before",) if told else ()), "found", "sd", "± 95 %", ""):
         table.add_column(heading, justify="left" if not heading else "right")
@@ -27,7 +27,7 @@ def values_table(title: str, values: list[dict[str, Any]], told: dict[str, float
 
 
 def say_missing(console: Console, found: dict[str, Any]) -> None:
-    """Advice and doubts, a line each."""
+    """Print advice and doubts, a line each."""
     for line in found.get("missing", ()):
         console.print(f"missing: {line}", style="yellow", highlight=False, markup=False, soft_wrap=True)
     for line in found.get("doubts", ()):

@@ -1,4 +1,4 @@
-"""Pictures of the board, taken while the arm shows it or a person does; each is looked at, and what is missing told."""
+"""Pictures of the board, shown by the arm or by a person; each pair is evaluated, and what is missing is reported."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STEADY_S = 5.0
 
 
 class Taker:
-    """Takes pairs into a folder, has each drawn there for people, and tells the page."""
+    """Takes pairs into a folder, draws each for people, and updates the page."""
 
     def __init__(
         self, session: Session, vision: OfflineVision, board: str, folder: Path, console: Console, page: LivePage | None
@@ -41,15 +41,16 @@ class Taker:
         self.calibration: CameraCalibration | None = None
 
     def say(self, text: str) -> None:
-        """What goes on now, on the page."""
+        """Show the current step on the page."""
         if self._page is not None:
             self._page.say(text)
 
     def one(
         self, arm: HeldArm, joints_rad: tuple[float, ...] | None, next_px: list[list[list[float]]] | None = None
     ) -> None:
-        """Take a pair, keep it and say what it shows. `next_px` is where the board is shown next. Raises
-        CommandRefused."""
+        """Take a pair, keep it and report what it shows. `next_px` is where the board is shown next. Raises
+        CommandRefused.
+        """
         told, left, right = arm.look()
         self.calibration = told.calibration
         number = len(self._pairs)
@@ -74,7 +75,7 @@ class Taker:
         self.save()
 
     def save(self) -> Taken:
-        """What there is so far, beside the pictures."""
+        """Save the list of pairs so far beside the pictures."""
         taken = Taken.model_validate({
             "taken_at": now(), "cell": self._session.cell.workcell.name, "board": self._board,
             "calibration": self.calibration, "pairs": tuple(self._pairs),
@@ -92,7 +93,7 @@ def ask(vision: OfflineVision, job: dict[str, Any]) -> dict[str, Any]:
 
 
 def doubt_of(stereo: dict[str, Any]) -> dict[str, Any]:
-    """How surely `stereo` knew the cameras, for `hand_eye`."""
+    """The uncertainty of the cameras found by `stereo`, for `hand_eye`."""
     return {
         "model": stereo["model"], "values": [one["value"] for one in stereo["values"]],
         "covariance": stereo["covariance"],
@@ -103,7 +104,7 @@ def take_by_arm(
     session: Session, vision: OfflineVision, board: BoardSection, count: int, folder: Path, console: Console,
     speed_share: float, what: str, seed: int = 0, page: LivePage | None = None,
 ) -> Taken:  # fmt: skip
-    """The arm shows the board in so many postures and goes back to where it began.
+    """The arm shows the board in this many postures and returns to where it began.
 
     Raises CalibrationRefused where the board cannot be shown, CommandRefused, MoveEnded.
     """
@@ -143,7 +144,9 @@ def take_by_hand(
     session: Session, vision: OfflineVision, board: str, folder: Path, console: Console, poses: bool,
     next_one: Callable[[str], bool], page: LivePage | None = None,
 ) -> Taken:  # fmt: skip
-    """A person shows the board, or moves the arm that does; `next_one` asks for the next pair, False: enough."""
+    """A person shows the board, or moves the arm that does; `next_one` asks for the next pair and returns False to
+    finish.
+    """
     taker = Taker(session, vision, board, folder, console, page)
     taker.say("show the board where a part of the picture is tinted, and tilted as the list says; Enter takes a pair")
     with session.bus.reading(JOINT_STATE, 4) as states, hold_arm(session.bus, "calibrate by hand") as lease:
@@ -160,6 +163,8 @@ def take_by_hand(
 
 
 def cameras_of(session: Session) -> CameraCalibration:
-    """What the camera says of itself; a picture is taken where it has not said so yet. Raises as `Bus.call`."""
+    """The calibration that the camera publishes; a picture is taken first where none has come yet. Raises as
+    `Bus.call`.
+    """
     told = session.bus.latest(CAMERA_CALIBRATION).wait_for(lambda _: True, STEADY_S)
     return told if told is not None else captured(session.bus).calibration

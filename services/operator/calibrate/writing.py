@@ -1,5 +1,6 @@
-"""What becomes of a calibration: a dated file of its own, the cell's file with the new values, the cameras' file; and
-what is told of it."""
+"""The output of a calibration: a dated file of its own, the cell's file with the new values, the cameras' file; and the
+printed report.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ from services.operator.calibrate.tables import say_missing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationResult:
-    """A calibration that came to its end: `result` for JSON, with `settings` for the cell's file where it has some;
-    `folder` is its own. `cameras` is where the camera message goes, and the message."""
+    """A finished calibration: `result` for JSON, with `settings` for the cell's file where there are some; `folder` is
+    its own. `cameras` holds the path for the camera message, and the message.
+    """
 
     kind: str
     cell: CellFile
@@ -34,7 +36,7 @@ class CalibrationResult:
     cameras: tuple[Path, dict[str, Any]] | None = None
 
     def conclude(self, as_json: bool, show: Callable[[Console], None]) -> None:
-        """Write it all and tell it: by `show`, what is missing, and the files. Raises ConfigError."""
+        """Write all files, then print the result by `show`, what is missing, and the files. Raises ConfigError."""
         self.result["taken_at"] = self.taken_at
         written = write_found(self.folder, self.kind, self.cell.workcell.name, self.result)
         files = {"found": written}
@@ -58,7 +60,7 @@ class CalibrationResult:
 
 
 def write_found(folder: Path, kind: str, cell: str, found: dict[str, Any]) -> Path:
-    """`found.yaml` in the calibration's folder: kind, date, cell, and all that was found."""
+    """`found.yaml` in the calibration's folder: kind, date, cell, and all results."""
     path = folder / FOUND
     write_yaml(
         path, {"kind": f"calibration of {kind}", "calibrated_at": now(), "cell": cell, **json.loads(json.dumps(found))}
@@ -67,9 +69,9 @@ def write_found(folder: Path, kind: str, cell: str, found: dict[str, Any]) -> Pa
 
 
 def write_cell_file(out: Path, cell: Path, settings: dict[str, Any], kind: str, found: Path | None) -> None:
-    """The cell's file with the new values, checked; as `crosspih calibrate refine` writes it, a file of its own.
+    """The cell's file with the new values, checked; as with `crosspih calibrate refine` it is a separate file.
 
-    Raises ConfigError where `out` is the cell's file itself, or what comes out does not hold.
+    Raises ConfigError where `out` is the cell's file itself, or the new content is not valid.
     """
     if out.resolve() == cell.resolve():
         raise ConfigError(f"--out {out}: is the cell's file itself; name another, and compare the two")

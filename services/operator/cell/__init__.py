@@ -1,1 +1,1 @@
-"""The cell as it is described: which file it is, a new one made by questions, its drivers, and whether it holds."""
+"""The description of the cell: its file, a new one made by questions, its drivers, and its checks."""

@@ -16,7 +16,9 @@ from services.operator.other_services.beside import run_module
 
 
 def installed_drivers() -> list[dict[str, Any]]:
-    """What `python -m services.hardware.drivers` says. Raises ConfigError where the hardware service is not there."""
+    """The output of `python -m services.hardware.drivers`. Raises ConfigError where the hardware service is not
+    installed.
+    """
     said = run_module("services.hardware.drivers")
     if not isinstance(said.value, list):
         raise ConfigError(f"the drivers cannot be listed: {said.words}; is crosspih[hardware] installed?")

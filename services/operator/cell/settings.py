@@ -1,4 +1,4 @@
-"""Settings that a person types, `--set section.name=value`: read by their service before anything starts."""
+"""Settings that a person types, `--set section.name=value`: checked by their service before anything starts."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ NOT_READ = ("router", "operator")  # the router has no settings, and the operato
 
 
 def require_settings(settings: Sequence[str]) -> None:
-    """Raise ConfigError for one that is none, in the words of the service that reads it.
+    """Raise ConfigError for a setting that is not valid, with the message of the service that reads it.
 
-    The sections that are named are read by `python -m services.NAME --check-config`, each some 1 s.
+    Each named section is read by `python -m services.NAME --check-config`, which takes about 1 s.
     """
     if not settings:
         return

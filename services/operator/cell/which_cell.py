@@ -1,4 +1,4 @@
-"""Which cell's file and which router a command uses: cheap to import, for commands that only ask who is there."""
+"""Which cell's file and which router a command uses: cheap to import, for commands that only ask which services run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from crosspih_common.client.defaults import CELL_VARIABLE, cell_path, endpoint
 
 @contextmanager
 def using_cell(path: Path | None) -> Iterator[None]:
-    """CROSSPIH_CELL names that file as long as this lasts, also for what is started; with None nothing is changed."""
+    """For the length of the block CROSSPIH_CELL names that file, also for processes started in it; with None nothing
+    changes.
+    """
     before = os.environ.get(CELL_VARIABLE)
     if path is not None:
         os.environ[CELL_VARIABLE] = str(path.absolute())  # services are started in another folder

@@ -1,1 +1,1 @@
-"""The command line itself: the table of its commands, and what they share in starting and in telling."""
+"""The command line itself: the table of its commands, and their shared code for starting and printing."""

@@ -15,7 +15,7 @@ STRATEGY_HELP = f"How to get the peg in: {', '.join(NAMES)}, or your own, module
 
 
 def chosen(name: str) -> AnyStrategy:
-    """Ours, or somebody's own by `module:Class` or by the name that an installed package declares.
+    """A strategy of crosspih, or somebody's own by `module:Class` or by the name that an installed package declares.
 
     Raises ConfigError for a name that is none of these, before anything is started.
     """

@@ -1,4 +1,4 @@
-"""The `crosspih` command: the table of all it can be asked, and how it starts."""
+"""The `crosspih` command: the table of all its commands, and how it starts."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ app = typer.Typer(name=PROGRAM, cls=group_of(COMMANDS), no_args_is_help=True, pr
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from services.operator.cli.version import version_lines  # reads what is installed
+        from services.operator.cli.version import version_lines  # depends on the installed packages
 
         for line in version_lines():
             print(line)
@@ -174,7 +174,7 @@ def crosspih(
 def main() -> None:
     """The console script."""
     if not sys.stdout.isatty():
-        # into a file or a pipe tables would be cut to 80 columns
+        # otherwise tables in a file or a pipe would be cut to 80 columns
         os.environ.setdefault("COLUMNS", str(COLUMNS_IN_A_FILE))
     for variable in ("CROSSPIH_CELL", CERTIFICATES):  # services are started in another folder
         if named := os.environ.get(variable):

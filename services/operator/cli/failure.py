@@ -1,4 +1,6 @@
-"""How a command fails: in one line, with `--json` as an object on standard output too, and never by a traceback."""
+"""How a command reports an error: in one line, with `--json` also as an object on standard output, never by a
+traceback.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,16 @@ from crosspih_common.errors import CrosspihError
 if TYPE_CHECKING:
     from rich.console import Console
 
-TRACEBACK = "CROSSPIH_TRACEBACK"  # for who mends crosspih itself: an error that nobody foresaw with its traceback
+TRACEBACK = "CROSSPIH_TRACEBACK"  # for developers of crosspih: show an unforeseen error with its traceback
 USAGE = "usage"
 DEFECT = "defect"
 
 
 @dataclass(frozen=True, slots=True)
 class CommandFailure:
-    """What `--json` prints of an error: `code` for programs, `text` for people; what it is about and what would mend
-    it, empty where nobody said."""
+    """What `--json` prints of an error: `code` for programs, `text` for people; the subject and the remedy, empty where
+    the error names none.
+    """
 
     code: str
     text: str
@@ -39,7 +42,7 @@ class CommandFailure:
 
 
 class Failed(typer.Exit):
-    """Ends a command whose error was told in words already."""
+    """Ends a command whose error has already been printed."""
 
     def __init__(self, failure: CommandFailure, status: int = 1) -> None:
         super().__init__(status)
@@ -47,7 +50,7 @@ class Failed(typer.Exit):
 
 
 def failure_of(error: Exception) -> CommandFailure:
-    """What there is to say of an error, foreseen or not."""
+    """The report of an error, foreseen or not."""
     if isinstance(error, CrosspihError):
         return CommandFailure(_code_of(error), str(error), error.field, error.mend)
     if isinstance(error, OSError):
@@ -63,20 +66,20 @@ def failure_of(error: Exception) -> CommandFailure:
 
 
 def _code_of(error: CrosspihError) -> str:
-    """Its own, or for one that has none what its class is called: not_up of NotUpError."""
+    """The error's own code; for an error without one, its class name in snake case: not_up of NotUpError."""
     if error.code != CrosspihError.code:
         return error.code
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(error).__name__.removesuffix("Error")).lower()
 
 
 def is_shown_whole(error: Exception) -> bool:
-    """Whether its traceback is wanted: an error that nobody foresaw, where CROSSPIH_TRACEBACK says so."""
+    """Whether to show its traceback: for an unforeseen error, if CROSSPIH_TRACEBACK is set."""
     foreseen = isinstance(error, (CrosspihError, ModuleNotFoundError, OSError))
     return bool(os.environ.get(TRACEBACK)) and not foreseen
 
 
 def say(failure: CommandFailure) -> None:
-    """In red on standard error."""
+    """Print it in red on standard error."""
     from rich.console import Console
 
     Console(stderr=True).print(failure.text, style="red", markup=False, highlight=False, soft_wrap=True)
@@ -84,7 +87,7 @@ def say(failure: CommandFailure) -> None:
 
 @contextmanager
 def errors_shown(console: Console) -> Iterator[None]:
-    """Errors of crosspih as one red line and exit status 1; Ctrl-C as 130."""
+    """Print errors of crosspih as one red line with exit status 1; Ctrl-C gives 130."""
     try:
         yield
     except CrosspihError as error:
@@ -95,7 +98,7 @@ def errors_shown(console: Console) -> Iterator[None]:
 
 
 def usage_failure(error: typer.BadParameter) -> CommandFailure:
-    """Of a command line that cannot be."""
+    """The report of an invalid command line."""
     hint, parameter = getattr(error, "param_hint", None), getattr(error, "param", None)
     names = getattr(parameter, "opts", None) or [getattr(error, "option_name", "")]
     about = hint if isinstance(hint, str) else max(names, key=len)
@@ -105,7 +108,7 @@ def usage_failure(error: typer.BadParameter) -> CommandFailure:
 
 
 def with_nearest(message: str) -> str:
-    """What Click says of a word that is none of a choice, with the nearest one."""
+    """Click's message about an unknown word, with the nearest valid one."""
     message = message.removeprefix("Value error, ")
     found = re.match(r"'(?P<word>[^']*)' is not one of (?P<rest>.*)", message, re.DOTALL)
     if found is None:

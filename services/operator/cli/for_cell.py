@@ -1,4 +1,4 @@
-"""`--cell FILE` for every command that goes by a cell's file."""
+"""`--cell FILE` for every command that uses a cell's file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CellOption = Annotated[Path | None, typer.Option(help=CELL_HELP)]
 
 
 def for_cell(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with an option more: `--cell FILE` is its cell's file while it runs."""
+    """The command with one more option: `--cell FILE` is its cell's file while it runs."""
 
     @wraps(command)
     def called(*args: Any, cell: Path | None = None, **options: Any) -> None:

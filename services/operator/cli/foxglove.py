@@ -35,5 +35,5 @@ def foxglove(
                 status = process.wait()
                 break
             except KeyboardInterrupt:
-                continue  # the terminal sends it to both; the service ends by itself
+                continue  # the terminal sends Ctrl-C to both processes; the service ends by itself
         sys.exit(status)

@@ -1,4 +1,4 @@
-"""A group of commands of which only the one that is asked for is imported: help is printed by Typer alone."""
+"""A group of commands that imports only the command that is called: Typer alone prints the help."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from services.operator.cli.failure import (
 )
 
 PROGRAM = "crosspih"
-UsageError: Any = typer.BadParameter.__base__  # Click's, which Typer does not name
+UsageError: Any = typer.BadParameter.__base__  # a Click type that Typer does not export
 
 
 class OneCommand(TyperCommand):
-    """A command whose every error is one line, and with `--json` an object too."""
+    """A command that prints every error in one line, and with `--json` also as an object."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """As Click does it; of a word that is none of a choice the nearest is named."""
+        """As Click does it; an error about an unknown word names the nearest valid one."""
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:
@@ -60,7 +60,7 @@ class OneCommand(TyperCommand):
 
 @dataclass(frozen=True, slots=True)
 class OnDemand:
-    """Where a command, or a Typer app of several, is found: `package.module:name`; and what the list says of it.
+    """Where a command, or a Typer app of several, is found: `package.module:name`; and its line in the list.
 
     `says` is the first paragraph of the command's own help: tests/operator/cli/test_on_demand.py checks that the two
     agree.
@@ -77,7 +77,7 @@ class OnDemand:
     """The heading under which a list of commands shows it."""
 
     def load(self, name: str, path: str = "") -> TyperCommand | TyperGroup:
-        """The command itself, which imports all that it needs. `path`: how it is called, for its example."""
+        """The command itself; this imports all that it needs. `path`: how it is called, for its example."""
         module, _, attribute = self.where.partition(":")
         found = getattr(importlib.import_module(module), attribute)
         if isinstance(found, typer.Typer):
@@ -85,7 +85,7 @@ class OnDemand:
             group.name = name
             return group
         if self.by_cell:
-            from services.operator.cli.for_cell import for_cell  # it loads what a cell's file is read by
+            from services.operator.cli.for_cell import for_cell  # it imports the reader of a cell's file
 
             found = for_cell(found)
         alone = typer.Typer(add_completion=False, pretty_exceptions_show_locals=False)
@@ -97,15 +97,15 @@ class OnDemand:
 
 
 def _called(ctx: Any) -> str:
-    """How a group is called by who has installed crosspih."""
+    """How a user who has installed crosspih calls a group."""
     return PROGRAM + str(ctx.command_path).removeprefix(ctx.find_root().command_path)
 
 
 def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
-    """The class of a Typer app, `typer.Typer(cls=...)`, whose commands are those of a table, in its order."""
+    """The class for `typer.Typer(cls=...)` whose commands are those of a table, in its order."""
 
     class CommandsOnDemand(TyperGroup):
-        """Lists without an import, and imports what is called."""
+        """Lists commands without an import, and imports the one that is called."""
 
         table = commands
         _listing = False
@@ -119,7 +119,7 @@ def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
             return list(commands)
 
         def get_command(self, ctx: Any, cmd_name: str) -> Any:
-            """The command; while help or a completion is printed only its name and what the list says of it."""
+            """The command; while help or a completion is printed, only its name and its line in the list."""
             entry = commands.get(cmd_name)
             if entry is None:
                 return None
@@ -138,7 +138,7 @@ def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
                 self._listing = False
 
         def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-            """As Typer does it: which commands begin so needs none of them."""
+            """As Typer does it: completing a command's name imports none of them."""
             self._listing = True
             try:
                 return super().shell_complete(ctx, incomplete)
@@ -149,7 +149,7 @@ def group_of(commands: Mapping[str, OnDemand]) -> type[TyperGroup]:
             self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
             standalone_mode: bool = True, windows_expand_args: bool = True, **extra: Any,
         ) -> Any:  # fmt: skip
-            """As Typer does it; what cannot be asked so is with `--json` an object too."""
+            """As Typer does it; an invalid command line is with `--json` also an object."""
             words = list(sys.argv[1:] if args is None else args)
             alone = standalone_mode and "--json" in words
             try:

@@ -28,7 +28,7 @@ standard error and ends with status 1, with 2 where it cannot be asked so; with 
 
 @dataclass(frozen=True, slots=True)
 class ListedCommand:
-    """A command of the table, how it is called, and the heading that it stands under."""
+    """A command of the table, how it is called, and the heading under which it stands."""
 
     path: tuple[str, ...]
     entry: OnDemand
@@ -37,7 +37,7 @@ class ListedCommand:
 
 
 def every_command() -> Iterator[ListedCommand]:
-    """All commands that do something, in the table's order; groups are gone through."""
+    """All commands that can be run, in the table's order; groups are expanded."""
     root = get_command(app)
     assert isinstance(root, TyperGroup)
     yield from _below(root, (PROGRAM,), "")
@@ -68,7 +68,7 @@ def _option_rows(command: TyperCommand) -> Iterator[str]:
 
 
 def _everywhere(text: str) -> str:
-    """Without what is of this machine."""
+    """The text without details of this machine."""
     return text.replace(f"{ROOT}/", "").replace("[env var: ", "[environment: ")
 
 

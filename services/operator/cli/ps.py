@@ -1,5 +1,6 @@
-"""`crosspih ps`: the launcher's table, of each service whether the bus has a sign of life from it, and at the router
-whether this machine's wall clock is that of the cell's."""
+"""`crosspih ps`: the launcher's table. For each service it adds whether the bus has its liveliness token, and at the
+router whether this machine's wall clock agrees with that of the cell's.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +20,14 @@ if TYPE_CHECKING:
 CONNECT_S = 1.0
 HEAR_S = 1.0
 CLOCK_ASKED, CLOCK_ASK_S = 3, 1.0
-ROUTER = "router"  # has no token: without it nobody has
+ROUTER = "router"  # the router has no token, but without a router nobody has one
 SILENT = "no sign of life on the bus: it hangs"
 
 
 def noted(state: StackState, alive: set[str]) -> StackState:
-    """The state with a note at each service that is healthy for all the launcher knows, but has no token among `alive`.
+    """The state, with a note at each service that the launcher calls healthy but that has no token among `alive`.
 
-    Nothing is noted where none of them has one: it is then another cell that was asked.
+    Nothing is noted where no service has a token: then the tokens are another cell's.
     """
     if not alive & {row.service for row in state.services}:
         return state
@@ -40,7 +41,7 @@ def noted(state: StackState, alive: set[str]) -> StackState:
 
 
 def with_clock(state: StackState, apart: str) -> StackState:
-    """The state with a note at the router, where the clocks of two machines are apart."""
+    """The state, with a note at the router where the clocks of the two machines differ."""
     rows = [
         row.model_copy(update={"note": "; ".join(filter(None, (row.note, apart)))}) if row.service == ROUTER else row
         for row in state.services
@@ -56,7 +57,7 @@ def _clocks_apart(bus: Bus) -> str:
 
 
 def _with_signs_of_life(state: StackState) -> StackState:
-    from crosspih_common.bus import Bus, open_zenoh  # the messages: not for a stack that is down
+    from crosspih_common.bus import Bus, open_zenoh  # imports the messages: not for a stack that is down
     from crosspih_common.config import cell_name
     from services.operator.topic.listening import alive_services
 
@@ -65,7 +66,7 @@ def _with_signs_of_life(state: StackState) -> StackState:
         with Bus(open_zenoh(endpoint(), CONNECT_S), cell_name(cell_path()), "operator") as bus:
             return with_clock(noted(state, alive_services(bus, wanted, HEAR_S)), _clocks_apart(bus))
     except CrosspihError:
-        return state  # no router, or no cell's file: the launcher's own table is all there is
+        return state  # no router, or no cell's file: print only the launcher's own table
 
 
 def ps(

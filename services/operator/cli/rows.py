@@ -1,4 +1,4 @@
-"""What `crosspih doctor` and `crosspih cell check` say: a line for each thing that was looked at."""
+"""The output of `crosspih doctor` and `crosspih cell check`: a line for each thing that was checked."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from rich.table import Table
 
 
 class Verdict(str, Enum):
-    """How it stands."""
+    """The verdict on one thing."""
 
     OK = "ok"
-    WARNING = "warning"  # it goes without, less well
+    WARNING = "warning"  # an assembly works without it, but less well
     WRONG = "wrong"
-    SKIPPED = "skipped"  # it could not be asked; another line says why
+    SKIPPED = "skipped"  # it could not be checked; another line says why
 
 
 COLOURS = {Verdict.OK: "green", Verdict.WARNING: "yellow", Verdict.WRONG: "bold red", Verdict.SKIPPED: "yellow"}
 
 
 class Row(BaseModel):
-    """What was looked at, what was found, and what mends it."""
+    """What was checked, what was found, and how to mend it."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -43,22 +43,22 @@ def ok(name: str, found: str) -> Row:
 
 
 def warning(name: str, found: str, mend: str) -> Row:
-    """It goes without, less well."""
+    """It works, but less well."""
     return Row(name=name, verdict=Verdict.WARNING, found=found, mend=mend)
 
 
 def wrong(name: str, found: str, mend: str) -> Row:
-    """So it cannot go."""
+    """It cannot work like this."""
     return Row(name=name, verdict=Verdict.WRONG, found=found, mend=mend)
 
 
 def skipped(name: str, why: str) -> Row:
-    """It was not asked."""
+    """It was not checked."""
     return Row(name=name, verdict=Verdict.SKIPPED, found=why)
 
 
 def looked(name: str, look: Callable[[], Iterable[Row]]) -> list[Row]:
-    """The rows of one look; a look that fails itself is a row, so that the others are still told."""
+    """The rows of one check. A check that fails itself becomes a row, so that the others are still shown."""
     try:
         return list(look())
     except Exception as error:
@@ -67,7 +67,7 @@ def looked(name: str, look: Callable[[], Iterable[Row]]) -> list[Row]:
 
 
 def wrong_ones(rows: Sequence[Row]) -> list[Row]:
-    """Those that are wrong."""
+    """The rows that are wrong."""
     return [row for row in rows if row.verdict is Verdict.WRONG]
 
 
@@ -85,8 +85,9 @@ def table_of(rows: Sequence[Row], title: str | None = None) -> Table:
 
 
 def tell(rows: Sequence[Row], cell: str, console: Console, as_json: bool, last: str, title: str | None = None) -> None:
-    """The rows as a table with a last line, or as one JSON object {ok, cell, rows}. Raises typer.Exit(1) when one is
-    wrong."""
+    """Print the rows as a table with a last line, or as one JSON object {ok, cell, rows}. Raises typer.Exit(1) when one
+    is wrong.
+    """
     bad = wrong_ones(rows)
     if as_json:
         said = {"ok": not bad, "cell": cell, "rows": [row.model_dump(mode="json") for row in rows]}

@@ -1,4 +1,4 @@
-"""How long something will still take, told from how long its parts took: for lines, where no bar is drawn."""
+"""The time that is left, estimated from the time of the parts that are done: for lines, where no bar can be drawn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def in_words(seconds: float) -> str:
 
 
 class TimeLeft:
-    """Of `total` parts that take about as long each, from now on."""
+    """The time left for `total` parts that take about as long each, from now on."""
 
     def __init__(self, total: int, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._total, self._clock_s, self._began_s = total, clock_s, clock_s()

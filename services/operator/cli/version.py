@@ -1,4 +1,4 @@
-"""What `crosspih --version` says: enough to tell whether two machines speak alike, and for a report of a defect."""
+"""What `crosspih --version` prints: enough to see whether two machines have the same contract, and for a bug report."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ SHORT = 12
 
 
 def contract() -> tuple[int, str]:
-    """How many kinds of messages there are, and a hash of all that two ends must agree on: each key with the name and
-    version of its type, and of each type its JSON Schema."""
+    """The number of message types, and a hash of all that two ends must agree on: each key with the name and version of
+    its type, and the JSON Schema of each type.
+    """
     ends: list[Topic[object] | Command[object, object]] = [*topics(), *commands()]  # type: ignore[type-var]
     kinds: dict[str, object] = {}
     lines = []
     for end in ends:
         types = (end.type,) if isinstance(end, Topic) else (end.request, end.reply)
         for kind in types:
-            schema = getattr(kind, "model_json_schema", None)  # a picture is Foxglove's, by its label
+            schema = getattr(kind, "model_json_schema", None)  # a picture is a Foxglove message, known by its label
             kinds[label_of(kind)] = schema() if schema else None
         lines.append(f"{end.path} {' '.join(label_of(kind) for kind in types)}")
     text = repr((sorted(lines), sorted((label, repr(schema)) for label, schema in kinds.items())))

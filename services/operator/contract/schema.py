@@ -1,6 +1,6 @@
-"""JSON Schema (2020-12) of every message, one file a type, and an index that leads from each key to them.
+"""JSON Schema (2020-12) of every message, one file per type, and an index from each key to them.
 
-Where `crosspih_common/foxglove/own_messages.py` bends schemas to what a viewer reads, these are whole: they say exactly
+`crosspih_common/foxglove/own_messages.py` simplifies the schemas for viewers. These are complete: they describe exactly
 what the codec accepts, references and null included.
 """
 
@@ -21,12 +21,12 @@ from crosspih_common.refusals import REFUSALS
 JsonSchema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 INDEX = "index.json"
-# the types that an image's fields have, by protobuf's number for them
+# the types of an image's fields, by protobuf's number for them
 _PROTO_TYPES = {7: "fixed32", 9: "string", 12: "bytes"}
 
 
 def message_schema(kind: type[Message]) -> JsonSchema:
-    """What the payload of a message must be. `$id` is the label that travels beside it, as a URN."""
+    """The schema of a message's payload. `$id` is the label that is sent with it, as a URN."""
     schema = kind.model_json_schema(mode="validation")
     return {"$schema": DIALECT, "$id": f"urn:{label_of(kind).replace('/', ':')}", **schema, "title": kind.type_name()}
 
@@ -48,7 +48,7 @@ def schema_file(kind: type[Any]) -> str:
 
 
 def types() -> list[type[Any]]:
-    """Every type that travels, by name."""
+    """Every type that is sent, by name."""
     return sorted({topic.type for topic in topics()}, key=lambda kind: str(kind.__name__))
 
 
@@ -85,7 +85,7 @@ def _command_row(command: Command[Any, Any]) -> dict[str, Any]:
 
 
 def index() -> JsonSchema:
-    """Each key with its message, kind, label and direction; paths stand below `prefix`."""
+    """Each key with its message, kind, label and direction; file paths are below `prefix`."""
     return {
         "prefix": f"{ROOT}/{{cell}}/",
         "label": "<type>/<version>, and for samples a space and seq: the attachment",
@@ -96,7 +96,7 @@ def index() -> JsonSchema:
 
 
 def write_schemas(folder: Path) -> list[Path]:
-    """Write a file for each type and the index; the paths written. Raises OSError where the folder cannot be."""
+    """Write a file for each type and the index; returns the paths. Raises OSError where the folder cannot be made."""
     folder.mkdir(parents=True, exist_ok=True)
     texts = {
         schema_file(kind): image_proto() if issubclass(kind, Image) else _json(message_schema(kind)) for kind in types()

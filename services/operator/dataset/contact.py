@@ -1,4 +1,4 @@
-"""One contact in the simulated cell: a drawn pose error, a push, the compensated wrench."""
+"""One contact in the simulated cell: a random pose error, a push, the compensated wrench."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from services.operator.assembly.session import Session
 STANDOFF_M = 0.004
 TRAVEL_LIMIT_M = 0.045
 PUSH_SPEED_M_S = 0.01
-# the seeds of a pose's repeats lie this far apart
+# the seeds of a pose's repeats are this far apart
 REPEAT_STRIDE = 1_000_000
 
 
@@ -29,7 +29,7 @@ def draw_pose_peg_hole(rng: np.random.Generator, angle_rad: float, lateral_m: fl
 
 
 def start_pose_hole_peg(angles_rad: Array, lateral_m: Array, tip_m: float) -> Pose:
-    """The peg before the hole with a wanted error: its tip on the standoff, its axis through the offset at the rim."""
+    """The peg before the hole with a given error: its tip at the standoff, its axis through the offset at the rim."""
     rotation_hole_peg = rotation_from_error_angles(angles_rad).T
     # the axis meets the face's plane at the offset; the tip stays short of it
     tip = np.array([*lateral_m, 0.0]) - rotation_hole_peg[:, 2] * (STANDOFF_M / rotation_hole_peg[2, 2])
@@ -45,9 +45,9 @@ def make_contact(
     lateral_m: float,
     threshold_n: float,
 ) -> ContactRow:
-    """One contact: a drawn error, a guarded push along the peg's own axis, the compensated wrench.
+    """One contact: a random error, a guarded push along the peg's own axis, the compensated wrench.
 
-    A push that feels nothing, or that the cell refuses, is a row that says so.
+    A push that meets nothing, or that the cell refuses, becomes a row that says so.
     """
     angles, lateral = draw_pose_peg_hole(np.random.default_rng(pose_seed), angle_rad, lateral_m)
     seed = pose_seed + repeat * REPEAT_STRIDE

@@ -1,1 +1,1 @@
-"""`crosspih doctor`: could an assembly start, and if not, what mends it?"""
+"""`crosspih doctor`: whether an assembly could start, and if not, how to mend it."""

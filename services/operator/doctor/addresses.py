@@ -1,4 +1,4 @@
-"""The addresses that a cell's file names for its devices, and whether something answers there. Nothing is moved."""
+"""The addresses of devices in a cell's file, and whether something answers there. Nothing is moved."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import Any
 
 from services.operator.cli.rows import Row, ok, warning, wrong
 
-# sections of `hardware` that name no address
+# sections of `hardware` without an address
 OTHERS = ("simulated", "recorded", "pictures", "limits", "driver", "drivers", "devices", "engine")
 HOSTS = ("host", "address", "ip", "robot", "robot_ip", "hostname", "controller", "sensor")
 HOST_PORT = re.compile(r"(?:(?:tcp|udp)/)?(?P<host>[A-Za-z0-9.-]+):(?P<port>\d{1,5})")
-USUAL_PORTS = (80, 22, 7)  # refused tells as well as accepted that somebody is there
+USUAL_PORTS = (80, 22, 7)  # a refused connection shows a host as well as an accepted one
 WAIT_S = 1.0
 
 
@@ -67,7 +67,7 @@ def _is_ip(text: str) -> bool:
 
 
 def address_row(address: Address) -> Row:
-    """Whether a host answers: an open port, a refusal, or an echo."""
+    """Whether a host answers: by an open port, a refused connection, or an echo."""
     name = f"{address.setting} {address.host}"
     try:
         socket.getaddrinfo(address.host, None)

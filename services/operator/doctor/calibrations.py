@@ -1,4 +1,4 @@
-"""Calibrations: are they there, of what age and temperature, and do they belong to what the cell's file says?"""
+"""Calibrations: whether they exist, their age and temperature, and whether they match the cell's file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ HAVE_NO_CAMERA_OF_THE_CELL = ("simulated", "recorded", "pictures")
 
 
 def ft_file(cell: CellFile) -> Path:
-    """Where the force_torque service keeps its calibration, by its section with all settings, below the data folder."""
+    """The file in which the force_torque service keeps its calibration: from its section with all settings, below the
+    data folder.
+    """
     return data_folder() / Path(str(cell.sections["force_torque"]["calibration_file"]).format(cell=cell.workcell.name))
 
 
@@ -59,7 +61,7 @@ def ft_rows(cell: CellFile, now: datetime, temperature_c: float | None) -> Itera
 
 
 def _of_this_peg(content: dict[str, Any], cell: CellFile) -> bool:
-    """By its contour; a file of before does not tell."""
+    """Whether the calibration is of this peg, by its contour; older files do not tell."""
     said = content.get("peg")
     try:
         return said is None or is_same_peg(said, cell.workcell.peg.shape())
@@ -68,9 +70,9 @@ def _of_this_peg(content: dict[str, Any], cell: CellFile) -> bool:
 
 
 def other_rows(cell: CellFile, now: datetime, temperature_c: float | None, root: Path) -> Iterator[Row]:
-    """The newest of each kind that `crosspih calibrate` has left for this cell, below `root` (run/).
+    """The newest calibration of each kind that `crosspih calibrate` has written for this cell, below `root` (run/).
 
-    They are files found.yaml, each in a folder of its own, that tell `kind`, `calibrated_at` and `cell`.
+    Each is a file found.yaml in a folder of its own, with `kind`, `calibrated_at` and `cell`.
     """
     newest: dict[str, tuple[str, Path, dict[str, Any]]] = {}
     for file in sorted((root / cell.workcell.name / "calibration").glob("*/found.yaml")):
@@ -85,7 +87,7 @@ def other_rows(cell: CellFile, now: datetime, temperature_c: float | None, root:
 
 
 def camera_rows(cell: CellFile, drivers: set[str]) -> Iterator[Row]:
-    """Whether the cameras were ever calibrated: the file's default numbers are the simulated cameras'."""
+    """Whether the cameras were ever calibrated: the default numbers of the file are those of the simulated cameras."""
     name = "calibration of the cameras"
     section = cell.sections.get("hardware", {})
     camera = (section.get("drivers") or {}).get("camera") or section.get("driver", "simulated")

@@ -1,7 +1,8 @@
-"""How late this machine wakes a process that must be in time, and whether its clocks go together.
+"""How late this machine wakes a process that has a deadline, and whether its clocks agree.
 
-`python -m services.operator.doctor.clocks [urgent]`: measured in that process, printed as JSON. An arm's loop runs as
-any process does, what beats for its holder asks to be served first: both are measured, at the same time.
+`python -m services.operator.doctor.clocks [urgent]`: measured in that process, printed as JSON. An arm's loop runs as a
+normal process; the process that sends the holder's beats asks for a higher priority. Both are measured at the same
+time.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from services.operator.other_services.beside import run_module
 
 MEASURE_S = 0.6
 TIMER_S = 0.001
-LATE_S = 0.005  # of the latest in a hundred: an arm's loop of 2 to 8 ms then misses cycles
+LATE_S = 0.005  # 99th percentile: beyond it an arm's loop of 2 to 8 ms misses cycles
 BEAT_LATE_S = 0.02  # beats go out every 20 ms
-STEPPED_S = 0.002  # of the wall's clock against the other, while measured
+STEPPED_S = 0.002  # difference of the wall clock to the monotonic one while measured
 URGENT = "urgent"
 
 
@@ -46,7 +47,7 @@ def measure(urgent: bool, duration_s: float = MEASURE_S) -> dict[str, Any]:
 
 
 def clock_rows(holder_timeout_s: float) -> Iterator[Row]:
-    """Two processes at once."""
+    """The rows from two processes that measure at the same time."""
     before_ns = time.monotonic_ns()
     asked: tuple[tuple[str, ...], ...] = ((), (URGENT,))
     with ThreadPoolExecutor(len(asked)) as pool:
@@ -68,7 +69,7 @@ def clock_rows(holder_timeout_s: float) -> Iterator[Row]:
 def timer_row(
     name: str, late_s: Sequence[float], most_s: float, holder_timeout_s: float, load: float, cores: int
 ) -> Row:
-    """How late a timer of 1 ms is."""
+    """How late a 1 ms timer is."""
     ranked = sorted(late_s)
     median, most, rare = ranked[len(ranked) // 2], ranked[-1], ranked[int(len(ranked) * 0.99)]
     found = (
@@ -94,7 +95,7 @@ def one_time_row(before_ns: int, measured: Sequence[dict[str, Any]], after_ns: i
 
 
 def wall_row(stepped_s: float) -> Row:
-    """Whether the wall's clock goes as the monotonic one does."""
+    """Whether the wall clock runs at the rate of the monotonic one."""
     if stepped_s > STEPPED_S:
         return warning(
             "wall clock", f"moved by {stepped_s * 1e3:.1f} ms against the monotonic one within {MEASURE_S:g} s",
@@ -104,7 +105,7 @@ def wall_row(stepped_s: float) -> Row:
 
 
 def urgency_row(granted: str) -> Row:
-    """Whether a process may ask to be served first."""
+    """Whether a process may raise its own priority."""
     if granted == "real time":
         return ok("real-time priority", "granted")
     mend = "ulimit -r 10, or LimitRTPRIO=10 in its systemd unit, or run as root; see docs/safety.md"

@@ -1,4 +1,4 @@
-"""The devices: asked on the bus where the hardware service runs, else opened by its drivers in a process beside."""
+"""The devices: asked over the bus where the hardware service runs, else opened by its drivers in a separate process."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEVICES = ("arm", "force_torque", "camera")
 
 
 def hosted(cell: CellFile) -> tuple[str, ...]:
-    """What `hardware.devices` says; all where it says nothing."""
+    """The devices in `hardware.devices`; all devices where it is not set."""
     named = cell.sections["hardware"].get("devices", DEVICES)
     return tuple(name for name in DEVICES if name in named)
 
@@ -32,7 +32,7 @@ def drivers_of(cell: CellFile) -> set[str]:
 
 
 def running_rows(bus: Bus, devices: tuple[str, ...]) -> Iterator[Row]:
-    """What a running hardware service says of them."""
+    """The rows from a running hardware service."""
     mend = "crosspih logs hardware; crosspih cell check looks closer"
     with bus.reading(CLOCK) as clock:
         tick = clock.wait_for(lambda _: True, HEAR_S)
@@ -57,13 +57,13 @@ def running_rows(bus: Bus, devices: tuple[str, ...]) -> Iterator[Row]:
 
 
 def calibration_of(bus: Bus) -> CameraCalibration | None:
-    """As the running cameras tell it."""
+    """The calibration that the running cameras publish."""
     with bus.reading(CAMERA_CALIBRATION) as told:
         return told.wait_for(lambda _: True, HEAR_S)
 
 
 def not_opened_row(alive: set[str]) -> Row:
-    """Where services of the cell live and its hardware service does not: it may hold the devices all the same."""
+    """Where services of the cell run but its hardware service does not: a process may hold the devices all the same."""
     return warning(
         "devices", f"not opened: {', '.join(sorted(alive))} live, and a hardware service that hangs would hold them",
         "crosspih logs hardware says what keeps it; or crosspih down, then crosspih doctor",
@@ -71,7 +71,7 @@ def not_opened_row(alive: set[str]) -> Row:
 
 
 def opened_rows(path: Path) -> Iterator[Row]:
-    """What `python -m services.hardware --check` finds: it opens them, reads, and moves nothing."""
+    """The rows of `python -m services.hardware --check`: it opens the devices, reads them, and moves nothing."""
     said = run_module("services.hardware", "--check", "--cell", str(path), deadline_s=OPEN_S)
     if not isinstance(said.value, list):
         yield wrong("devices", said.words or "nothing was said", "mend what it names; is crosspih[hardware] installed?")

@@ -1,4 +1,6 @@
-"""The cell's file against its own drawings: does the peg fit, does the arm reach, do the cameras see? Nothing moves."""
+"""Checks the cell's file by its own drawings: does the peg fit, does the arm reach, do the cameras see?
+Nothing moves.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.messages import CameraCalibration, CameraModel, DistortionModel
 from services.operator.cli.rows import Row, ok, warning, wrong
 
-APPROACH_M = 0.06  # where the straight way to the hole begins, as services/planning/config.py has it by default
+APPROACH_M = 0.06  # where the straight way to the hole begins; the default of services/planning/config.py
 NEAR_LIMIT_RAD = 0.05
 SMALL_PX = 40.0
 MARGIN_PX = 5.0
@@ -43,7 +45,7 @@ def fit_rows(cell: Workcell) -> Iterator[Row]:
 
 
 def poses_of_prior(cell: Workcell) -> list[Pose]:
-    """The nominal hole, then the 32 corners of where it may be: across, deep, turned."""
+    """The nominal hole, then the 32 corners of its prior: lateral, deep, turned."""
     nominal, half = cell.hole_prior.pose_base_hole(), cell.hole_prior.half_ranges()
     corners = []
     for x, y, z, turn_x, turn_y in product((-1.0, 1.0), repeat=5):
@@ -91,7 +93,7 @@ def _limits_row(cell: Workcell, joints: Array) -> Row:
 
 
 def camera_rows(cell: Workcell, told: CameraCalibration | None) -> Iterator[Row]:
-    """Whether both cameras see the hole wherever it may be; `told` is what running cameras say of themselves."""
+    """Whether both cameras see the hole wherever it may be; `told` is the calibration that running cameras publish."""
     name = "cameras see the hole"
     if told is None:
         section = cell.camera

@@ -1,4 +1,4 @@
-"""All that the doctor looks at, in order."""
+"""All checks of the doctor, in order."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from services.operator.doctor import addresses, calibrations, clocks, devices, d
 from services.operator.doctor.sections import ReadSections, read_sections
 from services.operator.doctor.weights import weight_rows
 
-HOLDER_TIMEOUT_S = 0.1  # as services/hardware/control/config.py has it, where the file cannot be read
+HOLDER_TIMEOUT_S = 0.1  # as in services/hardware/control/config.py, where the file cannot be read
 TOKENS_S = 0.5
 COMMANDS_NEED = (*NEEDED, "recorder")  # crosspih assemble records
 
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What is to be examined. `temperature_c` is how warm it is at the cell now, where that is known."""
+    """The checks to make. `temperature_c` is the present temperature at the cell, where that is known."""
 
     cell: Path
     endpoint: str
@@ -36,7 +36,7 @@ class Wish:
 
 
 def examine(wish: Wish, say: Callable[[str], None] = lambda text: None) -> list[Row]:
-    """Every row. What rests on a section that cannot be read is left out until that is mended."""
+    """Every row. Checks that need a section which cannot be read are left out until that is mended."""
     say("Python and packages")
     rows = [software.python_row(), *looked("packages", software.package_rows), *looked("wheels", software.wheel_rows)]
     cell: CellFile | None = None
@@ -105,7 +105,7 @@ def _of_the_cell(
 
 
 def _devices(wish: Wish, file: CellFile, cell: CellFile, bus: Bus | None, alive: set[str]) -> list[Row]:
-    """`file` says which addresses were written, `cell` has all settings."""
+    """`file` shows which addresses were written, `cell` has all settings."""
     hosts, files = addresses.addresses(file.sections["hardware"])
     rows = looked("addresses", lambda: addresses.address_rows(hosts))
     rows += looked("device files", lambda: machine.device_file_rows(files))
@@ -124,5 +124,5 @@ def _alive(bus: Bus) -> set[str]:
     """The services whose tokens are there now."""
     living: set[str] = set()
     bus.watch_alive(lambda service, alive: (living.add if alive else living.discard)(service))
-    time.sleep(TOKENS_S)  # tokens come at once, and nothing tells when all have come
+    time.sleep(TOKENS_S)  # tokens come at once, and nothing reports when all have come
     return set(living)

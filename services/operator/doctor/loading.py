@@ -1,4 +1,6 @@
-"""`python -m services.operator.doctor.loading MODULE...`: loads each, and prints {module: why not} of the others."""
+"""`python -m services.operator.doctor.loading MODULE...`: imports each, and prints {module: error} for
+those that fail.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Disk, and permissions: what may be read and written here."""
+"""Disk space, and permissions to read and write on this machine."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def disk_rows(folder: Path, least: int = MIN_BYTES, few: int = FEW_BYTES) -> Ite
 
 
 def state_rows(folder: Path) -> Iterator[Row]:
-    """The folder in which a stack keeps its state and logs; nothing is said where it can be written."""
+    """The folder in which a stack keeps its state and logs; no row where it can be written."""
     try:
         written_at(folder)
     except OSError as error:
@@ -48,9 +48,10 @@ def state_rows(folder: Path) -> Iterator[Row]:
 
 
 def written_at(folder: Path) -> Path:
-    """The folder, or the nearest one above that is there, after a file without a name was written in it and let go.
+    """The folder, or its nearest existing parent, after a temporary file was written there and removed.
 
-    Raises OSError: it is a file, is read-only, is full, may not be entered. Permission bits alone do not tell.
+    Raises OSError: it is a file, is read-only, is full, or may not be entered. Permission bits alone do not show all of
+    these.
     """
     there = folder.resolve()
     while not there.exists():
@@ -66,7 +67,7 @@ def written_at(folder: Path) -> Path:
 
 
 def device_file_rows(files: Sequence[tuple[str, str]]) -> Iterator[Row]:
-    """Device files that the cell's file names: (setting, path)."""
+    """The device files in the cell's file: (setting, path)."""
     for setting, path in files:
         name = f"{setting} {path}"
         try:
@@ -87,7 +88,7 @@ def device_file_rows(files: Sequence[tuple[str, str]]) -> Iterator[Row]:
 
 
 def buffer_rows(drivers: set[str], file: Path = RECEIVE_BUFFER) -> Iterator[Row]:
-    """How many bytes of datagrams the kernel keeps at most, where a driver takes many."""
+    """How many bytes of datagrams the kernel buffers at most, where a driver receives many."""
     needed = max((BUFFER_BYTES[name] for name in drivers if name in BUFFER_BYTES), default=0)
     if not needed:
         return

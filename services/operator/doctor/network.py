@@ -1,4 +1,4 @@
-"""The endpoint: who has it, whether a router answers there, and which services live behind it."""
+"""The endpoint: which process has it, whether a router answers there, and which services run behind it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def listens(host: str, port: int, wait_s: float = CONNECT_S) -> bool:
 
 
 def occupant(port: int) -> str:
-    """Who listens on a TCP port of this machine; empty where it cannot be seen (not Linux, or somebody else's)."""
+    """The process that listens on a TCP port of this machine; empty where it cannot be seen (not Linux, or another
+    user's).
+    """
     inodes = set()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         try:
@@ -51,7 +53,7 @@ def occupant(port: int) -> str:
 
 
 def router_rows(endpoint: str, cell: str) -> tuple[list[Row], Bus | None]:
-    """The rows, and a place on the bus where a router answers: whoever gets it closes it."""
+    """The rows, and a bus where a router answers: the caller closes it."""
     name = "router"
     at = parsed(endpoint)
     if at is None:
@@ -87,7 +89,7 @@ def cells_clock_rows(bus: Bus) -> Iterator[Row]:
 
 
 def service_rows(bus: Bus, alive: set[str], needed: tuple[str, ...]) -> Iterator[Row]:
-    """Behind a router: which services live, and that there is one cell on these keys."""
+    """Behind a router: which services run, and whether there is only one cell on these keys."""
     missing = [name for name in needed if name not in alive]
     if not alive:
         yield ok("services", f"none of the cell {bus.cell} runs; a command that needs them starts them")

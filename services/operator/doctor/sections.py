@@ -1,4 +1,4 @@
-"""The sections of the cell's file, each read by the service whose it is: `python -m services.NAME --check-config`."""
+"""The sections of the cell's file, each read by its own service: `python -m services.NAME --check-config`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ MEND = "mend what it names, or leave it out for its default"
 
 @dataclass(frozen=True)
 class ReadSections:
-    """What the services read: `settings` of those that could, defaults filled in; the others are not there."""
+    """The sections as the services read them: `settings` of those that are valid, with defaults filled in; the others
+    are missing.
+    """
 
     rows: tuple[Row, ...] = ()
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -33,7 +35,7 @@ class ReadSections:
 
 
 def read_sections(path: Path, cell: CellFile) -> ReadSections:
-    """Every section of the file at `path`, in processes beside, as many at once as there are cores."""
+    """Every section of the file at `path`, in separate processes, as many at once as there are cores."""
     names = (*NEEDED, *(name for name in OPTIONAL if cell.sections[name]))
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         said = list(pool.map(lambda name: run_module(f"services.{name}", "--check-config", "--cell", str(path)), names))

@@ -13,7 +13,7 @@ from services.operator.other_services.beside import run_module
 
 OLDEST, NEWEST_TRIED = (3, 10), (3, 13)
 SERVICES = ("router", "hardware", "vision", "force_torque", "inference", "planning", "recorder", "operator")
-# what is compiled: each is loaded in a process of its own, for a broken one may take its process with it
+# compiled packages: each is imported in a separate process, because a broken one may crash it
 COMPILED = ("zenoh", "numpy", "scipy.spatial", "pydantic_core", "shapely", "cv2", "pinocchio", "coal", "zstandard")
 
 
@@ -57,7 +57,7 @@ def package_rows(distribution: str = "crosspih", services: Sequence[str] = SERVI
 
 
 def wheel_rows(modules: Sequence[str] = COMPILED) -> Iterator[Row]:
-    """Whether each compiled package loads beside the others."""
+    """Whether each compiled package can be imported together with the others."""
     said = run_module("services.operator.doctor.loading", *modules)
     failed = said.value if isinstance(said.value, dict) else None
     if failed is None:

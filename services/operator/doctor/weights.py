@@ -13,7 +13,7 @@ from services.operator.cli.rows import Row, ok, wrong
 from services.operator.other_services.beside import ROOT
 
 SHIPPED = ROOT / "services" / "inference" / "network"
-# the setting of the section `inference`, and the shipped file, of each strategy that asks a network
+# the setting of the section `inference`, and the shipped file, of each strategy that uses a network
 NETWORKS = {
     Strategy.PAPER: ("weights", "paper/weights.safetensors"),
     Strategy.NETWORK_SPIRAL: ("weights", "paper/weights.safetensors"),
@@ -22,7 +22,7 @@ NETWORKS = {
 
 
 def weight_rows(strategy: Strategy, inference: dict[str, Any], torch: str = "torch") -> Iterator[Row]:
-    """For one strategy; `torch` is the name of the package that runs networks."""
+    """The rows for one strategy; `torch` is the name of the package that runs networks."""
     if strategy not in NETWORKS:
         yield ok("networks", f"the strategy {strategy.value} needs none")
         return

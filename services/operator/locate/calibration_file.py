@@ -1,7 +1,7 @@
-"""A calibration file of any of the known kinds as the camera message.
+"""Converts a calibration file of any known kind to the camera message.
 
-- the camera message (docs/wire.md, CameraCalibration) as YAML or JSON; the form of before too;
-- ROS camera_info: a file of each camera, left first, or one file with both;
+- the camera message (docs/wire.md, CameraCalibration) as YAML or JSON; also its older form;
+- ROS camera_info: one file per camera, left first, or one file with both;
 - OpenCV's stereo calibration: one file, or intrinsics and extrinsics.
 """
 
@@ -27,11 +27,11 @@ KINDS = (
 
 @dataclass(frozen=True, slots=True)
 class FileReading:
-    """How a file is understood where it does not say itself.
+    """How to read a file where it does not say itself.
 
-    `pose_base_camera`: where the left camera stands. `gamma`: goes before what the file says. `unit_m`: the length that
-    the file calls 1 (ROS and OpenCV). `rectified`: the pictures are rectified ones, so that `P` describes them (ROS and
-    OpenCV). `sizes`: (width, height) of the left picture and of the right one, asked for only where a file has none.
+    `pose_base_camera`: the pose of the left camera. `gamma`: overrides the file's. `unit_m`: the length of 1 in the
+    file (ROS and OpenCV). `rectified`: the pictures are rectified ones, so that `P` describes them (ROS and OpenCV).
+    `sizes`: (width, height) of the left picture and of the right one, called only where a file has none.
     """
 
     pose_base_camera: Pose
@@ -42,7 +42,9 @@ class FileReading:
 
 
 def read_calibration(paths: list[Path], reading: FileReading) -> CameraCalibration:
-    """The message of one file, or of two that belong together. Raises CalibrationFileError naming field and mend."""
+    """The message from one file, or from two that belong together. Raises CalibrationFileError naming
+    field and remedy.
+    """
     found = [document for path in paths for document in documents(path)]
     where = " and ".join(str(path) for path in paths)
     told = _message(found, reading, where)

@@ -26,7 +26,7 @@ MODELS = {"plumb_bob": "plumb_bob", "rational_polynomial": "plumb_bob", "equidis
 
 
 def infos_of(document: dict[str, Any]) -> list[dict[str, Any]]:
-    """The camera_infos in a document: itself, or those that stand in it as `left` and `right`."""
+    """The camera_infos in a document: the document itself, or its fields `left` and `right`."""
     if _of(document, "K") is not None and (_of(document, "P") is not None or "distortion_model" in document):
         return [document]
     both = [document.get("left"), document.get("right")]
@@ -36,7 +36,7 @@ def infos_of(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def message_of(left: dict[str, Any], right: dict[str, Any], unit_m: float, rectified: bool) -> dict[str, Any]:
-    """The camera message's fields, without where the left camera stands. Raises CalibrationFileError."""
+    """The camera message's fields, without the pose of the left camera. Raises CalibrationFileError."""
     projections = [_numbers(info, "P", side, (3, 4)) for info, side in ((left, "left"), (right, "right"))]
     offsets = [float(p[0, 3] / p[0, 0]) if p[0, 0] else np.nan for p in projections]
     baseline_m = (offsets[0] - offsets[1]) * unit_m

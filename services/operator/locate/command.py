@@ -27,7 +27,7 @@ FIELDS = ("located", "pose_base_hole", "covariance", "refusal", "time_s", "quali
 
 
 class Unit(str, Enum):
-    """The length that a ROS or OpenCV file calls 1."""
+    """The length of 1 in a ROS or OpenCV file."""
 
     M = "m"
     CM = "cm"
@@ -40,7 +40,7 @@ class Unit(str, Enum):
 
 
 def cell_file() -> str:
-    """The cell's file; where none is named and none lies here, the default cell that comes with the package."""
+    """The cell's file; where none is named and none is in this folder, the default cell of the package."""
     return cell_path()
 
 
@@ -60,7 +60,7 @@ def files_of(given: str, field: str) -> list[Path]:
 
 
 def size_px(path: Path, field: str) -> tuple[int, int]:
-    """(width, height) of a picture by its header. Raises BadInput."""
+    """(width, height) of a picture, from its header. Raises BadInput."""
     from PIL import Image, UnidentifiedImageError
 
     try:

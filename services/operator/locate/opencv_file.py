@@ -1,6 +1,6 @@
-"""OpenCV's stereo calibration as its FileStorage writes it: of one file, or of intrinsics and extrinsics together.
+"""OpenCV's stereo calibration as its FileStorage writes it: one file, or intrinsics and extrinsics together.
 
-cv2.stereoCalibrate's R and T take a point of the left camera's frame to the right one's: x_right = R x_left + T.
+R and T of cv2.stereoCalibrate take a point from the left camera's frame to the right one's: x_right = R x_left + T.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NAMES = {
     "height": ("image_height", "imageHeight", "height"),
     "size": ("image_size", "imageSize", "size", "img_size"),
 }  # fmt: skip
-FAR_M = 3.0  # cameras farther apart than this are rather given in another unit
+FAR_M = 3.0  # a larger distance between the cameras rather means another unit
 TAKEN = 8
 
 Sizes = tuple[tuple[int, int], tuple[int, int]]
@@ -43,7 +43,7 @@ def is_one(found: dict[str, Any]) -> bool:
 def message_of(
     found: dict[str, Any], unit_m: float, rectified: bool, sizes: Callable[[], Sizes] | None
 ) -> dict[str, Any]:
-    """The camera message's fields, without where the left camera stands. Raises CalibrationFileError."""
+    """The camera message's fields, without the pose of the left camera. Raises CalibrationFileError."""
     size = _sizes(found, sizes)
     if rectified:
         projections = [_numbers(found, name, (3, 4)) for name in ("P1", "P2")]

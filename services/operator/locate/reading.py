@@ -1,4 +1,4 @@
-"""The text of a calibration file as mappings: YAML, JSON, and what OpenCV's FileStorage writes of either."""
+"""The text of a calibration file as mappings: YAML, JSON, and OpenCV's FileStorage in either form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crosspih_common.geometry.pose import Array
 
 
 class CameraFileError(CrosspihError):
-    """A calibration file that cannot be used; the text names file, field and mend."""
+    """A calibration file that cannot be used; the text names file, field and remedy."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -36,7 +36,7 @@ def documents(path: Path) -> list[dict[str, Any]]:
         raise CameraFileError(f"calibration: {path} cannot be read ({error.strerror}); give a file") from None
     except UnicodeDecodeError:
         raise CameraFileError(f"calibration: {path} is no text; give YAML or JSON") from None
-    if text.startswith("%YAML:1.0"):  # as OpenCV writes it, which is not as YAML has it
+    if text.startswith("%YAML:1.0"):  # OpenCV writes this, but it is not valid YAML
         text = text.split("\n", 1)[1] if "\n" in text else ""
     try:
         found = [json.loads(text)] if text.lstrip().startswith("{") else list(yaml.load_all(text, _Loader))
@@ -50,8 +50,9 @@ def documents(path: Path) -> list[dict[str, Any]]:
 
 
 def numbers(value: Any, field: str, *shapes: tuple[int, ...]) -> Array:
-    """The numbers of a field, as a list, nested lists or a mapping with `data`, in the first of the shapes that holds
-    as many; any flat count without one. Raises CalibrationFileError naming the field."""
+    """The numbers of a field, from a list, nested lists or a mapping with `data`, in the first of the shapes that has
+    the same count; without shapes any flat list. Raises CalibrationFileError naming the field.
+    """
     given = value.get("data") if isinstance(value, dict) else value
     try:
         flat = np.array(given, dtype=float).ravel()

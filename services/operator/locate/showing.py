@@ -1,4 +1,4 @@
-"""What `crosspih locate` found, for people."""
+"""Prints the result of `crosspih locate` for people."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from crosspih_common.geometry import Pose
 
 
 def show(console: Console, answer: dict[str, Any], annotated: Path | None, place: str) -> None:
-    """The pose with its standard deviations and the figures behind it, or why there is none. `place` says where the
-    left camera's place in the base comes from."""
+    """Print the pose with its standard deviations and the figures behind it, or why there is none. `place` names the
+    source of the left camera's pose in the base.
+    """
     if answer["located"]:
         _pose(console, answer)
     else:

@@ -1,4 +1,4 @@
-"""Vision as a process of its own, asked by lines of JSON: the operator knows none of its code."""
+"""Vision as a separate process that takes lines of JSON: the operator imports none of its code."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from crosspih_common.errors import CrosspihError
 from crosspih_common.modules import module_command
 
 LOCATING = "services.vision.offline"
-# as deploy/compose.yaml starts the service: the fit's matrices are so small that threads only wait for each other
+# as deploy/compose.yaml starts the service: the fit's matrices are so small that more threads only wait for each other
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 class BadInput(CrosspihError):
-    """What was given cannot be used; the text names the field and the mend."""
+    """An input that cannot be used; the text names the field and the remedy."""
 
 
 class VisionLost(CrosspihError):
-    """The process ended, or answered what is no answer."""
+    """The process ended, or its answer could not be read."""
 
 
 class OfflineVision:
-    """The process; started at once, ended with the context. `module` is vision's tool for other jobs than locating."""
+    """The process; started at once, ended with the context. `module` is vision's tool; others do more than locating."""
 
     def __init__(self, module: str = LOCATING) -> None:
         self._process = subprocess.Popen(
@@ -42,7 +42,7 @@ class OfflineVision:
         self.close()
 
     def ask(self, job: dict[str, Any]) -> dict[str, Any]:
-        """The answer to one job (fields: the head of the module). Raises BadInput, VisionLost."""
+        """The answer to one job (fields: see the module's docstring). Raises BadInput, VisionLost."""
         source, sink = self._process.stdout, self._process.stdin
         assert source is not None and sink is not None
         try:

@@ -1,1 +1,1 @@
-"""Modules of other services run as processes beside this one: services do not import each other."""
+"""Modules of other services, run as separate processes: services do not import each other."""

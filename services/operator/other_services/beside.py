@@ -1,4 +1,4 @@
-"""A module of another service, run beside this process: services do not import each other."""
+"""A module of another service, run as a separate process: services do not import each other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORDS = 400
 
 @dataclass(frozen=True, slots=True)
 class ModuleOutput:
-    """What it printed: `value`, the JSON of its standard output, None where there is none; else `words` say why."""
+    """The module's output: `value`, the JSON on its standard output, None where there is none; then `words` say why."""
 
     value: Any
     words: str

@@ -1,4 +1,6 @@
-"""A process of the inference service's tools, its progress shown: only that service has mechanics and torch."""
+"""Runs a tool of the inference service as a process and shows its progress: only that service has
+mechanics and torch.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,14 @@ from services.operator.bench.cells.bar import Bar
 
 
 class ToolFailed(CrosspihError):
-    """The process ended without a result; its own words stand above."""
+    """The process ended without a result; its own messages are printed above."""
 
 
 def run_tool(arguments: Sequence[str], console: Console, module: str = "services.inference.network") -> dict[str, Any]:
     """Run `python -m services.inference.network` (or another tool) with these arguments until it prints its result.
 
-    The process writes JSON lines: {"doing", "done", "total"} as it goes, {"result"} at the end, or
-    {"error"}, in words. Raises ToolFailed.
+    The process writes JSON lines: {"doing", "done", "total"} while it works, and at the end {"result"} or {"error"}
+    with a text. Raises ToolFailed.
     """
     result: dict[str, Any] | None = None
     refused: str | None = None

@@ -36,7 +36,7 @@ from services.operator.scoring.score import TrialFigures
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Done:
-    """One assembly that came to an end, with the report of its recording."""
+    """One finished assembly, with the report of its recording."""
 
     figures: TrialFigures
     result: AssemblyResult
@@ -45,7 +45,9 @@ class _Done:
 
 @dataclass(frozen=True, slots=True)
 class _Cell:
-    """In which cell: the running one or one like it, or with `bench` one as a bench makes it for the trial of a row."""
+    """Chooses the cell: the running one, one like it, or with `bench` one as a bench makes it for the
+    trial of a row.
+    """
 
     file: Path | None
     speed: str | None
@@ -54,7 +56,7 @@ class _Cell:
 
     @contextmanager
     def session(self, job: TrialJob, peg: str | None, record: bool) -> Iterator[Session]:
-        """Where the assembly is made."""
+        """The session in which the assembly runs."""
         with using_cell(self.file):
             if self.bench:
                 with bench_session(job, record) as session:
@@ -90,7 +92,7 @@ def _assemble(
                 make_report(Path(figures.recording), page)
             figures = figures.model_copy(update={"report": str(page)})
         except (RecordingError, OSError) as error:
-            # the assembly's own end must be told
+            # the assembly's own end must still be reported
             said = (*figures.recording_warnings, f"no report: {error}")
             figures = figures.model_copy(update={"recording_warnings": said})
     return _Done(figures, result, truth)

@@ -1,4 +1,4 @@
-"""`crosspih pause`, `resume` and `stop`: a say in the assembly that runs, whoever asked for it."""
+"""`crosspih pause`, `resume` and `stop`: act on the running assembly, whoever started it."""
 
 from __future__ import annotations
 

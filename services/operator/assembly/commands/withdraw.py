@@ -1,4 +1,4 @@
-"""`crosspih withdraw`: a seated peg straight out, under a force watch."""
+"""`crosspih withdraw`: take a seated peg straight out, under a force watch."""
 
 from __future__ import annotations
 

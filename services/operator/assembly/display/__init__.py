@@ -1,1 +1,1 @@
-"""What a terminal shows while an assembly runs: the story as it is told, and below it how things stand."""
+"""The terminal display while an assembly runs: the messages in order, and below them the current state."""

@@ -1,4 +1,4 @@
-"""How an assembly stands, as a panel of a terminal. Pure."""
+"""The state of an assembly as a panel in a terminal. Pure."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from services.operator.assembly.display.standing import BUCKET_S, HISTORY_S, ORD
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 BAR_CELLS = 24
-MIN_SCALE = 0.1  # of the cap: what a history is drawn to where less was felt
+MIN_SCALE = 0.1  # share of the cap: the full scale of a history in which less was measured
 NEAR_CAP, WARM_CAP = 0.85, 0.5
 ONE_LINE_COLUMNS = 140  # all phases with their times
-MIN_CELLS = 8  # a shorter history says nothing
-FIXED_COLUMNS = 78  # of what stands before a history
+MIN_CELLS = 8  # a shorter history shows nothing useful
+FIXED_COLUMNS = 78  # width of the text before a history
 
 
 def sparkline(values: list[float], largest: float) -> str:
@@ -30,7 +30,7 @@ def sparkline(values: list[float], largest: float) -> str:
 
 
 def narrowed(values: list[float], cells: int) -> list[float]:
-    """The same in at most so many values, each the largest of those that it stands for."""
+    """The same values in at most this many, each the largest of those that it stands for."""
     if cells >= len(values):
         return values
     size = -(-len(values) // cells)
@@ -38,7 +38,7 @@ def narrowed(values: list[float], cells: int) -> list[float]:
 
 
 def _bar(value: float, cap: float, peak: float) -> Text:
-    """Filled up to the value, with a mark at the peak; the whole is the cap."""
+    """A bar filled up to the value, with a mark at the peak; its full width is the cap."""
     filled = min(round(value / cap * BAR_CELLS), BAR_CELLS)
     mark = min(round(peak / cap * BAR_CELLS), BAR_CELLS - 1)
     style = "red" if value > NEAR_CAP * cap else "yellow" if value > WARM_CAP * cap else "green"
@@ -69,7 +69,7 @@ def _load_row(
 
 
 def _phases(standing: AssemblyStanding, width: int) -> Text:
-    """All of them with their times, in as many lines throughout, so that nothing below them jumps."""
+    """All phases with their times, always in the same number of lines, so that nothing below them jumps."""
     lines = 1 if width >= ONE_LINE_COLUMNS else 2
     size = -(-len(ORDER) // lines)
     text = Text("\n", no_wrap=True, overflow="ellipsis").join(
@@ -110,7 +110,7 @@ def _believed(standing: AssemblyStanding) -> Text:
 
 
 def drawn(standing: AssemblyStanding, width: int) -> RenderableType:
-    """The panel, for a terminal of so many columns."""
+    """The panel, for a terminal of this many columns."""
     table = Table(box=None, show_header=False, pad_edge=False, expand=True)
     table.add_column(style="dim", no_wrap=True, width=8)
     table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)

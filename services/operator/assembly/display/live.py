@@ -1,4 +1,4 @@
-"""The story of an assembly in a terminal: its lines as they are told, and how it stands in a panel below them."""
+"""The messages of an assembly in a terminal, one line each, and its current state in a panel below them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.operator.assembly.session import Session
 from services.operator.assembly.show import Story
 
 FRAMES_A_SECOND = 8
-# what the arm keeps to where the cell's file says nothing else (docs/wire.md)
+# the arm's default caps where the cell's file sets none (docs/wire.md)
 FORCE_CAP_N, MOMENT_CAP_NM = 60.0, 6.0
 
 
@@ -29,7 +29,7 @@ def caps_of(sections: Mapping[str, Mapping[str, Any]]) -> Caps:
 
 
 class LiveStory(Story):
-    """Tells as Story does, above a panel; fed on the bus's threads, drawn on the display's."""
+    """Prints as Story does, above a panel; fed on the bus's threads, drawn on the display's."""
 
     def __init__(self, console: Console, standing: AssemblyStanding) -> None:
         super().__init__(console)
@@ -64,19 +64,19 @@ class LiveStory(Story):
             self._standing.add_event(event)
 
     def wrench(self, felt: ContactWrench) -> None:
-        """What the sensor feels."""
+        """The wrench of the sensor."""
         with self._lock:
             self._standing.add_wrench(felt)
 
     def estimate(self, estimate: PoseErrorEstimate) -> None:
-        """What the touches say."""
+        """The estimate from the touches."""
         with self._lock:
             self._standing.add_estimate(estimate)
 
 
 @contextmanager
 def live_story(console: Console, session: Session, title: str, plain: bool) -> Iterator[Story]:
-    """The story of what happens on a session: with a panel in a terminal, else, or with `plain`, its lines alone."""
+    """A Story fed from a session: with a panel in a terminal; elsewhere, or with `plain`, only its lines."""
     if plain or not console.is_terminal:
         story = Story(console)
         session.follow_events(story.phase, story.touch, story.event)

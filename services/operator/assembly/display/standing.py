@@ -1,4 +1,6 @@
-"""How an assembly stands: its phases with their times, forces and moments, touches, the estimate, events. Pure."""
+"""The current state of an assembly: phases with their times, forces and moments, touches, the estimate,
+events. Pure.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from crosspih_common.messages import (
 )
 
 HISTORY_S = 20.0
-BUCKET_S = 0.25  # of the history, each the largest in it
+BUCKET_S = 0.25  # each value of the history is the largest in this time
 EVENTS_KEPT = 3
 ORDER = (
     Phase.CALIBRATING, Phase.LOCATING, Phase.APPROACHING, Phase.PUSHING, Phase.TOUCHING, Phase.ESTIMATING,
@@ -28,7 +30,7 @@ ORDER = (
 
 @dataclass(frozen=True, slots=True)
 class Caps:
-    """|F| and |M| of contact at which the arm backs off."""
+    """|F| and |M| of contact above which the arm backs off."""
 
     force_n: float
     moment_nm: float
@@ -36,7 +38,9 @@ class Caps:
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """Where the hole is believed to be, and by whom; standard deviations across and along its axis, and of its tilt."""
+    """Where the hole is believed to be, and the source of the estimate; standard deviations across and along its axis,
+    and of its tilt.
+    """
 
     by: str
     position_mm: tuple[float, ...]
@@ -59,7 +63,7 @@ def believed(pose_base_hole: PoseData, covariance: tuple[float, ...], by: str) -
 
 @dataclass
 class AssemblyStanding:
-    """Fed with what is heard; times in s of the cell's clock since the assembly began."""
+    """Fed with messages; times in s of the cell's clock since the assembly began."""
 
     title: str
     caps: Caps
@@ -83,11 +87,11 @@ class AssemblyStanding:
     _moments: dict[int, float] = field(default_factory=dict)
 
     def begin(self, now_ns: int) -> None:
-        """The assembly begins; what is stamped before is of another one."""
+        """The assembly begins; messages with an earlier stamp belong to another one."""
         self.start_ns = now_ns
 
     def _heard(self, stamp_ns: int) -> float | None:
-        """When it was, s; None for what is of before."""
+        """The time of a message, s; None for one from before the assembly."""
         if self.start_ns is None or stamp_ns <= self.start_ns:
             return None
         at_s = (stamp_ns - self.start_ns) * 1e-9
@@ -95,7 +99,7 @@ class AssemblyStanding:
         return at_s
 
     def add_phase(self, phase: AssemblyPhase) -> None:
-        """A step."""
+        """A phase of the assembly."""
         at_s = self._heard(phase.stamp_ns)
         if at_s is None:
             return
@@ -111,13 +115,13 @@ class AssemblyStanding:
             )
 
     def in_phase_s(self, phase: Phase) -> float | None:
-        """How long it has taken up to now; None where it has not been entered."""
+        """The duration of a phase up to now; None where it has not been entered."""
         running = self.now_s - self._since_s if phase is self.phase else None
         before = self.spent_s.get(phase)
         return None if running is None and before is None else (before or 0.0) + (running or 0.0)
 
     def add_wrench(self, felt: ContactWrench) -> None:
-        """Contact alone, peg frame. Before a calibration has ended nobody knows it."""
+        """The contact wrench, peg frame. It is unknown until a calibration has ended."""
         at_s = self._heard(felt.stamp_ns)
         if at_s is None or self.phase is Phase.CALIBRATING:
             return
@@ -137,7 +141,7 @@ class AssemblyStanding:
             self.touches += not touch.seated
 
     def add_estimate(self, estimate: PoseErrorEstimate) -> None:
-        """What the touches say."""
+        """The estimate from the touches."""
         if self._heard(estimate.stamp_ns) is not None:
             self.believed = believed(estimate.pose_base_hole, estimate.covariance, estimate.method)
 

@@ -1,1 +1,3 @@
-"""`crosspih cell check`: what is wrong with a cell, and how to mend it. Judging is pure; `measuring.py` measures."""
+"""`crosspih cell check`: what is wrong with a cell, and how to mend it. The judgements are pure; `measuring.py`
+measures.
+"""

@@ -23,7 +23,7 @@ from services.operator.cli.rows import tell, wrong_ones
 
 @contextmanager
 def _some_session(speed: str | None) -> Iterator[Session]:
-    """On the running cell, in whatever state it is; else on one that is started for it."""
+    """A session on the running cell, in whatever state it is; else on one that is started for this."""
     try:
         session = Session(connect_timeout_s=1.0)
     except BusUnreachable:
@@ -52,6 +52,6 @@ def check(
             name = session.bus.cell
             wrong = len(wrong_ones(rows))
             if manner.arm and not wrong and not session.simulated:
-                note_checked(run_folder() / name, session.clock().boot_id)  # and so may be asked for an assembly
+                note_checked(run_folder() / name, session.clock().boot_id)  # the first assembly then needs no check
         tell(rows, name, console, as_json, f"{wrong} of {len(rows)} wrong" if wrong else "nothing is wrong",
              f"cell {name}")  # fmt: skip

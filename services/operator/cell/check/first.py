@@ -1,4 +1,6 @@
-"""The gentle part of the checks before the first assembly of a cell that is not simulated, once each time it starts."""
+"""The gentle part of the checks, before the first assembly of a cell that is not simulated, once each
+time it starts.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from crosspih_common.holding.soundness import UNFIT
 from services.operator.cell.check.measuring import CheckManner, check_cell
 from services.operator.cli.rows import wrong_ones
 
-GENTLE = CheckManner(provoking=False, camera_needed=False)  # by force alone it goes without a camera
+GENTLE = CheckManner(provoking=False, camera_needed=False)  # an assembly by force alone needs no camera
 
 
 def check_before_first(
@@ -24,7 +26,8 @@ def check_before_first(
     say: Callable[[str], None] = lambda text: None,
     manner: CheckManner = GENTLE,
 ) -> bool:
-    """Whether the cell was looked at now; not when its present boot already was, by the file in `folder`.
+    """Check the cell unless the file in `folder` says that its present boot was checked; returns whether it was checked
+    now.
 
     Raises CommandRefused `cell_unfit`, naming what fails and how to mend it.
     """

@@ -1,8 +1,8 @@
-"""What the weight of the tool says of the sensor: its sign, its axes, its units. Pure.
+"""Checks the sensor's sign, axes and units by the weight of the tool. Pure.
 
-Turned by known angles, the weight changes by known shares of itself in the sensor's frame, whatever the bias is. The
-rotation and the sign that carry the expected changes to the felt ones (Kabsch 1976, Acta Cryst. A32, 922) are those by
-which the sensor differs from what the cell's file says of it.
+When the tool is turned by known angles, its weight changes by known amounts in the sensor's frame, whatever the bias
+is. The rotation and the sign that map the expected changes to the measured ones (Kabsch 1976, Acta Cryst. A32, 922) are
+those by which the sensor differs from the cell's file.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ TURN_LIMIT_RAD = 0.1
 MIN_WEIGHT_N = 0.2
 LEVER_M = 0.5
 UNIT_TOLERANCE = 0.12
-RESIDUAL_SHARE = 0.15  # of the felt changes
-MIN_SPREAD = 0.05  # of the unit weight's direction, in its second direction
+RESIDUAL_SHARE = 0.15  # share of the measured changes
+MIN_SPREAD = 0.05  # share of the unit weight's direction, in its second direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellReading:
-    """A dwell: how the peg stood (3, 3), the raw mean (6,), and the standard deviation of that mean (6,)."""
+    """A dwell: the peg's orientation (3, 3), the raw mean (6,), and the standard deviation of that mean (6,)."""
 
     rotation_base_peg: Array
     raw: Array
@@ -39,10 +39,10 @@ class DwellReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeltWeight:
-    """How the felt weight differs from what the cell's file lets one expect.
+    """How the measured weight differs from the one that the cell's file predicts.
 
-    sign: -1 where reversed. turn_rad (3,): of the real sensor's frame in the one of the file, a rotation vector.
-    weight_n: as read. residual: what is left over as a share of the changes. lever_m: changed moment over force.
+    sign: -1 where reversed. turn_rad (3,): rotation vector of the real sensor's frame in the frame of the file.
+    weight_n: as read. residual: the unexplained part as a share of the changes. lever_m: changed moment over force.
     """
 
     sign: int
@@ -53,7 +53,7 @@ class FeltWeight:
 
 
 def felt_weight(readings: Sequence[DwellReading], workcell: Workcell) -> FeltWeight | None:
-    """From at least three orientations; None where they do not differ enough in two directions."""
+    """The weight from at least three orientations; None where they do not differ enough in two directions."""
     mounting, gravity = workcell.sensor_mounting(), np.asarray(workcell.gravity_base_m_s2, float)
     down = gravity / np.linalg.norm(gravity)
     expected = np.array([mounting.rotation_base_sensor(one.rotation_base_peg).T @ down for one in readings])
@@ -76,7 +76,7 @@ def felt_weight(readings: Sequence[DwellReading], workcell: Workcell) -> FeltWei
     upright = found[0]
     noise = sum(float(np.sum(mounting.sensor_sd(one.raw_sd)[:3] ** 2)) for one in readings)
     if sign < 0 and _angle(upright[1]) < TURN_LIMIT_RAD and upright[3] < rest + 9.0 * noise:
-        sign, turn, weight, rest = upright  # as well explained by nothing wrong
+        sign, turn, weight, rest = upright  # a sensor without an error explains it as well
     lever = float(np.sqrt(np.sum(moments * moments) / size)) if size > 0.0 else 0.0
     share = float(np.sqrt(rest / size)) if size > 0.0 else 0.0
     return FeltWeight(sign, Rotation.from_matrix(turn.T).as_rotvec(), weight, share, lever)
@@ -87,7 +87,7 @@ def _angle(rotation: Array) -> float:
 
 
 def check_range(raw: ArrayLike, workcell: Workcell) -> Row:
-    """At rest no sensor reads beyond its range; before anything is moved by what it says."""
+    """At rest no sensor reads beyond its range; checked before its readings are used to move anything."""
     section = workcell.force_torque
     wrench = workcell.sensor_mounting().sensor(raw)
     force, moment = float(np.abs(wrench[:3]).max()), float(np.abs(wrench[3:]).max())
@@ -105,7 +105,7 @@ def check_range(raw: ArrayLike, workcell: Workcell) -> Row:
 
 
 def check_sign(felt: FeltWeight | None, workcell: Workcell) -> Row:
-    """Whether the felt weight hangs down, along the axes that the cell's file says."""
+    """Whether the measured weight points down, along the axes of the cell's file."""
     if felt is None:
         return skipped(SIGN, "the wrist could not be tilted in two directions")
     if felt.weight_n < 1e-6:
@@ -146,7 +146,7 @@ def _mend_mounting(felt: FeltWeight, workcell: Workcell) -> str:
 
 
 def _axes(felt: FeltWeight, section: SensorSection, workcell: Workcell) -> tuple[str, ...] | None:
-    """The `axes` that undo the turn, where it is one by right angles."""
+    """The `axes` that undo the rotation, where it is one by right angles."""
     wanted = Rotation.from_rotvec(felt.turn_rad).as_matrix() @ workcell.sensor_mounting().axes
     rounded = np.round(wanted)
     if abs(np.linalg.det(rounded)) < 0.5 or np.abs(wanted - rounded).max() > TURN_LIMIT_RAD:
@@ -156,7 +156,7 @@ def _axes(felt: FeltWeight, section: SensorSection, workcell: Workcell) -> tuple
 
 
 def check_unit(felt: FeltWeight | None, workcell: Workcell, known_n: float | None, known_from: str) -> Row:
-    """The weight as read against one that is known; without one only what cannot be."""
+    """The weight as read against a known one; without one only impossible values are found."""
     if felt is None:
         return skipped(UNIT, "the wrist could not be tilted in two directions")
     section, read = workcell.force_torque, felt.weight_n
@@ -195,7 +195,7 @@ def _unit_for(read_n: float, section: SensorSection) -> str:
 
 
 def check_moment(felt: FeltWeight | None) -> Row:
-    """How far from the sensor the weight would have to hang for the moments that change with it."""
+    """The distance from the sensor at which the weight would have to hang to explain the changes of the moment."""
     if felt is None:
         return skipped(MOMENT, "the wrist could not be tilted in two directions")
     if felt.lever_m > LEVER_M:

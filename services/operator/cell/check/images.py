@@ -1,4 +1,4 @@
-"""The pictures of one capture against what the camera says of them. Pure."""
+"""The pictures of one capture against the published calibration of the cameras. Pure."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from services.operator.cli.rows import Row, ok, wrong
 
 
 def check_image(side: str, image: Image | None, pair: StereoPair, rejected: str) -> Row:
-    """One side: there, stamped like the reply, of the size and frame that the calibration says. `rejected`: why a
-    picture of it could not be read, if one could not."""
+    """One side: present, stamped like the reply, with the size and frame of the calibration. `rejected`: why a picture
+    of it could not be read, if one could not.
+    """
     name = f"{side} image"
     if rejected:
         return wrong(name, rejected[:300], "encode it as docs/wire.md says: mono8, mono16, rgb8, bgr8 or bayer")
@@ -41,7 +42,7 @@ def check_image(side: str, image: Image | None, pair: StereoPair, rejected: str)
 
 
 def check_pair(left: Image | None, right: Image | None, pair: StereoPair, told: CameraCalibration | None) -> Row:
-    """The two sides beside each other, and the calibration of the reply beside the one that is published."""
+    """The two sides compared with each other, and the reply's calibration with the published one."""
     name = "stereo pair"
     if told is None:
         return wrong(name, "camera/calibration was never told", "publish camera/calibration once, at the start")

@@ -1,8 +1,9 @@
-"""Measures a cell for the checks: listens, holds the arm, tilts the wrist a little, asks what must be refused.
+"""Measures a cell for the checks: listens, holds the arm, tilts the wrist a little, sends commands that must be
+refused.
 
-The order is that of trust: nothing moves before the clock, the streams and the joints' units are sound, the wrist is
-not tilted by a sensor that reads absurdly, and what must be refused is asked in such a way that a cell which obeys
-does next to nothing.
+Each step needs the one before it. Nothing moves before the clock, the streams and the joints' units are sound. The
+wrist is not tilted with a sensor that reads absurd values. The commands that must be refused are chosen so that a cell
+which obeys them does next to nothing.
 """
 
 from __future__ import annotations
@@ -54,19 +55,19 @@ from services.operator.cell.check.provoking import provoke
 from services.operator.cell.check.refused import check_held_still, check_stop
 from services.operator.cli.rows import Row, skipped, wrong, wrong_ones
 
-ASK_S = 120.0  # a move at the speed of a busy machine
+ASK_S = 120.0  # a move at the slow speed of a busy machine
 TICKS, STATES, BATCHES = 512, 8192, 4096
 LISTEN_S = 0.5
 STILL_TRIES = 2
 AT_HOLE_M = 0.06
 TILTS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-SIZES = (1.0, 0.6, 0.3)  # of the tilt, tried in this order
+SIZES = (1.0, 0.6, 0.3)  # shares of the tilt, tried in this order
 STOP_MOVE_M, STOP_SPEED_M_S, STOP_TRIES = 0.002, 0.0005, 3
 
 
 @dataclass(frozen=True, slots=True)
 class CheckManner:
-    """How gently: the tilt of the wrist, its speed, the dwells, and how long to wait for who is not there."""
+    """How gently: the tilt of the wrist, its speed, the dwells, and how long to wait for missing services."""
 
     tilt_rad: float = 0.3
     turn_rad_s: float = 0.3
@@ -74,7 +75,7 @@ class CheckManner:
     dwell_s: float = 0.3
     settle_s: float = 0.15
     patience_s: float = 3.0
-    provoking: bool = True  # ask, too, what must be refused
+    provoking: bool = True  # also send commands that must be refused
     tilting: bool = True
     camera_needed: bool = True
     arm: bool = True  # False: the cameras alone
@@ -82,7 +83,7 @@ class CheckManner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Heard:
-    """What streamed during one motion."""
+    """The stream samples during one motion."""
 
     outcome: MotionOutcome
     ticks: list[CellClock]
@@ -91,7 +92,7 @@ class _Heard:
 
 
 class Measurer:
-    """One look at a cell through a bus of the operator."""
+    """One check of a cell through an operator's bus."""
 
     def __init__(self, bus: Bus, workcell: Workcell, manner: CheckManner, say: Callable[[str], None]) -> None:
         self._bus, self._workcell, self._manner, self._say = bus, workcell, manner, say
@@ -109,7 +110,7 @@ class Measurer:
             self._changed.notify_all()
 
     def run(self) -> list[Row]:
-        """All checks, in order. Nothing raises: what cannot be asked is a line of the table."""
+        """All checks, in order. Nothing raises: a check that cannot be made is a line of the table."""
         before, self._bus.on_reject = self._bus.on_reject, self._rejected.append
         try:
             self._run()
@@ -142,7 +143,9 @@ class Measurer:
             return self._changed.wait_for(lambda: service in self._alive, self._manner.patience_s)
 
     def _listen(self) -> tuple[list[CellClock], bool]:
-        """The ticks, and whether there is one cell to go on with: a missing token alone keeps nothing from it."""
+        """Listens to the ticks; returns whether there is one cell to go on with. A missing token alone does not prevent
+        that.
+        """
         alive = self._wait_alive("hardware")
         with self._bus.reading(CLOCK, TICKS) as clock:
             heard = clock.wait_for(lambda _: True, self._manner.patience_s) is not None
@@ -162,7 +165,7 @@ class Measurer:
             self._bus.reading(WRENCH_RAW, BATCHES) as batches,
         ):
             outcome = motion()
-            # streams travel beside the reply, not before it
+            # stream samples may arrive after the reply
             close_ns = outcome.stamp_ns - 20_000_000
             states.wait_for(lambda state: state.stamp_ns >= close_ns, LISTEN_S)
             batches.wait_for(lambda batch: batch.stamp_ns >= close_ns, LISTEN_S)
@@ -176,7 +179,7 @@ class Measurer:
             still = self._during(lambda: lease.ask(DWELL, Dwell(duration_s=self._manner.dwell_s), ASK_S))
             judged = self._judged_still(still)
             if not wrong_ones(judged):
-                break  # a stream drops samples where a machine is too busy: once is no verdict
+                break  # a stream drops samples on a busy machine: one loss is no verdict
         self.checks += judged
         if wrong_ones(judged):
             self.checks.append(skipped("motion", "nothing is moved before the lines above are mended"))
@@ -213,7 +216,7 @@ class Measurer:
         start, end = outcome.start_stamp_ns, outcome.stamp_ns
         stamps = [tick.stamp_ns for tick in still.ticks]
         within = [tick for tick, stamp in zip(still.ticks, stamps, strict=True) if stamp >= start]
-        checks += wrong_ones([presence.check_one_cell(self._bus.cell, still.ticks)])  # passed once, while listening
+        checks += wrong_ones([presence.check_one_cell(self._bus.cell, still.ticks)])  # passed before, while listening
         checks.append(streams.check_joint_units(outcome.joints_rad, self._arm))
         if outcome.stop_reason is not StopReason.COMPLETED:
             checks.append(gravity.check_range(outcome.wrench_raw, self._workcell))
@@ -350,8 +353,9 @@ class Measurer:
 
 
 def tilt_axes(rotation_base_peg: Array, gravity_base: Array) -> tuple[Array, Array]:
-    """Two level axes (3,), unit vectors in the base frame, at right angles: about each a tilt moves the weight in the
-    sensor's frame. The second is along the peg where the peg lies level: a roll of the wrist."""
+    """Two level axes (3,), unit vectors in the base frame, at right angles: a tilt about either changes the weight in
+    the sensor's frame. The second is along the peg where the peg is level: a roll of the wrist.
+    """
     down = gravity_base / np.linalg.norm(gravity_base)
     along = rotation_base_peg[:, 2]
     if np.linalg.norm(np.cross(down, along)) < 0.3:
@@ -364,5 +368,5 @@ def tilt_axes(rotation_base_peg: Array, gravity_base: Array) -> tuple[Array, Arr
 def check_cell(
     bus: Bus, workcell: Workcell, manner: CheckManner | None = None, say: Callable[[str], None] = lambda text: None
 ) -> list[Row]:
-    """All checks of a running cell; `say` is told what is done."""
+    """All checks of a running cell; `say` is called with each step."""
     return Measurer(bus, workcell, manner or CheckManner(), say).run()

@@ -1,4 +1,4 @@
-"""Who is there, whose clock it is, and whether what is sent can be read. Pure."""
+"""Which services are there, whose clock it is, and whether the messages can be read. Pure."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from services.operator.cli.rows import Row, ok, wrong
 
 TICK_S = 0.02
 TICK_TOLERANCE = 0.25
-UNIX_NS = 10**18  # the year 2001: no monotonic clock of a machine has come so far
+UNIX_NS = 10**18  # the year 2001: no machine's monotonic clock counts this far
 
 
 def check_token(service: str, alive: bool, answers: bool) -> Row:
-    """A service that answers must show by its liveliness token that it lives."""
+    """A service that answers must also have a liveliness token."""
     name = f"liveliness token of {service}"
     if alive:
         return ok(name, "declared")
@@ -43,7 +43,7 @@ def check_one_cell(cell: str, ticks: Sequence[CellClock]) -> Row:
 
 
 def check_clock(ticks: Sequence[CellClock]) -> Row:
-    """Ticks of one boot, as heard while the arm was asked to hold still: 50 a second, onward, no wall clock."""
+    """Ticks of one boot, received while the arm was asked to hold still: 50 a second, increasing, no wall clock."""
     name = "clock"
     if not ticks:
         return wrong(name, "nobody ticks", "publish `clock` 50 times a second; is hardware up? (`crosspih ps`)")

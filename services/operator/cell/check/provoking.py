@@ -1,7 +1,7 @@
-"""Asks the arm what it must refuse, in such a way that an arm which obeys does next to nothing.
+"""Sends the arm commands that it must refuse, chosen so that an arm which obeys does next to nothing.
 
-A way that leaves a joint's range begins with fifty seconds of standing still, and is stopped before they are over; a
-move beyond the cap is a tenth of a millimetre, away from the hole; a false payload is taken back.
+A trajectory out of a joint's range begins with fifty seconds of standing still, and is stopped before they are over. A
+move beyond the cap is a tenth of a millimetre, away from the hole. A false payload is set back.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ CAP, PAYLOAD = "threshold beyond the cap refused", "payload that hides a load re
 STAND_S, GO_S = 50.0, 20.0
 STOPS_S = 3.0
 BEYOND_RAD = 0.05
-JUMP_RAD = 0.02  # twice what the contract lets the start be off
+JUMP_RAD = 0.02  # twice the deviation of the start that the contract allows
 ABSURD_N = 1e5
 HIDDEN_N = 50.0
 
 
 def beyond(joints_rad: Array, model: ArmModel) -> Array:
-    """Joints (n,) with the one that is nearest to its limit a little beyond it."""
+    """Joints (n,), with the one nearest to its limit moved a little beyond it."""
     up, down = model.limits.upper_rad - joints_rad, joints_rad - model.limits.lower_rad
     joint = int(np.argmin(np.minimum(up, down)))
     goal = np.array(joints_rad, dtype=float)
@@ -62,7 +62,7 @@ def provoke(
     still: MotionOutcome,
     calibration: FtCalibration | None,
 ) -> list[Row]:
-    """The four refusals; `still` is the outcome of a dwell just now."""
+    """The four refusals; `still` is the outcome of the latest dwell."""
     here = np.asarray(still.joints_rad, float)
     out = (
         JointKnot(time_s=0.0, joints_rad=floats(here)),
@@ -140,7 +140,7 @@ def _ask(ask: Callable[[], Message]) -> CommandEnd:
 
 
 def _follow(bus: Bus, lease: ArmLease, knots: tuple[JointKnot, ...]) -> CommandEnd:
-    """Ask, and stop what was not refused at once."""
+    """Send a command, and stop it if it was not refused at once."""
     with ThreadPoolExecutor(1) as asking:
         moving = asking.submit(_ask, lambda: lease.ask(FOLLOW, FollowTrajectory(knots=knots), ASK_S))
         try:
@@ -150,7 +150,7 @@ def _follow(bus: Bus, lease: ArmLease, knots: tuple[JointKnot, ...]) -> CommandE
             while not moving.done() and time.monotonic() < until:
                 bus.call(STOP, StopMotion(), ASK_S)
                 time.sleep(0.02)
-            if not moving.done():  # a stop is not heeded: whoever lets go of the arm ends what moves, too
+            if not moving.done():  # if the stop is ignored, releasing the arm also ends the motion
                 lease.give()
                 moving.result()
                 lease.take()

@@ -1,4 +1,4 @@
-"""What commands that should be refused, and a stop, came to. Pure."""
+"""The results of commands that should be refused, and of a stop. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STOP_LIMIT_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class CommandEnd:
-    """A command's end: the code and text of a refusal, or what was done."""
+    """A command's end: the code and text of a refusal, or a description of what was done."""
 
     code: str | None
     text: str = ""
@@ -41,7 +41,7 @@ def check_held_still(outcome: MotionOutcome) -> Row:
 
 
 def check_stop(outcome: MotionOutcome, heard: bool, latency_s: float, realtime: bool) -> Row:
-    """A stop sent while a slow move was under way. `heard`: the reply said that something moved.
+    """A stop sent during a slow move. `heard`: the reply said that something moved.
 
     Where the cell's clock does not run in real time, only whether it stopped counts.
     """

@@ -1,4 +1,6 @@
-"""The streams of encoders and sensor against their own stamps, against each other and against outcomes. Pure."""
+"""The streams of encoders and sensor, checked against their own stamps, against each other and against
+outcomes. Pure.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from services.operator.cli.rows import Row, ok, wrong
 DEGREES = 180.0 / np.pi
 JOINT_STATE_S = (0.0035, 0.0205)  # 250 times a second, or once a cycle of an arm with a period of up to 20 ms
 SAME_RAD, SAME_M, TURNED_RAD = 1e-3, 1e-3, 5e-3
-SLOW_RAD_S = 0.01  # peak of a motion too slow to say anything of speeds
+SLOW_RAD_S = 0.01  # a motion below this peak says nothing about speeds
 NEAR_S = 0.1
 
 
@@ -46,7 +48,7 @@ def check_joint_units(joints_rad: Sequence[float], model: ArmModel) -> Row:
 
 
 def check_joint_rate(states: Sequence[JointState]) -> Row:
-    """How often the encoders are told, by their stamps."""
+    """How often joint states come, by their stamps."""
     name = "rate of arm/joint_state"
     stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
     if len(stamps) < 5:
@@ -86,7 +88,7 @@ def check_wrench_period(batches: Sequence[RawWrenchBatch]) -> Row:
 
 
 def check_stamps(what: str, stamps_ns: Sequence[int], start_ns: int, end_ns: int) -> Row:
-    """Stamps of what was heard during a dwell that lasted from `start_ns` to `end_ns` of the cell's clock."""
+    """The stamps of the samples during a dwell that lasted from `start_ns` to `end_ns` of the cell's clock."""
     name = f"stamps of {what}"
     if not len(stamps_ns):
         return wrong(name, "nothing was heard while the arm held still", f"publish {what}; is its device up?")
@@ -122,7 +124,7 @@ def check_joint_outcome(states: Sequence[JointState], outcome: MotionOutcome) ->
 
 
 def check_pose_outcome(outcome: MotionOutcome, asked: Pose | None, model: ArmModel, pose_flange_peg: Pose) -> Row:
-    """The outcome's pose against its own joints, and against what was asked of it."""
+    """The outcome's pose against its own joints, and against the commanded pose."""
     name = "axes: poses of outcomes"
     told = outcome.pose_base_peg.pose()
     reckoned = model.pose_base_flange(outcome.joints_rad) @ pose_flange_peg
@@ -139,7 +141,7 @@ def check_pose_outcome(outcome: MotionOutcome, asked: Pose | None, model: ArmMod
 
 
 def check_speeds(states: Sequence[JointState]) -> Row:
-    """Told speeds against positions differenced, over a motion."""
+    """The reported speeds against the differences of positions, over a motion."""
     name = "joint speeds in rad/s"
     stamps = np.array([state.stamp_ns for state in states], dtype=float) * 1e-9
     positions = np.array([state.joints_rad for state in states])
@@ -168,7 +170,7 @@ def check_speeds(states: Sequence[JointState]) -> Row:
 
 
 def check_wrench_outcome(batches: Sequence[RawWrenchBatch], outcome: MotionOutcome) -> Row:
-    """The mean of a dwell's samples against what its outcome says. Whatever the units, both are the sensor's own."""
+    """The mean of a dwell's samples against the outcome's. Whatever the units, both are the sensor's own."""
     name = "ft/raw against outcomes"
     samples = samples_within(batches, outcome.start_stamp_ns, outcome.stamp_ns)
     if len(samples) < 5:

@@ -1,4 +1,4 @@
-"""One answer each: read from text, checked, or refused with what would be right. Files that they name are read."""
+"""Reads one answer from text, checks it, or refuses it and says what would be right. Files that it names are read."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ NONE = "none"
 
 
 class InvalidAnswer(ValueError):
-    """An answer that cannot be; the text says what would be right."""
+    """An answer that is not valid; the text says what would be right."""
 
 
 def why(error: Exception) -> str:
-    """The first sentence of what a model or a reader says."""
+    """The first sentence of the message of a model or a reader."""
     if isinstance(error, ValidationError):
         problem = error.errors()[0]
         where = ".".join(str(part) for part in problem["loc"])
@@ -44,14 +44,14 @@ def why(error: Exception) -> str:
 
 
 def text_of(value: Any) -> str:
-    """An answer of a file or an option as it would be typed."""
+    """An answer of a file or an option in the form in which a person would type it."""
     if isinstance(value, (list, tuple)):
         return " ".join(text_of(one) for one in value)
     return NONE if value is None else str(value).strip()
 
 
 def numbers(text: str, count: int, what: str) -> tuple[float, ...]:
-    """So many finite numbers, with commas or blanks between them."""
+    """A given number of finite numbers, separated by commas or blanks."""
     parts = text.replace(",", " ").replace("[", " ").replace("]", " ").split()
     try:
         values = tuple(float(part) for part in parts)
@@ -78,7 +78,7 @@ def name(text: str) -> str:
 
 
 def file(text: str, what: str) -> Path:
-    """A file that is there."""
+    """A file that exists."""
     path = Path(text).expanduser()
     try:
         there = path.is_file()
@@ -114,7 +114,7 @@ def arm(text: str) -> dict[str, Any]:
 
 
 def joints_of(section: dict[str, Any]) -> int:
-    """How many the arm has."""
+    """The arm's number of joints."""
     return ArmSection.model_validate(section).model().joints
 
 
@@ -129,7 +129,7 @@ def home(text: str, section: dict[str, Any]) -> tuple[float, ...]:
 
 
 def default_home(section: dict[str, Any]) -> tuple[float, ...] | None:
-    """Of a named arm."""
+    """The home posture of a named arm."""
     return default_joints(section, "home_rad")
 
 
@@ -146,7 +146,7 @@ def driver(text: str, known: Sequence[dict[str, Any]], device: str) -> str:
 
 
 def address(text: str, setting: str) -> str:
-    """Where a device is: a name or number of a host, a device's file, or a file."""
+    """The address of a device: a host's name or number, a device file, or a file."""
     if setting.endswith((".calibration", ".file")):
         return str(file(text, f"the file of hardware.{setting}").resolve())
     if text.startswith("/dev/") or text.startswith(("http://", "rtsp://")):
@@ -183,7 +183,7 @@ def peg(text: str) -> dict[str, Any]:
 
 
 def choice(text: str, among: Sequence[str]) -> str:
-    """One of a few words."""
+    """One of several words."""
     if text not in among:
         raise InvalidAnswer(f"want {' or '.join(among)}")
     return text

@@ -39,9 +39,9 @@ def given_answers(file: Path | None, single: list[str]) -> dict[str, str]:
 
 
 def asked(each: list[Question], given: dict[str, str], ask: bool, console: Console) -> Answers:
-    """Every answer: of those given, else asked for, else the default.
+    """Every answer: the given one, else the one that is typed, else the default.
 
-    Raises ConfigError for a given answer that cannot be, for one that no question wants, and for one that is missing
+    Raises ConfigError for a given answer that is not valid, for one that no question wants, and for one that is missing
     when nothing may be asked.
     """
     unknown = sorted(given.keys() - {question.key for question in each})

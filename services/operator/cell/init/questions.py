@@ -26,8 +26,9 @@ Answers = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """`read` gives the answer of a text or raises Refused; `asked` says whether it is to be asked at all, after the
-    answers before it; `default` is what Enter answers, None where there is none."""
+    """`read` converts a text to the answer or raises Refused; `asked` says whether to ask the question, given the
+    answers before it; `default` is the answer of a bare Enter, None where there is none.
+    """
 
     key: str
     text: str
@@ -55,13 +56,13 @@ def known_cell(arm: Any) -> dict[str, Any]:
 
 
 def default_hole(given: Answers) -> Pose:
-    """Of the shipped cell of that arm, else the default cell's."""
+    """The hole of the shipped cell of that arm, else the default cell's."""
     prior = HolePrior.model_validate(known_cell(given.get("arm")).get("hole_prior") or {})
     return prior.pose_base_hole()
 
 
 def base_content(given: Answers) -> dict[str, Any]:
-    """The section `cell` as far as it is answered."""
+    """The section `cell` as far as it has been answered."""
     arm = given["arm"]
     content: dict[str, Any] = {"name": given["name"], "arm": arm}
     if "name" not in arm:
@@ -127,7 +128,7 @@ def questions(drivers: list[dict[str, Any]]) -> list[Question]:
         return str(given["driver"]) != SIMULATED
 
     def two(given: Answers) -> bool:
-        """Whether the cameras are a device each, with an address each."""
+        """Whether the two cameras are separate devices, with an address each."""
         return setting(given, "camera_driver").endswith(".left")
 
     return [

@@ -15,7 +15,7 @@ from services.operator.cell.init.answers import NONE, SAME
 from services.operator.cell.init.questions import SIMULATED, Answers, base_content, hole_pose
 
 LENSES = "distortion: [-0.082, 0.021, 0.0004, -0.0003]"  # as the shipped cells have them
-COLUMN = 36  # of the comments
+COLUMN = 36  # column at which comments begin
 DRIVERS_OF_A_FILE = ("pictures", "video", "genicam")
 
 
@@ -23,7 +23,7 @@ def cell_text(given: Answers, path: Path, settings: dict[str, str]) -> str:
     """The file's text. `settings` are the drivers' settings for an address, below `hardware`."""
     content = base_content(given)
     pose = hole_pose(given["hole_position_m"], given["hole_axis"])
-    # the cameras before the hole as in the default cell
+    # the cameras stand before the hole as in the default cell
     camera = pose @ HolePrior().pose_base_hole().inverse() @ CameraSection().pose_base_camera()
     arm = content["arm"]
     if "urdf" in arm:
@@ -107,7 +107,7 @@ def _noted(text: str, comment: str) -> str:
 
 
 def _beside(file: str, path: Path) -> str:
-    """As the cell's file names it: from its own folder."""
+    """A path as the cell's file writes it: relative to its own folder."""
     return os.path.relpath(file, path.resolve().parent)
 
 

@@ -23,9 +23,9 @@ from services.operator.bench.options import Cells, RayAddress, Where, errors_sho
 from services.operator.dataset.commands.describe import summary
 from services.operator.dataset.contact import REPEAT_STRIDE, make_contacts
 
-# what a task holds: a stopped run loses at most this many samples a cell
+# the size of a task: a stopped run loses at most this many samples a cell
 SAMPLES_A_TASK = 10
-MADE_BY = ("services.operator.dataset.contact",)  # beside the cell's own code
+MADE_BY = ("services.operator.dataset.contact",)  # sources that count besides the cell's own code
 SERVICES = ("hardware", "force_torque", "planning")
 
 Poses = Annotated[int, typer.Option(min=1, max=REPEAT_STRIDE, help="Pose errors to draw, one contact each.")]
@@ -35,7 +35,9 @@ LateralM = Annotated[float, typer.Option(min=0.0, max=0.02, help="Half range of 
 
 
 def cell_sha256(content: dict[str, Any]) -> str:
-    """A hash of all in a cell's file that decides a contact, the content of files named there; its name has no say."""
+    """A hash of everything in a cell's file that determines a contact, with the content of files named there; the
+    cell's name does not count.
+    """
     text = json.dumps(cell_identity(content), sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -92,7 +94,9 @@ def collect(
 
 
 def _opened(out: Path, origin: DatasetOrigin, move_aside: bool, console: Console) -> ContactWriter:
-    """The folder to go on in; with `move_aside` one made otherwise gets a free name beside it."""
+    """The folder to continue; with `move_aside` a folder made with other settings is renamed to a free
+    name beside it.
+    """
     try:
         return ContactWriter(out, origin)
     except DatasetError as error:
@@ -114,7 +118,7 @@ def _collect(
     executor: ExecutorName,
     ray_address: str | None,
 ) -> None:
-    """What the data set still lacks, in cells side by side."""
+    """Collect the missing samples of the data set, in cells side by side."""
     origin = writer.origin
     wanted = [
         (pose_seed, repeat)
