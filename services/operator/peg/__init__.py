@@ -1,1 +1,1 @@
-"""`crosspih peg check`: what a drawing is read as, and whether it can be a peg and a hole."""
+"""`crosspih peg check`: how a drawing is read, and whether it can be a peg and a hole."""

@@ -14,7 +14,9 @@ from crosspih_common.shapes.importing import DrawingRead, read_drawing
 
 
 class PegReport(BaseModel):
-    """What `crosspih peg check --json` prints. A figure is null where the drawing was not read so far."""
+    """What `crosspih peg check --json` prints. A figure is null where the reading of the drawing did not
+    get that far.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -29,7 +31,7 @@ class PegReport(BaseModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checked:
-    """The report with what it rests on, as far as it came."""
+    """The report with the data behind it, as far as the check got."""
 
     report: PegReport
     drawing: DrawingRead | None = None

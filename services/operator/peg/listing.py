@@ -17,7 +17,7 @@ from services.operator.cli.options import AsJson
 
 
 def rows_of(workcell: Workcell) -> list[dict[str, Any]]:
-    """One row an outline that has a name; the cell's own first where it has none. Pure."""
+    """One row for each named outline; first the cell's own where it has no name. Pure."""
     own = workcell.peg
     drawings = {name: PegDrawing(outline=name) for name in OUTLINES}
     rows = [_row(name, own if name == own.outline else drawn, name == own.outline) for name, drawn in drawings.items()]

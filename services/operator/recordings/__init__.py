@@ -1,1 +1,1 @@
-"""What was recorded: looked into, mended, cut, merged, handed to other programs, and answered once more."""
+"""Recordings: inspected, repaired, cut, merged, exported for other programs, and replayed."""

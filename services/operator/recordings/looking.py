@@ -1,4 +1,4 @@
-"""What is in a recording, and what is wrong with it. Pure, but for reading the file."""
+"""The content of a recording, and what is wrong with it. Pure, except for reading the file."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def described(path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong: a name for programs, and what it is."""
+    """A defect of a recording: a name for programs, and a text."""
 
     what: str
     file: str

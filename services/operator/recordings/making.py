@@ -1,4 +1,4 @@
-"""Recordings made of others: what is whole of a damaged one, a part of one, several as one."""
+"""Recordings made from others: the sound part of a damaged one, a section of one, several as one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from services.operator.recordings.writing import ITS_OWN, NewRecording
 
 @dataclass(frozen=True, slots=True)
 class MadeRecording:
-    """What was written, and of what; `repeated` messages were there more than once."""
+    """The file that was written, and its sources; `repeated` counts the messages that came more than once."""
 
     messages: int
     parts: list[ReadPart]
@@ -26,7 +26,7 @@ class MadeRecording:
 
 
 def messages_in(path: Path, parts: list[ReadPart]) -> Iterator[WalkedMessage]:
-    """The messages of all parts of a recording, without those that a new part repeats; `parts` are added to.
+    """The messages of all parts of a recording, without those that a new part repeats; appends to `parts`.
 
     Raises RecordingError.
     """
@@ -44,9 +44,9 @@ def messages_in(path: Path, parts: list[ReadPart]) -> Iterator[WalkedMessage]:
 
 
 def recover(path: Path, out: Path) -> MadeRecording:
-    """Write every message that is whole, each exactly as it was, into a file that is whole.
+    """Write every undamaged message, byte for byte as it was, into a sound file.
 
-    Raises RecordingError where it is no MCAP file and nothing whole is in it, ConfigError for `out`.
+    Raises RecordingError for a file that is no MCAP file and has no undamaged message, ConfigError for `out`.
     """
     parts: list[ReadPart] = []
     with NewRecording(out) as new:
@@ -63,7 +63,7 @@ def recover(path: Path, out: Path) -> MadeRecording:
 
 
 def _words(new: NewRecording, parts: Sequence[ReadPart], leave_out: tuple[str, ...]) -> None:
-    """The words of the first part that has them, and the drops of all."""
+    """The metadata of the first part that has them, and the drops of all parts."""
     drops: Counter[str] = Counter()
     written: set[str] = set()
     for part in parts:
@@ -81,7 +81,7 @@ def _words(new: NewRecording, parts: Sequence[ReadPart], leave_out: tuple[str, .
 
 @dataclass(frozen=True, slots=True)
 class RecordedAssembly:
-    """One assembly in a recording, cell time; `end_ns` is None where its answer is not in it."""
+    """One assembly in a recording, cell time; `end_ns` is None where its result is not in it."""
 
     number: int
     name: str
@@ -105,13 +105,13 @@ def assemblies_in(path: Path) -> tuple[int, int, list[RecordedAssembly]]:
 
 
 def window(path: Path, from_s: float | None, to_s: float | None, assembly: str | None) -> tuple[int, int]:
-    """(first, last) stamp of what is to be cut out, ns of cell time. Raises ConfigError, RecordingError."""
+    """(first, last) stamp of the section to cut out, ns of cell time. Raises ConfigError, RecordingError."""
     start_ns, last_ns, found = assemblies_in(path)
     if assembly is None:
         first = start_ns if from_s is None else start_ns + round(from_s * 1e9)
         last = (1 << 63) - 1 if to_s is None else start_ns + round(to_s * 1e9)
         if from_s is None:
-            first = 0  # states from before it began belong to its beginning
+            first = 0  # states from before the recording began belong to its beginning
         if first >= last:
             raise ConfigError(f"--from {from_s} --to {to_s}: nothing lies between")
         return first, last
@@ -123,7 +123,7 @@ def window(path: Path, from_s: float | None, to_s: float | None, assembly: str |
 
 
 def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> MadeRecording:
-    """Write what lies between two stamps, after the states that were known at the first of them.
+    """Write everything between two stamps, preceded by the states that were known at the first one.
 
     Raises RecordingError, ConfigError.
     """
@@ -148,7 +148,8 @@ def cut(path: Path, out: Path, first_ns: int, last_ns: int) -> MadeRecording:
 
 
 def merge(paths: Sequence[Path], out: Path) -> MadeRecording:
-    """Write several recordings, each with its parts, as one by log time; what is in more than one is written once.
+    """Write several recordings, each with its parts, as one by log time; a message that is in more than one is written
+    once.
 
     Raises RecordingError, ConfigError.
     """

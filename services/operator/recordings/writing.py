@@ -1,4 +1,4 @@
-"""A recording written anew from messages of others: byte for byte, each in the channel that it had."""
+"""A new recording from the messages of others: byte for byte, each in its own channel."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from crosspih_common.recording.scanning import DEFINITIONS, LIBRARY
 from crosspih_common.recording.walking import WalkedMessage
 
 CHUNK_BYTES = 1 << 16
-ITS_OWN = ("drops", "end")  # metadata that speak of the file in which they are
+ITS_OWN = ("drops", "end")  # metadata that describe the file in which they are
 
 
 class NewRecording:
-    """A file being written; made whole by leaving the block, removed when an error leaves it.
+    """A file being written; completed at the end of the block, removed when an error leaves the block.
 
-    Raises ConfigError where the file is there already or cannot be made.
+    Raises ConfigError where the file already exists or cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
@@ -40,7 +40,7 @@ class NewRecording:
         self._writer.start(profile="", library=LIBRARY)
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[tuple[str, str, int, tuple[tuple[str, str], ...]], int] = {}
-        self._known: dict[tuple[int, int], int] = {}  # by the identity of what was read: quick
+        self._known: dict[tuple[int, int], int] = {}  # by the identity of the object that was read: fast
         self._kept_alive: list[tuple[Channel, Schema | None]] = []
         self._attached: set[tuple[str, bytes]] = set()
         self._repeat = RecordBuilder()
@@ -61,11 +61,11 @@ class NewRecording:
         self._stream.close()
 
     def words(self, name: str, entries: Mapping[str, str]) -> None:
-        """Add metadata, with a check of its own."""
+        """Add metadata, with a checksum."""
         self._writer.add_metadata(name, sealed(name, entries))
 
     def attach(self, attachment: Attachment) -> None:
-        """Add an attachment, once; the repeated definitions are made anew."""
+        """Add an attachment, once; repeated definitions of channels are written anew."""
         if attachment.name != DEFINITIONS and (attachment.name, attachment.data) not in self._attached:
             self._attached.add((attachment.name, attachment.data))
             self._writer.add_attachment(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 def make_report(mcap_path: str | Path, html_path: str | Path) -> None:
     """Write the page about a recording. Raises RecordingError when the file is no recording, OSError for the page."""
-    # the templates and what draws the pictures take their time to load: commands that make no page should not wait
+    # the templates and plotting packages take time to load: commands that make no page should not wait
     from services.operator.report.page import make_report as make
 
     make(mcap_path, html_path)

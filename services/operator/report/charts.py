@@ -14,23 +14,23 @@ from services.operator.report.model.motion import in_hole_m
 from services.operator.report.thinning import thinned
 
 JOINTS = ("#d9534f", "#d08a1d", "#2f9e6e", "#3f8fd6", "#8f6fd1", "#c46bb0", "#7d8590")
-INTEREST_N = 1.0  # from there on each sample of a contact is drawn
+INTEREST_N = 1.0  # above it each sample of a contact is drawn
 TICK_S = 1e-4
 Data = dict[str, Any]
 
 
 def numbers(values: Array, unit: float) -> list[int]:
-    """(n,) as whole multiples of a unit: short in the file, and exact to the digits that are shown."""
+    """(n,) as whole multiples of a unit: short in the file, and exact to the digits shown."""
     return np.round(np.asarray(values) / unit).astype(int).tolist()  # type: ignore[no-any-return]
 
 
 def times(time_s: Array) -> list[int]:
-    """(n,), s, as steps of `TICK_S`, each but the first as the difference to the one before."""
+    """(n,), s, as steps of `TICK_S`; each after the first is the difference to the one before."""
     return np.diff(np.round(np.asarray(time_s) / TICK_S).astype(int), prepend=0).tolist()  # type: ignore[no-any-return]
 
 
 def series(label: str, colour: str, **more: Any) -> Data:
-    """How one curve is drawn; `colour` is a colour or the name of one of the page's own."""
+    """The style of one curve; `colour` is a colour or the name of one of the page's own."""
     return {"label": label, "colour": colour, **more}
 
 
@@ -66,7 +66,7 @@ def force_charts(facts: Facts) -> list[Data]:
 def _force_rows(trace: Trace) -> Array:
     columns = np.column_stack([trace.wrench, trace.force_n, trace.moment_nm])
     interest = np.where(trace.free, 0.0, np.clip(trace.force_n - INTEREST_N, 0.0, None))
-    # the peaks of contact and of free air, each for itself: a bucket may hold both
+    # the peaks of contact and of free air separately: a bucket may hold both
     peaks = [
         index[int(np.argmax(values[index]))]
         for values in (trace.force_n, trace.moment_nm)
@@ -77,7 +77,7 @@ def _force_rows(trace: Trace) -> Array:
 
 
 def motion_charts(facts: Facts) -> list[Data]:
-    """The trajectory beside the arm's limits, and the tip's way in the hole's frame."""
+    """The trajectory with the arm's limits, and the path of the tip in the hole's frame."""
     trace = facts.joints
     if trace is None:
         return []
@@ -114,7 +114,7 @@ def motion_charts(facts: Facts) -> list[Data]:
 
 
 def steps_of(facts: Facts) -> list[Data]:
-    """The bands behind the curves: neighbouring steps of one phase as one."""
+    """The bands behind the curves: consecutive steps of one phase as one band."""
     bands: list[Data] = []
     for span in facts.spans:
         name = span.message.phase.value.replace("_", " ")
@@ -127,7 +127,7 @@ def steps_of(facts: Facts) -> list[Data]:
 
 
 def chart_data(facts: Facts) -> Data:
-    """What the page's script needs, for JSON."""
+    """The data for the page's script, for JSON."""
     return {
         "tick": TICK_S,
         "start": round(facts.calibrated_s, 4),

@@ -1,4 +1,4 @@
-"""Two assemblies side by side: figures with their differences, settings that are the same and that are not. Pure."""
+"""Two assemblies side by side: figures with their differences, and settings that are equal or differ. Pure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOT_THERE = "–"
 
 @dataclass(frozen=True, slots=True)
 class FigureRow:
-    """One figure of both; `difference` is the second less the first, nothing where one of them has none."""
+    """One figure of both; `difference` is the second minus the first, empty where one of them has none."""
 
     name: str
     one: Quantity
@@ -30,7 +30,7 @@ class FigureRow:
 
     @property
     def difference(self) -> Quantity:
-        """Of the numbers as they are shown."""
+        """The difference of the numbers as shown."""
         if self.one.value is None or self.other.value is None:
             return Quantity(None)
         digits = self.one.digits
@@ -47,7 +47,7 @@ class SettingRow:
 
 
 def figure_rows(one: Facts, other: Facts) -> list[FigureRow]:
-    """Every tile of either, the peaks that are no tile, and the time in each phase."""
+    """Every tile of either, the peaks without a tile, and the time in each phase."""
     first, second = _figures(one), _figures(other)
     rows = []
     for name in dict.fromkeys([*first, *second]):
@@ -72,7 +72,7 @@ def _figures(facts: Facts) -> dict[str, Quantity]:
 
 
 def setting_rows(one: Facts, other: Facts) -> tuple[list[SettingRow], list[SettingRow]]:
-    """(those that differ, those that are the same): what was asked for, the cell's file, and the versions."""
+    """(those that differ, those that are equal): the request, the cell's file, and the versions."""
     first, second = dict(_settings(one)), dict(_settings(other))
     rows = [
         SettingRow(name, first.get(name, NOT_THERE), second.get(name, NOT_THERE))
@@ -105,7 +105,7 @@ def _flat(before: str, value: Any) -> Iterator[tuple[str, str]]:
 
 
 def begins(facts: Facts) -> dict[str, float]:
-    """When each phase first began, s since the command; calibrating is no phase to align by."""
+    """When each phase first began, s since the command; without calibrating, by which nothing is aligned."""
     found = {COMMAND: 0.0}
     for span in facts.spans:
         if span.start_s >= facts.calibrated_s:
@@ -114,7 +114,7 @@ def begins(facts: Facts) -> dict[str, float]:
 
 
 def compared_charts(one: Facts, other: Facts) -> Data:
-    """Both in one chart each, for the page's script: |F|, |M| and how deep the tip is, aligned by a phase."""
+    """Both in one chart each, for the page's script: |F|, |M| and the depth of the tip, aligned at a phase."""
     both = (one, other)
     marks = [begins(facts) for facts in both]
     common = [name for name in marks[0] if name in marks[1]]
@@ -142,7 +142,7 @@ def _lines(what: str) -> list[Data]:
 def _forces(both: tuple[Facts, Facts], symbol: str) -> Data:
     unit, step, name = ("N", 0.01, "force") if symbol == "F" else ("Nm", 0.001, "moment")
     traces = [facts.forces.main for facts in both]
-    # both filtered, or both not: else a difference would be one of the filter
+    # both filtered, or both not: otherwise the filter would make a difference
     if any(facts.forces.unfiltered is None for facts in both):
         traces = [facts.forces.filtered for facts in both]
     parts = []

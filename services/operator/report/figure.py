@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from crosspih_common.recording.plotting import LINES
 
-# stands for the page's own text colour, whichever theme it has; replaced after drawing
+# placeholder for the page's own text colour in any theme; replaced after drawing
 INK = "#010203"
 FIGURE_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -45,7 +45,7 @@ def inline_svg(figure: Figure) -> str:
         (r'(font: [^;"]*?px) [^;"]*', r"\1 system-ui, sans-serif"),
     ):
         svg = re.sub(pattern, instead, svg, flags=re.DOTALL)
-    # as wide as the page, the height follows from the viewBox
+    # as wide as the page; the height follows from the viewBox
     svg = re.sub(r'(<svg\b[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     return re.sub(r'(<svg\b[^>]*?) width="[^"]*"', r'\1 width="100%"', svg, count=1)
 

@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Numbers formatted for people."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """For people: a true minus sign, a dash where there is no value, no minus zero."""
+    """With a true minus sign, a dash where there is no value, and no minus zero."""
     if value is None or not np.isfinite(value):
         return "–"
     text = f"{value:.{digits}f}"
@@ -19,7 +19,7 @@ def number(value: float | None, digits: int = 2) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number with its unit and the digits it is shown with; the same object wherever the number is shown."""
+    """A number with its unit and number of digits; the same object wherever the number is shown."""
 
     value: float | None
     unit: str = ""

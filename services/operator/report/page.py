@@ -1,4 +1,4 @@
-"""The HTML page: facts to words, numbers and pictures, and these to the template. One file, and no network."""
+"""The HTML page: turns facts into words, numbers and pictures, and fills the template. One file, and no network."""
 
 from __future__ import annotations
 
@@ -41,8 +41,9 @@ def environment() -> jinja2.Environment:
 
 
 def scripts(data: dict[str, Any] | None) -> dict[str, str]:
-    """What the page's head and foot need so that it works from one file: styles, scripts and data, and the rule by
-    which the browser fetches nothing and runs no other script."""
+    """The styles, scripts and data in the page's head and foot, so that it works from one file; and the policy by which
+    the browser fetches nothing and runs no other script.
+    """
     style = (VENDORED / "uPlot.min.css").read_text(encoding="utf-8") + "\n"
     style += (TEMPLATES / "report.css").read_text(encoding="utf-8")
     code = [
@@ -51,7 +52,7 @@ def scripts(data: dict[str, Any] | None) -> dict[str, str]:
     ]
     hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(each.encode()).digest()).decode()}'" for each in code)
     rule = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}"
-    # "</" would end the element that the data stand in
+    # "</" would end the element that holds the data
     said = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/") if data is not None else ""
     return {"style": style, "uplot": code[0], "charts_js": code[1], "rule": rule, "data": said}
 
@@ -96,7 +97,7 @@ def render(facts: Facts) -> str:
 
 
 def zooms(facts: Facts, bands: list[dict[str, Any]]) -> list[tuple[str, float, float]]:
-    """Buttons: (name, from, to), s; the whole assembly first, then what is wide enough to look at."""
+    """Buttons: (name, from, to), s; the whole assembly first, then every step that is long enough to look at."""
     found = [("all", round(facts.calibrated_s, 4), round(facts.end_s, 4))]
     repeated: dict[str, int] = {}
     for band in bands:
@@ -115,7 +116,7 @@ def degrees(joints_rad: Array) -> list[str]:
 
 
 def yaml_text(facts: Facts) -> str:
-    """The cell's file as it was recorded; empty where it was not."""
+    """The cell's file from the recording; empty where it was not recorded."""
     written = facts.recording.metadata.get("cell", {}).get("yaml", "")
     return written if written or not facts.configuration else yaml.safe_dump(facts.configuration)
 
@@ -126,7 +127,7 @@ def make_report(mcap_path: str | Path, html_path: str | Path) -> None:
 
 
 def write(page: str, html_path: str | Path) -> None:
-    """Write a page, its folder made where it is missing. Raises OSError."""
+    """Write a page and create its folder if needed. Raises OSError."""
     html_path = Path(html_path)
     html_path.parent.mkdir(parents=True, exist_ok=True)
     html_path.write_text(page, encoding="utf-8")

@@ -16,7 +16,7 @@ from services.operator.scoring.score import PoseError, pose_error
 
 @dataclass(frozen=True, slots=True)
 class PeakRow:
-    """One largest force and moment, which samples it is of, and when."""
+    """The largest force and moment of some samples, the name of these samples, and the times."""
 
     name: str
     of: str
@@ -27,7 +27,7 @@ class PeakRow:
 
 
 def peak_rows(facts: Facts) -> list[PeakRow]:
-    """Every peak that is told anywhere, with what it is of."""
+    """Every peak in the report, with the samples that it is of."""
     forces, rows = facts.forces, []
 
     def row(name: str, of: str, peak: Peak | None) -> None:
@@ -60,7 +60,7 @@ class PoseRow:
 
 
 def pose_rows(facts: Facts) -> list[PoseRow]:
-    """Where the hole was seen, found and is; with a truth what each is off by."""
+    """The seen, the found and the true pose of the hole; with a truth also the error of each."""
     poses = facts.poses
     rows = [
         PoseRow(f"{axis} / mm", tuple(Quantity(float(each.pose.translation_m[index]) * 1e3) for each in poses))
@@ -112,7 +112,7 @@ class TouchRow:
 
 
 def touch_row(entry: TouchEntry, true_hole: Pose | None, symmetry_order: int = 4) -> TouchRow:
-    """A touch, the estimate made after it, and how far that estimate was from the truth."""
+    """A touch, the estimate made after it, and the error of that estimate against the truth."""
     state, estimate, use = entry.touch.state, entry.estimate, entry.use
     off: PoseError | None = None
     if estimate is not None and true_hole is not None:

@@ -1,4 +1,4 @@
-"""Pictures of a report as `data:` addresses: what the cameras saw, and arm and peg as the recording has them."""
+"""Pictures of a report as `data:` addresses: the cameras' pictures, and drawings of arm and peg from the recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_TOUCHES = 6
 
 @dataclass(frozen=True, slots=True)
 class Still:
-    """A picture, what is on it, and what it says to who cannot see it."""
+    """A picture, its caption, and its text for those who cannot see it."""
 
     address: str
     caption: str
@@ -31,7 +31,7 @@ class Still:
 
 @dataclass(frozen=True, slots=True)
 class Stills:
-    """Of the paper's Figures 6, 7, 20 and 21; empty where it cannot be drawn."""
+    """The paper's Figures 6, 7, 20 and 21; a picture that cannot be drawn is empty."""
 
     seen: list[Still]
     driven: list[Still]
@@ -48,7 +48,7 @@ def address_of(pixels: Array | np.ndarray) -> str:
 
 
 def stills_of(facts: Facts) -> Stills:
-    """All of them; without OpenCV 5 only what the cameras saw."""
+    """All of them; without OpenCV 5 only the cameras' pictures."""
     seen = [
         Still(address_of(_eight_bits(image)), f"{side} camera", f"The {side} camera's picture; {_seen_words(facts)}")
         for side, image in (("left", facts.left), ("right", facts.right))

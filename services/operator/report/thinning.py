@@ -1,4 +1,4 @@
-"""Fewer points of a curve, such that it looks the same and keeps every peak. Pure."""
+"""Reduces a curve to fewer points that look the same and keep every peak. Pure."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ MOST_WHOLE = 5000
 
 
 def thinned(columns: Array, interest: Array | None = None, buckets: int = BUCKETS) -> NDArray[np.int64]:
-    """Which rows (k,) of columns (n, m), sampled in order of time, are worth drawing.
+    """The rows (k,) of columns (n, m), sampled in order of time, to draw.
 
-    In each of `buckets` pieces of equal length the rows at which any column is lowest and highest are kept, so the
-    peaks of all columns are. Of the rows whose `interest` (n,) is above 0 the most interesting are kept too, up to
-    `MOST_WHOLE`: there zooming in shows each sample.
+    In each of `buckets` pieces of equal length the rows with the lowest and the highest value of any column are kept,
+    and so all columns' peaks. Of the rows whose `interest` (n,) is above 0, those of most interest are kept too, up to
+    `MOST_WHOLE`: zooming in there shows each sample.
     """
     count = len(columns)
     if count <= 4 * buckets:

@@ -1,4 +1,4 @@
-"""The figures at the top of a report; each is one of the facts, and stands again in a table below."""
+"""The figures at the top of a report; each is one of the facts, and is repeated in a table below."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PAPER_DURATION_S = 27  # the paper's one experiment, for comparison
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One figure: its name, its number, and what else belongs to it, in words and in numbers (`also`)."""
+    """One figure: its name, its number, and a note in words and numbers (`also`)."""
 
     name: str
     value: Quantity
@@ -22,12 +22,12 @@ class Tile:
 
     @property
     def said(self) -> str:
-        """The note, its numbers put in."""
+        """The note with its numbers inserted."""
         return self.note.format(*self.also)
 
 
 def tiles(facts: Facts) -> list[Tile]:
-    """Those that there is something to say of; a torn recording has its forces all the same."""
+    """The tiles for which there is data; a torn recording still has its forces."""
     result, figures = facts.window.result, facts.figures
     found = []
     if result is not None and figures is not None:

@@ -1,4 +1,4 @@
-"""What a report says in sentences: what was done here, how, and what came of it. Nothing that did not happen."""
+"""The sentences of a report: the task, the method and the result. Only what happened is described."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def verdict(facts: Facts) -> tuple[str, str, str]:
 
 
 def how(facts: Facts) -> str:
-    """What such an assembly is, for somebody who has not seen one: of this peg, by this strategy."""
+    """What such an assembly is, for somebody who has not seen one: with this peg, by this strategy."""
     prior = facts.workcell.hole_prior
     peg = {"round": "round"}.get(facts.outline, f"{facts.outline}-shaped")
     known = (
@@ -74,7 +74,7 @@ def _told(facts: Facts) -> bool:
 
 
 def what_happened(facts: Facts) -> str:
-    """One sentence on an assembly that went in."""
+    """One sentence on an assembly that inserted its peg."""
     result, figures = facts.window.result, facts.figures
     assert result is not None and figures is not None
     touches, presses = len(facts.touches), len(facts.presses)

@@ -40,20 +40,21 @@ WIDTH = 118
 
 
 def _environment(told: Path) -> dict[str, str]:
-    """Of a command: the default cell, on a port of its own, so that no stack that happens to run answers for it."""
+    """The environment of a command: the default cell, on a separate port, so that no other running stack answers."""
     mine = {name: value for name, value in os.environ.items() if name not in ("CROSSPIH_CELL", "CROSSPIH_ENDPOINT")}
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     return {**mine, "COLUMNS": str(WIDTH), MEASURED_VARIABLE: str(told), "CROSSPIH_ENDPOINT": endpoint}
 
 
 def _run(command: str, environment: dict[str, str]) -> tuple[int, str]:
-    """Run a command, its standard error as it comes; its status and its standard output."""
+    """Run a command and pass on its standard error; returns its status and its standard output."""
     with subprocess.Popen(arguments(command), stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         try:
             text = process.stdout.read()
         except KeyboardInterrupt:
-            # it stops its cells and says how far it came; Ctrl-C in a terminal reached it too, which does no harm
+            # the command stops its cells and reports its progress; Ctrl-C in a terminal has reached it too, which does
+            # no harm
             process.terminate()
             process.wait()
             raise
@@ -64,7 +65,7 @@ def _make(entry: PlannedSection, command: str, where: tuple[str, ...], json_path
     with tempfile.TemporaryDirectory(prefix="crosspih-results-") as folder:
         told = Path(folder) / "measured"
         started = time.monotonic()
-        # where its cells are has no say in what comes out, so it is no part of the command that the page shows
+        # the executor does not change the results, so it is not part of the command that the page shows
         status, text = _run(shlex.join([*shlex.split(command), *where]), _environment(told))
         elapsed_s = time.monotonic() - started
         measured = measured_in(told)
@@ -87,7 +88,7 @@ def _default_cell() -> str:
 
 
 def entries_named(entries: list[PlannedSection], names: list[str]) -> list[PlannedSection]:
-    """Those named, by their own name or by what it begins with: peg, or peg-star, for all of them."""
+    """The entries with that name, or with a name that begins with it: peg, or peg-star, for all of them."""
 
     def means(name: str, entry: PlannedSection) -> bool:
         return entry.name == name or entry.name.startswith(f"{name}-")
@@ -96,7 +97,7 @@ def entries_named(entries: list[PlannedSection], names: list[str]) -> list[Plann
         if not any(means(name, entry) for entry in entries):
             known = ", ".join(entry.name for entry in entries)
             raise ConfigError(f"{name}: no such result; want some of {known}, or how their names begin, as in peg")
-    # what is called so means itself alone: refine is not refine-far
+    # a full name means only its own entry: refine is not refine-far
     exact = {entry.name for entry in entries}
     return [
         entry
@@ -106,7 +107,7 @@ def entries_named(entries: list[PlannedSection], names: list[str]) -> list[Plann
 
 
 def _how_far(done: int, count: int, took_s: list[float | None]) -> str:
-    """Which one it is, and what it and those after it took the last time that they ran."""
+    """The position of the entry, and how long it and those after it took the last time."""
     known = [one for one in took_s if one is not None]
     rest = f", about {in_words(sum(known))} left by the last time" if known else ""
     unknown = f", {len(took_s) - len(known)} of them never ran here" if known and len(known) < len(took_s) else ""
@@ -161,7 +162,8 @@ def results(
         for number, entry in enumerate([] if page_only else chosen):
             command = entry.shown(folder.as_posix(), tuple(entry.quick.split()) if quick else ())
             before = shelf.get(entry.name)
-            # what keeps its results is printed anew in seconds when the operator's own code makes other tables of them
+            # commands with a store print again in seconds when the operator's own code makes other tables of their
+            # results
             shown = before is not None and (before.shown_by == part_version("services.operator") or not entry.in_cells)
             if before is not None and shown and before.stands_for(command, code, cell) and not again:
                 console.print(f"{entry.name}: known", highlight=False)

@@ -1,4 +1,4 @@
-"""docs/results.md from what the commands printed. Pure."""
+"""docs/results.md from the output of the commands. Pure."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from services.operator.results.plan import PlannedSection
 from services.operator.results.printed import Printed
 
 _PICTURE = re.compile(r"\S+\.(?:png|svg)")
-_BY_PYBULLET = "argv[0]="  # its C code prints this line with every client it opens
-# the last line of a section; the older wording took the time of printing known results for that of measuring them
+_BY_PYBULLET = "argv[0]="  # the C code of a client prints this line at every start
+# the last line of a section; its older wording gave the time of printing known results as that of measuring them
 _LAST = re.compile(r"^(?P<said>(?:Measured|Printed|Last run).*code (?P<code>[0-9a-f]{16})[^;.]*)(?P<rest>.*)$")
 _CHANGED, _OTHER_COMMAND = "; the code has changed since", "; the command is another one since"
 
 
 @dataclass(frozen=True)
 class SectionCounts:
-    """How many sections of a page are by the code that runs, by other code, and not there at all."""
+    """How many sections of a page are by the code that runs, by other code, or missing."""
 
     this: int
     other: int
     missing: int
 
     def said(self, code: str) -> str:
-        """In words."""
+        """The counts in words."""
         whole = self.this + self.other + self.missing
         return f"{self.this} of {whole} sections are by code {code}, {self.other} by other code, {self.missing} not run"
 
@@ -44,7 +44,7 @@ def _days(first: str, last: str) -> str:
 
 
 def when(printed: Printed) -> str:
-    """When and in what time it was measured: taking results over from a store is no measuring."""
+    """When and how long it was measured: results taken over from a store count with their own times."""
     here = f"{duration(printed.elapsed_s)} on {printed.cores} cores"
     if not printed.taken:
         return f"Measured in {here}" + (f", {printed.at[:10]}" if printed.at else "")
@@ -65,7 +65,7 @@ def _section(entry: PlannedSection, printed: Printed, planned: str, code: str) -
     said_by_us = [line for line in printed.text.rstrip().splitlines() if line != _BY_PYBULLET]
     lines += ["```sh", printed.command, "```", "", "```text", *said_by_us, "```", ""]
     for picture in _PICTURE.findall(printed.command):
-        # the page lies one folder above its pictures
+        # the page is one folder above its pictures
         name = picture.rsplit("/", 2)
         lines += [f"![{entry.title}]({'/'.join(name[-2:])})", ""]
     said = f"{when(printed)}, code {printed.code}"
@@ -75,7 +75,7 @@ def _section(entry: PlannedSection, printed: Printed, planned: str, code: str) -
 
 
 def _marked(last: str, command: str, planned: str, code: str) -> str:
-    """A section's last line, with what has changed since it was printed."""
+    """A section's last line, with a note on what has changed since it was printed."""
     found = _LAST.match(last)
     if found is None:
         return last
@@ -85,7 +85,7 @@ def _marked(last: str, command: str, planned: str, code: str) -> str:
 
 
 def sections_of(page: str) -> dict[str, list[str]]:
-    """The sections of a page that was written before, by title: its lines, from the title on."""
+    """The sections of an earlier page, by title: the lines from the title on."""
     found: dict[str, list[str]] = {}
     lines: list[str] | None = None
     for line in page.splitlines():
@@ -114,9 +114,9 @@ def make_page(
 ) -> tuple[str, SectionCounts]:
     """The whole page, and how much of it is by which code.
 
-    folder: of the pictures, as it stands in the commands. code: the version that runs now. before: the page as it is;
-    what was not run here stays as it stands there: a fresh clone has the page, and not what it was printed from. quick:
-    the commands are those of small runs.
+    folder: of the pictures, as the commands name it. code: the version that runs now. before: the present page; a
+    section that was not run here is kept from it, because a fresh clone has the page but not the output behind it.
+    quick: the commands are those of small runs.
     """
     known = sections_of(before)
     body: list[str] = []

@@ -1,4 +1,4 @@
-"""The list of what docs/results.md shows: one entry a command. Adding a result is adding an entry to plan.yaml."""
+"""The list of the sections of docs/results.md: one entry per command. To add a result, add an entry to plan.yaml."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PlannedSection(BaseModel):
     )
 
     def expanded(self) -> list[PlannedSection]:
-        """The entries that it stands for: one for each combination of the values in `each`."""
+        """The entries that this one expands to: one for each combination of the values in `each`."""
         if not self.each:
             return [self]
         found = []
@@ -61,7 +61,9 @@ class PlannedSection(BaseModel):
 
 
 def arguments(command: str) -> list[str]:
-    """What to run for a command as a person types it. Raises ConfigError for one that is not of this project."""
+    """The arguments of a command that is written as a person types it. Raises ConfigError for one that is not of this
+    project.
+    """
     words = shlex.split(command)
     if words[:1] == ["crosspih"]:
         return module_command("services.operator", *words[1:])

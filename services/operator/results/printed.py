@@ -1,4 +1,4 @@
-"""What each command printed, kept beside the store so that a stopped run goes on where it was."""
+"""The output of each command, kept beside the store so that a stopped run continues where it was."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 
 class Printed(BaseModel):
-    """The outcome of one entry.
+    """The output of one entry.
 
-    code, cell: what it was made with; shown_by: the operator's own code, which makes the tables. elapsed_s: of the run
-    that printed it. taken: results that it took over from its stores, taken_s what measuring those took, first and last
-    when that was; made: results that it measured itself. at: UTC, ISO 8601.
+    code, cell: of the measurement; shown_by: the operator's own code, which makes the tables. elapsed_s: of the run
+    that printed it. taken: number of results from the stores, taken_s the time in which those were measured, first and
+    last the dates of that; made: number of results that it measured itself. at: UTC, ISO 8601.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -34,12 +34,12 @@ class Printed(BaseModel):
     last: str = ""
 
     def stands_for(self, command: str, code: str, cell: str) -> bool:
-        """Whether it is what this command prints with this code in this cell."""
+        """Whether this is the output of that command with this code in this cell."""
         return (self.command, self.code, self.cell, self.status) == (command, code, cell, 0)
 
 
 class PrintedFolder:
-    """A JSON file an entry."""
+    """A JSON file per entry."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -48,14 +48,14 @@ class PrintedFolder:
         return self._folder / f"{name}.json"
 
     def get(self, name: str) -> Printed | None:
-        """What the entry printed last, if it can be read."""
+        """The last output of the entry, if it can be read."""
         try:
             return Printed.model_validate_json(self._path(name).read_text(encoding="utf-8"))
         except (OSError, ValidationError):
             return None
 
     def put(self, printed: Printed) -> None:
-        """Keep it, as a whole or not at all."""
+        """Save it completely or not at all."""
         self._folder.mkdir(parents=True, exist_ok=True)
         scratch = self._path(printed.name).with_suffix(".new")
         scratch.write_text(printed.model_dump_json(indent=1), encoding="utf-8")

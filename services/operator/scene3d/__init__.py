@@ -1,6 +1,6 @@
 """Pictures of the arm, the peg and the hole in space, drawn without a graphics card.
 
-Needs OpenCV 5 (`triangleRasterize`); whoever can do without the pictures asks `can_draw` first.
+Needs OpenCV 5 (`triangleRasterize`); code that can do without the pictures asks `can_draw` first.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cell's bodies as meshes: the arm by its capsules, tool and peg, and the plate with the hole, also cut open."""
+"""The cell's bodies as meshes: the arm from its capsules, tool and peg, and the plate with the hole, also cut open."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PLATE: Colour = (0.58, 0.65, 0.74)
 CUT: Colour = (0.33, 0.42, 0.56)
 FLOOR: Colour = (0.80, 0.82, 0.85)
 SHADOW: Colour = (0.66, 0.68, 0.72)
-THINNER = 0.8  # of the capsules for collisions, which hold the link with room to spare
+THINNER = 0.8  # share of the collision capsules' radius: these enclose the link with a margin
 JOINT_WIDER = 1.08
 POST_M = 0.016
 
@@ -63,13 +63,13 @@ class Bodies:
         return joined(parts)
 
     def post(self, hole: Pose) -> DrawnMesh:
-        """What the plate stands on."""
+        """The post on which the plate stands."""
         depth_m = self.workcell.hole.shape(self.workcell.peg.shape()).depth_m
         top = hole.apply([0.0, 0.0, depth_m / 2.0])
         return cylinder(top * np.array([1.0, 1.0, 0.0]), top, POST_M, TOOL)
 
     def floor(self, half_m: float = 1.4, pieces: int = 20) -> DrawnMesh:
-        """The ground at the height of the base, in small pieces: one that reaches behind the eye is not drawn."""
+        """The ground at the height of the base, in small pieces: a piece that reaches behind the eye is not drawn."""
         edges = np.linspace(-half_m, half_m, pieces + 1)
         x, y = (each.ravel() for each in np.meshgrid(edges[:-1], edges[:-1]))
         step = edges[1] - edges[0]
@@ -81,13 +81,14 @@ class Bodies:
 
 
 def _matt(triangles_m: Array, colour: Colour) -> DrawnMesh:
-    """Triangles that are as bright from everywhere."""
+    """Triangles that look equally bright from everywhere."""
     return DrawnMesh(triangles_m, np.zeros_like(triangles_m), np.tile(colour, (len(triangles_m), 1)))
 
 
 def cut_normal(workcell: Workcell) -> Array:
-    """Which half of the plate is taken away to see the bore: of the hole's own x and y the way (3,) that is most
-    upwards, or where the hole itself looks up, most towards the viewer."""
+    """Which half of the plate is cut away to show the bore: of the hole's own x and y the direction (3,) that points
+    most upwards or, where the hole itself opens upwards, most towards the viewer.
+    """
     rotation = workcell.hole_prior.pose_base_hole().rotation
     towards = np.array([0.0, 0.0, 1.0]) if abs(rotation[2, 2]) < 0.7 else np.array([0.0, -1.0, 0.0])
     ways = np.vstack([np.eye(3)[:2], -np.eye(3)[:2]])
@@ -95,7 +96,7 @@ def cut_normal(workcell: Workcell) -> Array:
 
 
 def shadow(mesh: DrawnMesh, light: Array) -> DrawnMesh:
-    """What a mesh darkens on the ground, a little above it, under light from `light` (3,)."""
+    """The shadow of a mesh on the ground, drawn slightly above it, under light from `light` (3,)."""
     light = np.asarray(light, float)
     points = mesh.corners_m - mesh.corners_m[..., 2:] / light[2] * light
     points[..., 2] = 0.002
@@ -103,7 +104,7 @@ def shadow(mesh: DrawnMesh, light: Array) -> DrawnMesh:
 
 
 def where_peg_is(workcell: Workcell, joints_rad: Array | tuple[float, ...], wrench: Array | None = None) -> Pose:
-    """`pose_base_peg` by the encoders, and with a wrench (6,) on the peg, peg frame, as the arm gives way to it."""
+    """`pose_base_peg` by the encoders; with a wrench (6,) on the peg, peg frame, deflected by the arm's compliance."""
     pose = workcell.pose_base_peg(joints_rad)
     if wrench is None:
         return pose

@@ -1,4 +1,4 @@
-"""Meshes of simple bodies. Triangles as corners with a normal each, so that what is round looks round. Pure."""
+"""Meshes of simple bodies. Triangles as corners with one normal each, so that round bodies look round. Pure."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class DrawnMesh:
     colours: Array
 
     def at(self, pose: Pose) -> DrawnMesh:
-        """The same body, its frame put at a pose."""
+        """The same body, with its frame at a pose."""
         return DrawnMesh(
             self.corners_m @ pose.rotation.T + pose.translation_m, self.normals @ pose.rotation.T, self.colours
         )
@@ -51,8 +51,9 @@ def flat(triangles_m: Array, colour: Colour) -> DrawnMesh:
 
 
 def convex(corners_m: Array, colour: Colour, cut: tuple[Array, float, Colour] | None = None) -> DrawnMesh | None:
-    """The convex hull of corners (n, 3); with `cut` (normal (3,), offset in m, colour) what is left of it where
-    normal . p <= offset, the cut face in its own colour. None where nothing is left."""
+    """The convex hull of corners (n, 3); with `cut` (normal (3,), offset in m, colour) its part where normal . p <=
+    offset, with the cut face in that colour. None where nothing is left.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
     if cut is not None:
@@ -61,12 +62,13 @@ def convex(corners_m: Array, colour: Colour, cut: tuple[Array, float, Colour] | 
         inside, outside = np.flatnonzero(over <= 0.0), np.flatnonzero(over > 0.0)
         a, b = (index.ravel() for index in np.meshgrid(inside, outside, indexing="ij"))
         share = (over[a] / (over[a] - over[b]))[:, None]
-        # where the lines between what is kept and what is not meet the plane: all within the body, for it is convex
+        # where lines between kept and removed corners meet the plane: all of these points are in the body, because it
+        # is convex
         corners_m = np.concatenate([corners_m[inside], corners_m[a] + share * (corners_m[b] - corners_m[a])])
     try:
         hull = ConvexHull(corners_m)
     except (ValueError, QhullError):
-        return None  # nothing, or thinner than can be seen
+        return None  # empty, or too thin to be seen
     triangles = corners_m[hull.simplices]
     normals = hull.equations[:, :3]
     mesh = DrawnMesh(triangles, np.repeat(normals[:, None, :], 3, axis=1), np.tile(colour, (len(triangles), 1)))
@@ -97,7 +99,9 @@ def cylinder(start_m: Array, end_m: Array, radius_m: float, colour: Colour) -> D
 
 
 def _turned(start_m: Array, axis: Array, along_m: Array, across_m: Array, slopes: Array, colour: Colour) -> DrawnMesh:
-    """A body turned about an axis (3,): rings at `along_m`, as wide as `across_m`, normals rising by `slopes`."""
+    """A body of revolution about an axis (3,): rings at `along_m` with radii `across_m` and normals inclined by
+    `slopes`.
+    """
     aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     aside /= np.linalg.norm(aside)
     other = np.cross(axis, aside)

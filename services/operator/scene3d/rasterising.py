@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from crosspih_common.geometry.pose import Array
 from services.operator.scene3d.meshes import Colour, DrawnMesh
 
-FINER = 2  # pixels drawn for one shown, each way
+FINER = 2  # pixels drawn for each pixel shown, in each direction
 NEAR_M, FAR_M = 0.05, 5.0
 AMBIENT, DIFFUSE, GLOSS = 0.42, 0.58, 0.18
 Picture = NDArray[np.uint8]
@@ -19,7 +19,7 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """From where, to where and how: `eye_m` and `target_m` (3,) in the base frame, `up` (3,), the vertical angle."""
+    """The camera: `eye_m` and `target_m` (3,) in the base frame, `up` (3,), and the vertical angle of view."""
 
     eye_m: tuple[float, float, float]
     target_m: tuple[float, float, float]
@@ -39,7 +39,7 @@ class Viewpoint:
         return matrix
 
     def pixels(self, points_m: Array, size: tuple[int, int]) -> Array:
-        """Where points (n, 3), m, base frame, are in a picture of (width, height): (n, 2), pixels, y down."""
+        """The pixels (n, 2), y down, of points (n, 3), m, base frame, in a picture of (width, height)."""
         width, height = size
         matrix = self.camera_of_world()
         x, y, z = (np.asarray(points_m) @ matrix[:3, :3].T + matrix[:3, 3]).T
@@ -48,7 +48,7 @@ class Viewpoint:
 
 
 def can_draw() -> bool:
-    """Whether this OpenCV can: it learned to with version 5."""
+    """Whether this OpenCV can draw: version 5 or later."""
     return hasattr(cv2, "triangleRasterize")
 
 
@@ -74,10 +74,10 @@ def _lit(mesh: DrawnMesh, view: Viewpoint, light: Array) -> NDArray[np.float32]:
     """A colour (3 n, 3) for each corner: Lambert's law, some light from everywhere, and a little gloss."""
     light = np.asarray(light, float) / np.linalg.norm(light)
     normals = mesh.normals.reshape(-1, 3)
-    matt = np.all(normals == 0.0, axis=1)[:, None]  # the ground and what lies on it as a shadow: as bright everywhere
+    matt = np.all(normals == 0.0, axis=1)[:, None]  # the ground and shadows on it are equally bright everywhere
     towards = np.asarray(view.eye_m) - mesh.corners_m.reshape(-1, 3)
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    # a wall seen from inside is lit as seen
+    # a wall seen from inside is lit like one seen from outside
     normals = normals * np.sign(np.sum(normals * towards, axis=1, keepdims=True) + 1e-12)
     between = light + towards
     between /= np.linalg.norm(between, axis=1, keepdims=True)

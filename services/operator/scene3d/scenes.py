@@ -1,4 +1,4 @@
-"""The two pictures that tell an assembly: the arm in its cell, and peg and hole from near with the plate cut open."""
+"""The two pictures of an assembly: the arm in its cell, and a close view of peg and hole with the plate cut open."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from services.operator.scene3d.rasterising import Picture, Viewpoint, draw
 LIGHT = np.array([-0.15, -0.55, 0.85])
 BACKGROUND: Colour = (0.90, 0.92, 0.945)
 FORCE = (200, 22, 40)
-ARROW_M_N = 0.0025  # an arrow's length for each newton
+ARROW_M_N = 0.0025  # metres of an arrow per newton
 SHORTEST_ARROW_M, LONGEST_ARROW_M = 0.012, 0.06
 MIN_ARROW_N = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What is known of one moment: the joints (n,), rad, and the load on the peg (6,), peg frame, about its origin; the
-    arm is drawn as it gives way to that load."""
+    """The state at one moment: the joints (n,), rad, and the load on the peg (6,), peg frame, about its origin. The arm
+    is drawn deflected by that load.
+    """
 
     joints_rad: Array
     wrench: Array | None = None
@@ -48,7 +49,7 @@ def whole_view(hole: Pose) -> Viewpoint:
 
 
 def closeup(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -> Picture:
-    """Peg and hole, half of the plate taken away; over all the force on the peg as an arrow that ends at its tip."""
+    """Peg and hole with half of the plate removed; on top the force on the peg as an arrow that ends at its tip."""
     workcell = bodies.workcell
     pose, view = where_peg_is(workcell, moment.joints_rad, moment.wrench), near_view(bodies, hole)
     picture = draw(joined([bodies.plate_cut.at(hole), bodies.peg.at(pose)]), view, size, BACKGROUND, LIGHT)
@@ -63,7 +64,7 @@ def closeup(bodies: Bodies, hole: Pose, moment: Moment, size: tuple[int, int]) -
 
 
 def _arrow(picture: Picture, start: Array, end: Array) -> None:
-    """Drawn over what is there: the peg's tip, where it ends, is often hidden in the hole."""
+    """Drawn over the picture: the peg's tip, where the arrow ends, is often hidden in the hole."""
     (x, y), (to_x, to_y) = (np.round(point).astype(int).tolist() for point in (start, end))
     length = max(1.0, float(np.hypot(to_x - x, to_y - y)))
     for colour, thickness in (((255, 255, 255), 6), (FORCE, 3)):

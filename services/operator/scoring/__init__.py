@@ -1,1 +1,1 @@
-"""How well assemblies did: a score for each, and what many come to. Pure."""
+"""How well assemblies went: the score of each, and the statistics of many. Pure."""

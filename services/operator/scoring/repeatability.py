@@ -1,4 +1,4 @@
-"""How well T2 repeats on a cell that nobody tells the truth of: the spread of what many assemblies found. Pure."""
+"""The repeatability of T2 on a cell without a known truth: the spread of the poses found by many assemblies. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Repeatability(BaseModel):
     sd_lateral_mm: float
     sd_depth_mm: float
     sd_tilt_deg: float
-    sd_turn_deg: float | None  # None for a round peg, whose turn nothing tells
+    sd_turn_deg: float | None  # None for a round peg, whose rotation cannot be seen
     largest_lateral_mm: float
     largest_rotation_deg: float
 
@@ -56,12 +56,14 @@ def repeatability(poses_base_hole: Sequence[Pose], symmetry_order: int = 4) -> R
 
 
 def _sd(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Of samples (n, 3) about their mean, which is zero but for the rounding of a mean rotation; (3,)."""
+    """The standard deviations (3,) of samples (n, 3) about their mean, which is zero up to the rounding of a mean
+    rotation.
+    """
     return np.asarray(np.sqrt(np.sum(values**2, axis=0) / (len(values) - 1)))
 
 
 def _nearest_turn(reference: Pose, pose: Pose, symmetry_order: int) -> Pose:
-    """The pose turned about its own axis by what the section's symmetry allows, as near to the reference as it gets."""
+    """The pose rotated about its own axis by the section's symmetry to be nearest to the reference."""
     if symmetry_order == 0:
         x, y = (reference.rotation[:, 0] @ pose.rotation[:, column] for column in (0, 1))
         angles = [float(np.arctan2(y, x))]

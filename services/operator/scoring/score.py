@@ -13,9 +13,9 @@ from crosspih_common.geometry import Pose
 from crosspih_common.messages import AssemblyResult, PosePrior, SimulationTruth
 from services.operator.scoring.challenge_score import challenge_score
 
-# a peg in its bore is off by its clearance; one that is off by more than this is deep, but not in the hole
+# a seated peg is off the axis by its clearance at most; one that is off by more than this is deep, but not in the hole
 MIN_BESIDE_M = 0.002
-SWITCHED_OFF = "switched_off"  # how vision refuses in a cell whose file has it disabled: nobody looked
+SWITCHED_OFF = "switched_off"  # vision's refusal in a cell whose file has it disabled: no picture was taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +29,12 @@ class PoseError:
 
 
 def pose_error(estimate_base_hole: Pose, true_base_hole: Pose, symmetry_order: int = 4) -> PoseError:
-    """The error in the true hole's frame. Turns about the axis that bring the section onto itself do not count: by
-    quarters for the cross, none for a keyed round (1), any for a round (0)."""
+    """The error in the true hole's frame. Rotations about the axis that map the section onto itself do not count:
+    quarter turns for the cross, none for a keyed round (1), any for a round (0).
+    """
     error = true_base_hole.inverse() @ estimate_base_hole
     if symmetry_order == 0:
-        # the least rotation that brings one axis onto the other
+        # the smallest rotation that maps one axis onto the other
         angles = np.arccos(np.clip(error.rotation[2, 2], -1.0, 1.0))
     else:
         turns = np.arange(symmetry_order) * (2.0 * np.pi / symmetry_order)
@@ -56,7 +57,7 @@ def insertion_depth_m(workcell: Workcell, pose_base_peg: Pose, pose_base_hole: P
 
 
 def beside_m(workcell: Workcell, pose_base_peg: Pose, pose_base_hole: Pose) -> float:
-    """How far the peg's shoulder is from the hole's axis."""
+    """The distance of the peg's shoulder from the hole's axis."""
     shoulder = pose_base_hole.inverse().apply(pose_base_peg.apply([0.0, 0.0, workcell.peg.shape().taper_start_m]))
     return float(np.hypot(shoulder[0], shoulder[1]))
 
@@ -88,14 +89,14 @@ class TrialFigures(BaseModel):
     pushes: int
     peak_force_n: float
     peak_moment_nm: float
-    # None where the driver does not tell, and the score where there is no truth
+    # None where the driver does not report it, and the score where there is no truth
     mean_force_n: float | None = None
     over_20_n_s: float | None = None
     tip_path_m: float | None = None
     mean_jerk_m_s3: float | None = None
     challenge_score: float | None = None
-    # vision was asked, by a cell that has it; the code of its refusal, empty where it saw the hole or was not asked;
-    # whether the hole was found by force alone though vision was asked
+    # vision was asked, in a cell that has it enabled; the code of its refusal, empty where it saw the hole or was not
+    # asked; whether the hole was found by force alone though vision was asked
     looked: bool = False
     vision_refused: str = ""
     felt_for: bool = False
@@ -107,9 +108,9 @@ class TrialFigures(BaseModel):
     final_error_deg: float | None
     final_depth_mm: float | None
     insertion_depth_mm: float | None
-    rank: int | None = None  # directions that the bore's walls hold, of five: all but along the axis
-    warnings: tuple[str, ...] = ()  # what casts doubt on T2 though the peg is in
-    found: PosePrior | None = None  # T2 with its covariance, for the assembly of another peg there
+    rank: int | None = None  # directions that the bore's walls fix, of five: all but along the axis
+    warnings: tuple[str, ...] = ()  # reasons to doubt T2 although the peg is in
+    found: PosePrior | None = None  # T2 with its covariance, for the assembly of another peg in that hole
     recording: str | None  # its first file
     report: str | None
     recording_parts: tuple[str, ...] = ()  # all its files
@@ -136,7 +137,7 @@ def score(
             inserted, failure = False, "not_deep_enough"
     elif result.inserted:
         depth_m = result.insertion_depth_m
-    # a driver that tells nothing of its motions says that the tip never moved
+    # a driver that reports nothing about its motions reports that the tip never moved
     told = result.tip_path_m > 0.0
     refused = result.vision_refused.partition(":")[0]
     mean_jerk_m_s3 = result.jerk_integral_m_s2 / result.moving_s if result.moving_s > 0.0 else 0.0
@@ -194,7 +195,7 @@ def score(
 
 
 def seen_in_words(figures: TrialFigures) -> str:
-    """What vision had to do with it, in a few words."""
+    """The part of vision in a trial, in a few words."""
     if figures.vision_refused:
         return f"refused ({figures.vision_refused})" + (", found by force" if figures.felt_for else "")
     if not figures.looked:

@@ -1,4 +1,4 @@
-"""Distributions of trials: counts with Wilson intervals, p50 and p95. Pure."""
+"""Statistics of trials: counts with Wilson intervals, p50 and p95. Pure."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ FIGURES = (
     "insertion_depth_mm",
 )
 
-# a peg that was taken out again is as far away as its arm: that is no depth
+# a peg that was withdrawn again is as far away as its arm: that is not a depth
 OF_INSERTED = ("insertion_depth_mm",)
 
 
 class Quantiles(BaseModel):
-    """A figure over the trials that have it."""
+    """The quantiles of a figure over the trials that have it."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -50,9 +50,9 @@ class Quantiles(BaseModel):
 
 
 class Sight(BaseModel):
-    """What vision had to do with it. refused: by code, as a cell's file that has it disabled does with `switched_off`,
-    which is no look. felt_for: the hole was found by force alone though vision was asked; of these so many inserted.
-    untouched: inserted without a touch.
+    """The part of vision in the trials. refused: by code; a cell's file with vision disabled gives `switched_off`,
+    where no picture was taken. felt_for: trials that found the hole by force alone though vision was asked, and how
+    many of these inserted. untouched: trials that inserted without a touch.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -65,13 +65,15 @@ class Sight(BaseModel):
 
     @property
     def short(self) -> str:
-        """For a narrow column: refused by a vision that looked, and found by force alone though it was asked."""
+        """For a narrow column: trials in which vision looked and refused, and trials that found the hole by force
+        alone.
+        """
         looks = sum(count for code, count in self.refused.items() if code != SWITCHED_OFF)
         return f"{looks}, {self.felt_for}"
 
 
 class _Looked(Protocol):
-    """What a trial of any bench says of vision."""
+    """The fields about vision in a trial of any bench."""
 
     @property
     def looked(self) -> bool: ...
@@ -121,7 +123,7 @@ class BenchResult(BaseModel):
 
 def wilson95(successes: int, trials: int) -> tuple[float, float]:
     """The Wilson score interval at 95 %."""
-    from scipy.stats import binomtest  # half a second to load: not at the start of every command
+    from scipy.stats import binomtest  # takes half a second to load: not at the start of every command
 
     interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)

@@ -20,7 +20,7 @@ from crosspih_common.security.credentials import AUTHORITY
 
 AUTHORITY_KEY = "ca.key"
 AUTHORITY_NAME = "crosspih authority"
-BACKDATED = timedelta(minutes=5)  # the clock of another machine may be behind
+BACKDATED = timedelta(minutes=5)  # the clock of another machine may be slow
 FOLDER_MODE, KEY_MODE, CERTIFICATE_MODE = 0o700, 0o600, 0o644
 Key = ec.EllipticCurvePrivateKey
 
@@ -60,7 +60,9 @@ def _usage(signs_others: bool) -> x509.KeyUsage:
 
 @dataclass(frozen=True)
 class Authority:
-    """Signs certificates that are valid from `start` to `end`, UTC; its key is needed no more once all are made."""
+    """Signs certificates that are valid from `start` to `end`, UTC; its key is not needed any more once
+    all are made.
+    """
 
     key: Key
     certificate: x509.Certificate
@@ -69,7 +71,7 @@ class Authority:
 
     @classmethod
     def made(cls, start: datetime, end: datetime) -> Authority:
-        """A new one, itself valid for as long as what it signs."""
+        """A new authority, itself valid for as long as what it signs."""
         key = ec.generate_private_key(ec.SECP256R1())
         certificate = (
             _begun(AUTHORITY_NAME, _name(AUTHORITY_NAME), key, start, end)
@@ -80,7 +82,9 @@ class Authority:
         return cls(key, certificate, start, end)
 
     def issue(self, service: str, hosts: Iterable[str]) -> tuple[x509.Certificate, Key]:
-        """A certificate with the service's name as common name; the router's holds the hosts that it is reached at."""
+        """Issue a certificate with the service's name as common name; the router's lists the hosts at which it is
+        reached.
+        """
         key = ec.generate_private_key(ec.SECP256R1())
         uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
         names: list[x509.GeneralName] = [x509.DNSName(f"{service.replace('_', '-')}.crosspih.invalid")]
@@ -102,7 +106,9 @@ class Authority:
 
 
 def _write(file: Path, content: bytes, mode: int) -> None:
-    """Never readable by others, not even for a moment: made anew with its mode, and moved into its place."""
+    """Write a file that others can never read, not even for a moment: create it with its mode, then move
+    it into place.
+    """
     fresh = file.with_name(f".{file.name}.new")
     fresh.unlink(missing_ok=True)
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
@@ -131,9 +137,9 @@ def issue_all(
     days: float,
     start: datetime | None = None,
 ) -> datetime:
-    """Make an authority and every service's certificate and key in a folder; when they end, in UTC.
+    """Create an authority and every service's certificate and key in a folder; returns when they end, in UTC.
 
-    The folder is 0700, keys are 0600; what is in it before is overwritten. `start`: now where it is not given.
+    The folder gets mode 0700, keys 0600; files already in it are overwritten. `start`: now where it is not given.
     """
     start = (start or datetime.now(timezone.utc)).replace(microsecond=0)
     authority = Authority.made(start - BACKDATED, start + timedelta(days=days))

@@ -1,4 +1,4 @@
-"""What certificates there are in a folder, when they end, and what is wrong with them."""
+"""The certificates in a folder, when they end, and what is wrong with them."""
 
 from __future__ import annotations
 

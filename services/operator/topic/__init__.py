@@ -1,1 +1,1 @@
-"""`crosspih topic`: what travels on the bus now, read by anybody who may listen."""
+"""`crosspih topic`: the messages on the bus now, readable by anybody who may listen."""

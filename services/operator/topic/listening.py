@@ -1,4 +1,4 @@
-"""A place on the bus that only listens: the samples of one topic, in order, and who is alive."""
+"""A listener on the bus: the samples of one topic, in order, and which services are alive."""
 
 from __future__ import annotations
 
@@ -21,14 +21,16 @@ from services.operator.cell.which_cell import cell_path, endpoint
 from services.operator.topic.naming import sender_of, shown
 
 CONNECT_S = 2.0
-HEAR_S = 1.0  # how long the router's answer is waited for, who is alive
-SILENCE_S = 3.0  # after so long without a sample a word is said
-KEPT = 20_000  # samples that wait to be shown; what comes beyond is lost here, and counted
+HEAR_S = 1.0  # how long to wait for the router's answer about which services are alive
+SILENCE_S = 3.0  # after this time without a sample a note is printed
+KEPT = 20_000  # the most samples that may wait to be shown; later ones are dropped here, and counted
 
 
 @dataclass(frozen=True, slots=True)
 class ReceivedSample:
-    """One sample as it came: whole key, payload, the publisher's number (-1: none), and when, s on a clock here."""
+    """One sample as it came: whole key, payload, the publisher's number (-1: none), and the time on a clock of this
+    machine.
+    """
 
     key: str
     payload: bytes
@@ -45,7 +47,7 @@ def listening_bus() -> Iterator[Bus]:
 
 
 def alive_services(bus: Bus, wanted: frozenset[str], wait_s: float = HEAR_S) -> set[str]:
-    """Which services have a sign of life, waiting shortly for all of those wanted."""
+    """The services with a liveliness token, after a short wait for all of those wanted."""
     alive: set[str] = set()
     changed = threading.Condition()
 
@@ -61,7 +63,7 @@ def alive_services(bus: Bus, wanted: frozenset[str], wait_s: float = HEAR_S) -> 
 
 
 class TopicStream:
-    """The samples of a topic from now on; of a state the last one too."""
+    """The samples of a topic from now on; for a state also the last one."""
 
     def __init__(self, bus: Bus, topic: Topic[Any]) -> None:
         self._bus, self._topic = bus, topic
@@ -80,14 +82,14 @@ class TopicStream:
         return take
 
     def next(self, wait_s: float) -> ReceivedSample | None:
-        """The next sample; None when none comes meanwhile."""
+        """The next sample; None when none comes within the time."""
         try:
             return self._queue.get(timeout=max(wait_s, 0.0))
         except queue.Empty:
             return None
 
     def decoded(self, heard: ReceivedSample) -> Payload | str:
-        """The message of a sample, or in words why it is none."""
+        """The message of a sample, or a text why it is not valid."""
         try:
             payload: Payload = decode(self._topic.type, heard.payload, self._label, heard.key)
         except ContractError as error:
@@ -95,7 +97,7 @@ class TopicStream:
         return payload
 
     def why_silent(self) -> str:
-        """What there is to say when nothing comes."""
+        """The likely reason why nothing comes."""
         topic, sender, path = self._topic, sender_of(self._topic), shown(self._topic)
         if sender is None:
             return f"nothing on {path} yet"
@@ -110,7 +112,7 @@ def each_sample(
     stream: TopicStream, until: Callable[[], bool], seconds: float | None, say: Callable[[str], object],
     every_s: float | None = None, on_pause: Callable[[], object] = lambda: None,
 ) -> Iterator[ReceivedSample]:  # fmt: skip
-    """Samples until `until`, or for `seconds`. Says once why there is silence; calls `on_pause` each `every_s`."""
+    """Samples until `until`, or for `seconds`. Reports silence once; calls `on_pause` every `every_s`."""
     began_s = last_pause_s = time.monotonic()
     silent, heard_any = False, False
     while not until():

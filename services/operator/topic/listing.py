@@ -1,4 +1,4 @@
-"""`crosspih topic list`: the table of topics, and whose senders are there now."""
+"""`crosspih topic list`: the table of topics, and whether their senders are running."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from services.operator.topic.naming import shown
 
 
 def rows_of(alive: set[str] | None, every: bool = False) -> list[dict[str, Any]]:
-    """One row a topic; what commands repeat of their requests and replies only with `every`.
+    """One row per topic; the echoes of commands' requests and replies only with `every`.
 
-    `alive`: the services with a sign of life, None where nobody could be asked. Pure.
+    `alive`: the services with a liveliness token, None where nobody could be asked. Pure.
     """
     echoes = {f"{command.path}/{end}" for command in commands() for end in ("request", "reply")}
     return [_row(topic, alive) for topic in topics() if every or topic.path not in echoes]

@@ -46,7 +46,7 @@ def bytes_in_words(count: float) -> str:
 
 
 class _Measured:
-    """One measurement over a topic: fed with samples, asked for what is known now."""
+    """One measurement over a topic: takes samples, and gives the values known so far."""
 
     def __init__(self, window: int) -> None:
         self.arrivals = Arrivals(window)
@@ -61,7 +61,7 @@ class _Delayed(_Measured):
         self._behind, self.cell_time = (
             Newest(window),
             CellTimeOffset(),
-        )  # here minus stamp, s: two clocks of unlike beginnings
+        )  # this machine's time minus stamp, s: two clocks with different origins
         self.refused = ""
         bus.subscribe_inline(CLOCK, self._tick)
 
@@ -79,7 +79,7 @@ class _Delayed(_Measured):
             self._behind.add(heard.at_s - payload.stamp_ns * 1e-9)
 
     def delays(self) -> Spread | None:
-        """s, by all ticks that came so far; None before the first of them, or of the messages."""
+        """In s, by all ticks that came so far; None before the first tick or message."""
         spread, offset_s = self._behind.spread(), self.cell_time.offset_s
         return None if spread is None or offset_s is None else spread.shifted(offset_s)
 

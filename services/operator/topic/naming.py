@@ -1,4 +1,4 @@
-"""Which topic is meant by its path, by its whole key, or by nearly its name; and who sends it. Pure."""
+"""Finds a topic by its path, by its whole key, or by a similar name; and its sender. Pure."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ NEAR = 3
 
 
 def chosen_topic(name: str) -> Topic[Any]:
-    """The topic that is meant by `ft/raw`, `service/planning/status`, `service/*/status`, or by a whole key.
+    """The topic of `ft/raw`, `service/planning/status`, `service/*/status`, or of a whole key.
 
-    Raises ConfigError for a name that no topic has, with those that are nearest; its last part alone names those that
-    end so: `wrench`.
+    Raises ConfigError for a name that no topic has, with the nearest ones; the last part of a path alone, such as
+    `wrench`, lists the topics that end with it.
     """
     path = re.sub(rf"^/?{ROOT}/[^/]+/", "", name).strip("/")
     try:
@@ -34,7 +34,9 @@ def shown(topic: Topic[Any]) -> str:
 
 
 def sender_of(topic: Topic[Any]) -> str | None:
-    """The service that sends it; None: every one. One service's share of such a topic has its name in the path."""
+    """The service that sends it; None: every service. The path of one service's share of such a topic contains its
+    name.
+    """
     if topic.publisher != EVERY_SERVICE:
         return topic.publisher
     for row in topics():

@@ -1,4 +1,4 @@
-"""Statistics of samples as they come, over the newest of them: rate, delay, size. Pure."""
+"""Statistics of samples as they come, over the newest ones: rate, delay, size. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Spread:
     largest: float
 
     def shifted(self, by: float) -> Spread:
-        """Of the same values, each so much larger."""
+        """The spread of the same values, each larger by this amount."""
         return Spread(self.count, self.mean + by, self.sd, self.least + by, self.largest + by)
 
 
@@ -29,11 +29,11 @@ class Newest:
         self._values: deque[float] = deque(maxlen=window)
 
     def add(self, value: float) -> None:
-        """One more; the oldest falls out where there are too many."""
+        """Add a value; the oldest is dropped when the window is full."""
         self._values.append(value)
 
     def spread(self) -> Spread | None:
-        """Of the values that are kept; None where there is none. O(window), for once a second."""
+        """The spread of the kept values; None where there is none. O(window), for use once a second."""
         if not self._values:
             return None
         count, mean = len(self._values), math.fsum(self._values) / len(self._values)
@@ -46,7 +46,9 @@ class Newest:
 
 
 class Arrivals:
-    """When samples came, s on any clock that runs evenly, their sizes, and the numbers that are missing among them."""
+    """The times of samples, s on any clock that runs evenly, their sizes, and how many numbers are
+    missing among them.
+    """
 
     def __init__(self, window: int) -> None:
         self._intervals, self._sizes = Newest(window), Newest(window)
@@ -56,8 +58,9 @@ class Arrivals:
         self.missing = 0
 
     def add(self, at_s: float, size_bytes: int, number: int) -> None:
-        """One sample. `number`: the publisher's count of it, -1 where it sends none; one that begins anew, as of a
-        service that was started again, misses nothing."""
+        """Add a sample. `number`: the publisher's count of it, -1 where it sends none. A count that begins anew, as
+        that of a restarted service does, means no missing sample.
+        """
         if self._last_s is not None:
             self._intervals.add(at_s - self._last_s)
             self._sizes.add(float(size_bytes))
@@ -87,14 +90,14 @@ class Arrivals:
 
 
 class CellTimeOffset:
-    """How far the cell's time is ahead of a clock here, told from the ticks of the cell's clock that came.
+    """How far the cell's time is ahead of a local clock, estimated from the ticks of the cell's clock.
 
-    A tick that travelled long came late: what the fastest one says counts, so a delay told by it is beyond what that
-    one needed. Ticks of another run of the cell begin anew.
+    A tick that travelled long came late, so the fastest tick counts. A delay computed with it leaves out the time that
+    the fastest tick itself needed. Ticks of another run of the cell start the estimate anew.
     """
 
     def __init__(self) -> None:
-        self.offset_s: float | None = None  # the cell's time minus ours; None before the first tick
+        self.offset_s: float | None = None  # the cell's time minus the local one; None before the first tick
         self._boot_id = ""
 
     def tick(self, stamp_s: float, at_s: float, boot_id: str) -> None:

@@ -1,4 +1,4 @@
-"""A message as people read it: plain values, one field of it, as YAML or as one line of JSON. Pure."""
+"""A message formatted for people: plain values, one field of it, as YAML or as one line of JSON. Pure."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.keys import Payload
 from crosspih_common.messages import Image
 
-MAX_IN_A_ROW = 24  # of a list of numbers; --full prints them all
+MAX_IN_A_ROW = 24  # longest list of numbers that is shown whole; --full prints them all
 
 
 def plain_values(payload: Payload) -> dict[str, Any]:
-    """The fields of a message as JSON knows them; of a picture all but its pixels."""
+    """The fields of a message as JSON types; for a picture all but its pixels."""
     if isinstance(payload, Image):
         height, width = payload.pixels.shape[:2]
         return {
@@ -27,9 +27,9 @@ def plain_values(payload: Payload) -> dict[str, Any]:
 
 
 def field_of(values: Any, path: str) -> Any:
-    """What stands at `pose.position_m.0`: names of fields and numbers in lists, parted by dots.
+    """The value at `pose.position_m.0`: names of fields and indices of lists, separated by dots.
 
-    Raises ConfigError naming the part that is not there and what is.
+    Raises ConfigError naming the part that does not exist, and those that do.
     """
     found, been = values, "the message"
     for part in path.split("."):
@@ -54,7 +54,7 @@ def _not_there(found: Any, part: str, been: str) -> str:
 
 
 def shortened(values: Any) -> Any:
-    """The same, of long lists the first and how many more there are."""
+    """The same value; long lists are cut, with the number of the remaining values."""
     if isinstance(values, dict):
         return {name: shortened(value) for name, value in values.items()}
     if isinstance(values, list):

@@ -1,1 +1,1 @@
-"""`crosspih train`, and the page that judges what was trained."""
+"""`crosspih train`, and the page that evaluates the trained network."""

@@ -73,7 +73,7 @@ def train(
             )  # fmt: skip
             Console().print(_table(result))
             _say_doubts(result)
-        # matplotlib takes its time to load: other commands should not wait for it
+        # matplotlib takes time to load: other commands should not wait for it
         from services.operator.training.page import write_training_report
 
         write_training_report(result, report)
@@ -81,7 +81,7 @@ def train(
 
 
 def _say_doubts(result: dict[str, Any]) -> None:
-    """Below the table, where whoever prints it sees it too."""
+    """Print doubts below the table, where they are seen."""
     for doubt in result["doubts"]:
         Console().print(doubt, style="red", markup=False, highlight=False)
 

@@ -29,9 +29,9 @@ def _finish(figure: Figure) -> str:
 
 
 def sample_figure(true_deg: Any, said_deg: Any, said: str, others: Sequence[tuple[str, Any]] = ()) -> str:
-    """The paper's Figure 18: for each angle the true value, what is said of it, and the error, sample by sample.
+    """The paper's Figure 18: for each angle the true value, the network's, and the error, sample by sample.
 
-    true_deg, said_deg (n, 3). `others`: more predictions (name, (n, 3)) to show beside.
+    true_deg, said_deg (n, 3). `others`: more predictions (name, (n, 3)) for comparison.
     """
     true, predicted = np.asarray(true_deg, float), np.asarray(said_deg, float)
     number = np.arange(1, len(true) + 1)
@@ -60,7 +60,9 @@ def sample_figure(true_deg: Any, said_deg: Any, said: str, others: Sequence[tupl
 
 
 def scatter_figure(true_deg: Any, said_deg: Any, limit_deg: float) -> str:
-    """Said against true for each angle (n, 3): on the diagonal is right, flat is guessing the mean."""
+    """The network's value against the true one for each angle (n, 3): right answers are on the diagonal, and a flat
+    line is guessing the mean.
+    """
     true, predicted = np.asarray(true_deg, float), np.asarray(said_deg, float)
     with rc_context(FIGURE_STYLE):
         figure = _new(10.0, 4.3)
@@ -95,7 +97,7 @@ def curve_figure(curves: dict[str, Any], goal: float) -> str:
 
 
 def error_figure(groups: Sequence[tuple[str, Sequence[float]]]) -> str:
-    """RMS of each angle for several ways to tell it: (name, three degrees)."""
+    """The RMS error of each angle for several estimators: (name, three degrees)."""
     with rc_context(FIGURE_STYLE):
         figure = _new(10.0, 3.2)
         axes = figure.subplots()

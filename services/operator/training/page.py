@@ -1,4 +1,4 @@
-"""The HTML page about a training: result to words and numbers, numbers to the template."""
+"""The HTML page about a training: fills the template with the words and numbers of a result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _environment() -> jinja2.Environment:
 
 
 def _table_page(result: dict[str, Any]) -> dict[str, Any]:
-    """What the page of a training on a data set shows."""
+    """The content of the page of a training on a data set."""
     parts, record = result["parts"], result["record"]
     test = parts["test"]
     groups = [("guessing the mean", test["mean"]["rms_deg"])]
@@ -63,7 +63,7 @@ def _table_page(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rows_page(result: dict[str, Any]) -> dict[str, Any]:
-    """What the page of the ten printed rows shows."""
+    """The content of the page of the ten printed rows."""
     inside, left = result["in_sample"], result["leave_one_out"]
     groups = [
         ("in the sample", inside["rms_deg"]),
@@ -92,7 +92,7 @@ def _rows_page(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def render_training(result: dict[str, Any]) -> str:
-    """The page as text, from what the training process says."""
+    """The page as text, from the output of the training process."""
     rows = "leave_one_out" in result
     shown = _rows_page(result) if rows else _table_page(result)
     template = _environment().get_template("page.html.j2")

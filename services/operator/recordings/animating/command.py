@@ -29,7 +29,7 @@ def animate(
     console = Console(stderr=True)
     made = out or file.with_suffix(".webp")
     try:
-        # matplotlib and OpenCV take their time to load: no other command of a recording should wait for them
+        # matplotlib and OpenCV take time to load: no other command of a recording should wait for them
         from services.operator.recordings.animating.film import animate as make
 
         with console.status("drawing"):

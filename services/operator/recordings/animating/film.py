@@ -1,4 +1,4 @@
-"""From a recording to a file of moving pictures: GIF, WebP or MP4 by its name."""
+"""From a recording to an animation file: GIF, WebP or MP4 by its name."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from services.operator.report.model import facts_of
 from services.operator.scene3d.rasterising import Picture, can_draw
 
 KINDS = (".webp", ".gif", ".mp4")
-QUALITY = 84  # of a WebP
+QUALITY = 84  # quality of a WebP
 
 
 def animate(path: Path, out: Path, seconds: float, fps: float, truth: bool) -> int:
-    """Write the moving picture; how many frames it was made of. The plate stands where the cell itself found it,
-    or with `truth` where it really is.
+    """Write the animation; returns its number of frames. The plate stands where the cell itself found it, or with
+    `truth` where it really is.
 
     Raises RecordingError, and ConfigError where it cannot be made.
     """
@@ -53,7 +53,7 @@ def _save(frames: Iterable[Picture], out: Path, fps: float) -> None:
         return
     pictures = [Image.fromarray(frame) for frame in frames]
     if kind == ".gif":
-        # one palette for all: else colours flicker
+        # one palette for all frames: otherwise colours flicker
         palette = pictures[len(pictures) // 2].quantize(128, method=Image.Quantize.MEDIANCUT)
         pictures = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
         pictures[0].save(

@@ -1,4 +1,4 @@
-"""The frames of a moving picture: the arm, peg and hole from near, and the forces running along below."""
+"""The frames of an animation: the arm, the peg and hole in a close view, and the force curves below."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from services.operator.scene3d.scenes import FORCE, MIN_ARROW_N, Moment, closeup
 
 WIDTH, HEAD, VIEW, STRIP = 880, 34, 330, 176
 PAGE, INK, QUIET = (255, 255, 255), (27, 32, 39), (96, 105, 117)
-FUTURE = 0.82  # how much of the curves that are still to come is veiled
+FUTURE = 0.82  # opacity of the veil over the part of the curves that is still to come
 
 
 class Film:
-    """Draws frames of one assembly; `hole` is where the plate stands, `marked` the words that say whose pose it is."""
+    """Draws frames of one assembly; `hole` is the plate's pose, `marked` the words that say whose pose it is."""
 
     def __init__(self, facts: Facts, hole: Pose, marked: str) -> None:
         if facts.joints is None:
@@ -41,7 +41,7 @@ class Film:
         self._bold = ImageFont.truetype(bold, 15)
 
     def frames(self, times: list[FrameTime]) -> Iterator[Picture]:
-        """Each (height, width, 3), uint8 RGB; one that is shown again is drawn once."""
+        """Each (height, width, 3), uint8 RGB; a frame that is shown again is drawn once."""
         before: FrameTime | None = None
         picture: Picture | None = None
         for each in times:
@@ -50,7 +50,7 @@ class Film:
             yield picture
 
     def frame(self, at: FrameTime) -> Picture:
-        """One of them."""
+        """One frame."""
         joints, wrench = self._joints.at(at.time_s), self._wrench(at.time_s)
         half = (WIDTH // 2, VIEW)
         canvas = np.full((HEAD + VIEW + STRIP, WIDTH, 3), PAGE, dtype=np.uint8)
@@ -63,7 +63,7 @@ class Film:
         return self._said(canvas, at, wrench)
 
     def _wrench(self, time_s: float) -> Array | None:
-        """The load on the peg; None in free air, where it is inertia."""
+        """The load on the peg; None in free air, where the measured load is inertia."""
         trace = self._facts.forces.filtered or self._facts.forces.unfiltered
         if trace is None or any(start <= time_s <= end for start, end in self._facts.forces.free_spans):
             return None
@@ -123,7 +123,7 @@ class Film:
 
 
 def _forces(facts: Facts) -> tuple[Picture, tuple[float, float, float, float]]:
-    """The curves (STRIP, WIDTH, 3), and where in them time runs: (first pixel, last pixel, first s, last s)."""
+    """The curves (STRIP, WIDTH, 3), and where time runs in them: (first pixel, last pixel, first s, last s)."""
     dpi = 100
     start_s, end_s = facts.calibrated_s, max(facts.end_s, facts.calibrated_s + 0.1)
     with rc_context({"font.size": 8.5, "axes.linewidth": 0.6, "font.family": "DejaVu Sans"}):

@@ -1,4 +1,4 @@
-"""Which moments of an assembly a moving picture shows: few of the ways through air, many of what touches. Pure."""
+"""Which moments of an assembly an animation shows: few of the ways through air, many of the contacts. Pure."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from crosspih_common.messages import Phase
 from services.operator.report.model import Facts
 
-IN_AIR, AT_THE_PART, IN_CONTACT = 0.25, 0.6, 2.2  # how much of the film a second of each is worth
+IN_AIR, AT_THE_PART, IN_CONTACT = 0.25, 0.6, 2.2  # weight of one second of each in the film
 CONTACT_N = 1.0
 STEP_S = 0.01
-LOOKING_S, END_S = 1.2, 1.6  # of the film: the pictures that vision saw, and the last frame
+LOOKING_S, END_S = 1.2, 1.6  # seconds of film for the pictures that vision saw, and for the last frame
 
 
 @dataclass(frozen=True, slots=True)
 class FrameTime:
-    """One frame: the cell's time that it shows, s since the command, and whether the cameras look then."""
+    """One frame: the cell's time that it shows, s since the command, and whether the cameras take pictures then."""
 
     time_s: float
     looking: bool = False
@@ -34,7 +34,7 @@ def frame_times(facts: Facts, seconds: float, fps: float) -> list[FrameTime]:
     if trace is not None:
         pressing = np.interp(times, trace.time_s, np.where(trace.free, 0.0, trace.force_n)) > CONTACT_N
         worth[pressing] = IN_CONTACT
-    # a touch is seen coming and going
+    # show a touch from before it begins until after it ends
     worth = np.convolve(np.pad(worth, 15, mode="edge"), np.ones(31) / 31.0, mode="valid")
     looking = [] if facts.left is None else _looks_at(facts)
     still_frames = len(looking) * round(LOOKING_S * fps) + round(END_S * fps)
@@ -49,6 +49,6 @@ def frame_times(facts: Facts, seconds: float, fps: float) -> list[FrameTime]:
 
 
 def _looks_at(facts: Facts) -> list[float]:
-    """When vision looked, once."""
+    """Each time at which vision looked."""
     looks = [span.start_s for span in facts.spans if span.message.phase is Phase.LOCATING]
     return looks[:1]

@@ -28,7 +28,7 @@ class BagTopic:
 
 
 class Bag:
-    """Implements Publishers. `now_ns` is the time under which the next messages are filed; `counts` how many are."""
+    """Implements Publishers. `now_ns` is the time of the next messages; `counts` are their numbers by topic."""
 
     def __init__(self, folder: Path, types: RosTypes) -> None:
         from rosbags.rosbag2 import StoragePlugin, Writer

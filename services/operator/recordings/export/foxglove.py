@@ -39,9 +39,9 @@ def foxglove(
 
 
 def add_topics(recording: Recording, out: Path, rate_hz: float = RATE_HZ) -> Counter[str]:
-    """Write all of a recording but its topics for viewers, and these made anew; how many messages each of them has.
+    """Copy a recording without its topics for viewers, and add these anew; returns how many messages each of them has.
 
-    Raises ConfigError where the recording tells no cell, or `out` cannot be made; RecordingError.
+    Raises ConfigError where the recording names no cell, or `out` cannot be made; RecordingError.
     """
     urdf = arm_urdf(cell_of(recording).workcell).encode()
     counts: Counter[str] = Counter()

@@ -45,7 +45,9 @@ def rerun(
 
 
 def write_rrd(recording: Recording, out: Path) -> Counter[str]:
-    """Write the file; how many rows each entity has. Raises ConfigError without rerun-sdk, or where no cell is told."""
+    """Write the file; returns how many rows each entity has. Raises ConfigError without rerun-sdk, or where the
+    recording names no cell.
+    """
     try:
         import rerun as rr
     except ImportError:
@@ -56,7 +58,7 @@ def write_rrd(recording: Recording, out: Path) -> Counter[str]:
 
 
 class _Writer:
-    """Puts a recording into a stream of Rerun's: frames as a tree of entities, what is fixed to a frame below it."""
+    """Writes a recording to a Rerun stream: frames as a tree of entities, bodies fixed to a frame below it."""
 
     def __init__(self, rr: Any, stream: Any, recording: Recording) -> None:
         self._rr, self._stream, self._recording = rr, stream, recording
@@ -67,9 +69,9 @@ class _Writer:
             BASE: base, Frame.CAMERA_LEFT.value: left,
             Frame.CAMERA_RIGHT.value: f"{left}/{Frame.CAMERA_RIGHT.value}",
         }  # fmt: skip
-        self._placed: dict[str, bytes] = {}  # what each frame was last told, without its stamp
+        self._placed: dict[str, bytes] = {}  # the last value of each frame, without its stamp
         self._counts: Counter[str] = Counter()
-        self._entities: dict[str, set[str]] = defaultdict(set)  # of each topic, those that were logged
+        self._entities: dict[str, set[str]] = defaultdict(set)  # for each topic, the messages that were logged
 
     def write(self) -> Counter[str]:
         rr = self._rr
@@ -136,7 +138,7 @@ class _Writer:
             for index, mesh in enumerate(entity.triangles):
                 corners = np.array([[p.x, p.y, p.z] for p in mesh.points])
                 triangles = np.array(mesh.indices).reshape(-1, 3)
-                flat = corners[triangles].reshape(-1, 3)  # each triangle its own corners, so that edges stay edges
+                flat = corners[triangles].reshape(-1, 3)  # each triangle has its own corners, so that edges stay sharp
                 a, b, c = flat[0::3], flat[1::3], flat[2::3]
                 normals = np.repeat(np.cross(b - a, c - a), 3, axis=0)
                 parts[f"mesh{index}"] = rr.Mesh3D(
@@ -205,7 +207,8 @@ class _Writer:
     def _cameras(self) -> None:
         rr, calibration = self._rr, self._recording.last(CAMERA_CALIBRATION)
         for side, topic in SIDES:
-            path = self._path_of(f"camera_{side}") + "/picture"  # below a lens all is flat: the right camera is not
+            # Rerun draws all below a Pinhole flat in its picture: it has a path that no camera frame is below
+            path = self._path_of(f"camera_{side}") + "/picture"
             if isinstance(calibration, CameraCalibration):
                 camera = getattr(calibration, side)
                 lens = rr.Pinhole(
@@ -260,7 +263,7 @@ def _rgba(color: Any) -> list[float]:
 
 
 def _along_x(arrow: Any) -> list[float]:
-    """The arrow's own x axis at its whole length."""
+    """The arrow's own x axis at its full length."""
     x, y, z, w = _quaternion(arrow.pose.orientation)
     length = arrow.shaft_length + arrow.head_length
     return [length * (1 - 2 * (y * y + z * z)), length * 2 * (x * y + z * w), length * 2 * (x * z - y * w)]

@@ -35,7 +35,7 @@ from services.operator.recordings.export.bag import Bag
 from services.operator.recordings.export.shown import cell_of
 
 DIAGNOSE_NS = 1_000_000_000
-# each topic, and the method of Topics that takes it
+# each topic with the method of Topics that takes it
 HEARD: tuple[tuple[Topic[Any], str], ...] = (
     (CLOCK, "clock"),
     (JOINT_STATE, "joint_state"),
@@ -78,9 +78,10 @@ def ros2(
 def write_bag(
     recording: Recording, out: Path, distro: Distro, tf_hz: float = 50.0, cell_stamps: bool = False
 ) -> dict[str, int]:
-    """Write the bag; how many messages each topic has. What cannot be decoded goes to `recording.problems`.
+    """Write the bag; returns how many messages each topic has. What cannot be decoded is listed in
+    `recording.problems`.
 
-    Raises ConfigError where the recording tells no cell, or none of the topics is in it.
+    Raises ConfigError where the recording names no cell, or has none of the topics.
     """
     cell, types = cell_of(recording), RosTypes(distro)
     samples = sorted(
@@ -115,7 +116,7 @@ def _time_of(sample: Recorded, cell_stamps: bool) -> int:
 
 
 def _names(cell: CellFile) -> dict[str, Any]:
-    """What the bridge's section of the cell's file says of names."""
+    """The names that the bridge's section of the cell's file sets."""
     section = cell.sections.get("ros2", {})
     wanted = {"joint_names": "joint_names", "base_frame": "base", "flange_frame": "flange"}
     return {name: section[field] for field, name in wanted.items() if section.get(field) is not None}

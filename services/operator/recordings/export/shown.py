@@ -1,4 +1,4 @@
-"""The topics for viewers of a recording, made from what was said in it."""
+"""The topics for viewers, made from the messages of a recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ RATE_HZ = 50.0
 
 @dataclass(frozen=True, slots=True)
 class ViewerMessage:
-    """One message for viewers: `stamp_ns` is the cell's clock, `wall_ns` the recorder's when its source came."""
+    """One message for viewers: `stamp_ns` is the cell's clock, `wall_ns` the recorder's when its source
+    message came.
+    """
 
     topic: ViewerTopic
     stamp_ns: int
@@ -29,9 +31,9 @@ class ViewerMessage:
 
 
 def shown_of(recording: Recording, rate_hz: float = RATE_HZ) -> Iterator[ViewerMessage]:
-    """Every message, in the order in which the sources came. What cannot be decoded goes to `recording.problems`.
+    """Every message, in the order of their sources. What cannot be decoded is listed in `recording.problems`.
 
-    Raises ConfigError where the recording tells no cell.
+    Raises ConfigError where the recording names no cell.
     """
     cell = cell_of(recording)
     made: list[tuple[ViewerTopic, int, bytes]] = []
@@ -51,7 +53,7 @@ def shown_of(recording: Recording, rate_hz: float = RATE_HZ) -> Iterator[ViewerM
 
 
 def cell_of(recording: Recording) -> CellFile:
-    """The cell as its file stands in the recording. Raises ConfigError."""
+    """The cell, from its file in the recording. Raises ConfigError."""
     said = recording.metadata.get("cell", {})
     if "yaml" not in said:
         raise ConfigError(f"{recording.path}: holds no cell file, so nothing is known of its arm")

@@ -1,4 +1,4 @@
-"""A recording as tables, one a key: rows are messages, columns their fields. For CSV and Parquet."""
+"""A recording as tables, one per key: rows are messages, columns their fields. For CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from crosspih_common.messages.images import IMAGE_TYPE
 from crosspih_common.recording import Recorded, Recording
 from crosspih_common.recording.rerun import begun_ns
 
-MAX_COLUMNS = 64  # of a list of numbers in CSV; a longer one is one column of JSON
+MAX_COLUMNS = 64  # longest list of numbers with a column each in CSV; a longer one is one column of JSON
 Columns = dict[str, list[Any]]
-OURS = ("stamp_ns", "seq")  # in columns of their own already
+OURS = ("stamp_ns", "seq")  # these already have columns of their own
 
 
 def chosen(recording: Recording, keys: list[str]) -> dict[str, str]:
-    """{key: file name without suffix} of what is asked for: keys below the cell, or all. Raises ConfigError."""
+    """{key: file name without suffix} of the chosen keys: keys relative to the cell, or all. Raises ConfigError."""
     several = len({key.split("/")[1] for key in recording.samples if key.startswith(f"{ROOT}/")}) > 1
     names = {}
     for key in sorted(recording.samples):
@@ -39,10 +39,11 @@ def _below(key: str) -> str:
 
 
 def columns_of(recording: Recording, key: str) -> Columns:
-    """{column: values}, all of one length, None where a message lacks it. `t_s` is cell time since the recording began.
+    """{column: values}, all of one length, None where a message lacks the field. `t_s` is cell time since the recording
+    began.
 
-    Fields of fields have dotted names, lists of numbers stay lists, any other list is JSON. A picture's bytes are in
-    `data`. What does not decode has its times alone, and is named in `recording.problems`.
+    Nested fields have dotted names, lists of numbers stay lists, any other list is JSON. A picture's bytes are in
+    `data`. A message that cannot be decoded has only its times, and is listed in `recording.problems`.
     """
     start_ns, picture = begun_ns(recording), recording.schemas[key][0] == IMAGE_TYPE
     columns: Columns = {"t_s": [], "stamp_ns": [], "wall_ns": [], "seq": []}
@@ -92,7 +93,7 @@ def _number(value: Any) -> bool:
 
 
 def _even(column: list[Any]) -> list[Any]:
-    """One kind of value: numbers that are whole in some rows alone are not whole in any; else text."""
+    """Values of one type: all floating where some rows are, and text where types differ otherwise."""
     kinds = {type(value) for value in column if value is not None}
     if kinds <= {bool} or kinds <= {int} or kinds <= {str} or kinds <= {bytes}:
         return column
@@ -104,7 +105,9 @@ def _even(column: list[Any]) -> list[Any]:
 
 
 def write_csv(columns: Columns, path: Path) -> int:
-    """Write a table as CSV: lists of numbers as a column a number; pictures without their bytes. Returns the rows."""
+    """Write a table as CSV: a list of numbers becomes a column per number; pictures without their bytes. Returns the
+    number of rows.
+    """
     flat: Columns = {}
     for name, column in columns.items():
         lists = [value for value in column if isinstance(value, list)]
@@ -128,13 +131,13 @@ def write_csv(columns: Columns, path: Path) -> int:
 
 
 def write_parquet(columns: Columns, path: Path) -> int:
-    """Write a table as Parquet; returns the rows. Raises ConfigError without pyarrow."""
+    """Write a table as Parquet; returns the number of rows. Raises ConfigError without pyarrow."""
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
         raise ConfigError("Parquet needs pyarrow: pip install 'crosspih[export]'; or export csv") from None
-    # a column in which nothing was ever said has no type that every reader knows
+    # a column without any value has no type that every reader knows
     arrays = {
         name: pyarrow.array(column, pyarrow.string() if all(value is None for value in column) else None)
         for name, column in columns.items()

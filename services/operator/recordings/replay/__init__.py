@@ -1,1 +1,1 @@
-"""`crosspih replay`: what services answered in a recording, asked of them again and compared."""
+"""`crosspih replay`: repeats the requests of a recording to the services and compares the answers."""

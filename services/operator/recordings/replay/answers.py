@@ -1,4 +1,4 @@
-"""The service itself, as a process on a router of its own, asked what was asked in the recording."""
+"""The service itself, as a process on a separate router, gets the requests of the recording again."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from services.operator.bench.cells.own_cell import CellTask, OwnCell
 from services.operator.recordings.replay.requests import PastRequest
 
 DEADLINE_S = 300.0
-_BEFORE_S = 1e-4  # a picture's own stamp is not before itself
+_BEFORE_S = 1e-4  # so that the time to start from is before the picture's own stamp
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """One request, asked again. `refused` is what was said instead of an answer now."""
+    """One repeated request. `refused` is the refusal now, where there is no answer."""
 
     asked: PastRequest
     refused: str
@@ -31,12 +31,12 @@ class Compared:
 
     @property
     def equal(self) -> bool:
-        """The same answer, or none both times."""
+        """Whether the answer is the same, or missing both times."""
         return not self.differences
 
 
 def stored_cell(recording: Recording, cell: Path | None) -> dict[str, Any]:
-    """The content of the cell's file that the recording holds, or of another one; the files that it names in full.
+    """The content of the cell's file in the recording, or of another one; paths in it are absolute.
 
     Raises ConfigError where there is none.
     """
@@ -57,7 +57,7 @@ def stored_cell(recording: Recording, cell: Path | None) -> dict[str, Any]:
 def answers(
     service: str, content: dict[str, Any], recording: Recording, requests: list[PastRequest]
 ) -> Iterator[Compared]:
-    """Each request, asked again of the service; vision's camera gives the recorded pictures.
+    """Repeats each request to the service; vision's camera gives the recorded pictures.
 
     Raises CrosspihError or LauncherError when the service does not start.
     """
@@ -84,8 +84,10 @@ def _compared(session: Session, asked: PastRequest, on_answer: Callable[[Message
 
 
 class _Own:
-    """The stack. Its camera gives one recorded pair after the other; where the next one is not what a request needs,
-    because it was for something else or because vision looks oftener than it did, the stack is started anew there."""
+    """The stack. Its camera gives one recorded pair after the other. If the next pair is not the one that a request
+    needs, because it was for something else or because vision now takes more pictures, the stack is started anew at
+    that pair.
+    """
 
     def __init__(self, service: str, content: dict[str, Any], file: Path) -> None:
         self._service, self._content, self._file = service, content, file
@@ -95,7 +97,7 @@ class _Own:
         self._asked: PastRequest | None = None
 
     def session_for(self, asked: PastRequest) -> Session:
-        """A place on the bus of the stack, ready for that request."""
+        """A session on the stack, ready for that request."""
         pictures = self._service == "vision"
         if self._session is None or (pictures and not self._in_order):
             self.close()
@@ -118,7 +120,9 @@ class _Own:
         return self._session
 
     def answered(self, answer: Message | None) -> None:
-        """Whether the camera now stands where the recorded one did after it: as many looks were taken."""
+        """Notes whether the camera now is at the same pair as the recorded one after this answer: as many pictures were
+        taken.
+        """
         looks = getattr(answer, "diagnostics", {}).get("looks")
         self._in_order = self._asked is not None and looks is not None and round(looks) == self._asked.pairs
 
@@ -130,4 +134,4 @@ class _Own:
 
 
 def _nothing(session: Session, payload: Any) -> None:
-    """What a stack that is asked from outside has to do by itself."""
+    """A task without work: the stack is used from outside."""

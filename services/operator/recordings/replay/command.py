@@ -20,7 +20,7 @@ from services.operator.recordings.replay.cores import CORES, again, all_equal, s
 from services.operator.recordings.replay.requests import COMMANDS, TOPICS, requests_of
 
 SERVICES = (*COMMANDS, *CORES)
-ROWS = 12  # of a core's differences that are shown
+ROWS = 12  # at most this many of a core's differences are shown
 
 
 def replay(
@@ -86,7 +86,7 @@ def _core_table(name: str, rows: list[dict[str, Any]]) -> Table:
 
 
 def _notes(recording: Recording) -> list[str]:
-    """What may explain a difference: a torn file, and other versions than then."""
+    """Possible reasons for a difference: a torn file, and other versions than in the recording."""
     notes = [] if recording.finished else [f"{recording.path}: is not whole ({recording.tear}); what is whole is asked"]
     changed = []
     for name, then in recording.metadata.get("versions", {}).items():

@@ -1,4 +1,4 @@
-"""force_torque and planning asked again: their cores, in a process of each, on what was recorded."""
+"""force_torque and planning replayed: their cores, each in a separate process, on the recorded data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ DEADLINE_S = 1800.0
 
 
 def again(service: str, content: dict[str, Any], file: Path, from_s: float) -> dict[str, Any]:
-    """{"parts": {name: [equal, all]}, "differences": [...], "notes": [...]}. Raises ConfigError where it cannot be."""
+    """{"parts": {name: [equal, all]}, "differences": [...], "notes": [...]}. Raises ConfigError where it cannot be
+    replayed.
+    """
     with tempfile.TemporaryDirectory(prefix="crosspih-replay-") as folder:
         cell = Path(folder) / "cell.yaml"
         cell.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
@@ -37,5 +39,5 @@ def summary(service: str, outcome: dict[str, Any]) -> str:
 
 
 def all_equal(outcome: dict[str, Any]) -> bool:
-    """Whether nothing differs."""
+    """Whether there is no difference."""
     return all(equal == every for equal, every in outcome["parts"].values()) and not outcome["differences"]

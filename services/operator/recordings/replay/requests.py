@@ -1,4 +1,4 @@
-"""What was asked and answered in a recording, command by command."""
+"""The requests and answers in a recording, command by command."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from crosspih_common.messages import Message
 from crosspih_common.recording import OVERTAKEN_NS, Recording
 from crosspih_common.recording.rerun import begun_ns
 
-# the services whose answers depend on nothing but the request and, for vision, the pictures that it then asks for
+# services whose answers depend only on the request and, for vision, on the pictures that it then takes
 COMMANDS: dict[str, tuple[Command[Any, Any], ...]] = {
     "vision": (LOCATE,),
     "inference": (ESTIMATE, NEXT_TOUCH, SEATED, NETWORK, SEQUENCE_NETWORK, ADVISE_INSERTION),
@@ -41,7 +41,7 @@ class PastRequest:
     """One request and its answer; None where none is recorded: it was refused, or the recording ended before.
 
     `at_s` is the cell's time of the request since the recording began. `first_pair_s` is that of the first picture pair
-    that was taken for the answer, `pairs` how many were; None and 0 where none was or no answer says so.
+    taken for the answer, `pairs` the number of pairs; None and 0 where there was none or no answer tells.
     """
 
     command: Command[Any, Any]
@@ -53,9 +53,9 @@ class PastRequest:
 
 
 def requests_of(recording: Recording, service: str, from_s: float) -> list[PastRequest]:
-    """What a service was asked from then on, in order.
+    """The requests to a service from this time on, in order.
 
-    Pictures belong to a request when they came after the answer before it and not after its own.
+    Pictures belong to a request when they came after the previous answer and not after its own.
     """
     start_ns = begun_ns(recording)
     pairs = recording.sent(CAPTURE.reply_echo)

@@ -1,4 +1,4 @@
-"""`crosspih view`: the page of a recording, which the viewer serves in a process of its own; no stack is needed."""
+"""`crosspih view`: the page of a recording, served by the viewer in a separate process; no stack is needed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def view(
 
 
 def _ended(page: subprocess.Popen[bytes]) -> int:
-    """Its exit status, once it ends by itself or by the Ctrl-C that reaches it as well as this process."""
+    """The viewer's exit status. It ends by itself, or by the Ctrl-C that reaches both processes."""
     previous = signal.signal(signal.SIGTERM, lambda number, frame: page.terminate())
     try:
         while True:
@@ -46,6 +46,6 @@ def _ended(page: subprocess.Popen[bytes]) -> int:
                 return page.wait()
             except KeyboardInterrupt:
                 if sys.stdin is None or not sys.stdin.isatty():
-                    page.send_signal(signal.SIGINT)  # where no terminal has sent it to both
+                    page.send_signal(signal.SIGINT)  # where no terminal has sent the signal to both
     finally:
         signal.signal(signal.SIGTERM, previous)

@@ -1,4 +1,4 @@
-"""What a recording says of an assembly, worked out once for all that shows it."""
+"""The facts about an assembly, computed once from its recording for all that shows them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The recording against itself: what was counted in two places must be the same number."""
+"""Checks the recording against itself: what was counted in two places must be the same number."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from services.operator.report.model.forces import Forces
 from services.operator.report.model.motion import AnsweredMotion
 from services.operator.report.numbers import Quantity
 
-# of two reckonings of one force: the arm takes the orientation of its cycle, a report that of the encoder sample
+# tolerance between two computations of one force: the arm uses the orientation of its cycle, a report that of the
+# encoder sample
 NEAR_N, NEAR_NM, NEAR_SHARE = 0.3, 0.03, 0.02
 NEAR_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One number by two ways, each in words; `agrees` says whether they are the same, within what is named."""
+    """One number found in two ways, each in words; `agrees` says whether they are equal within the named tolerance."""
 
     what: str
     one: Quantity
@@ -36,9 +37,10 @@ def checks_of(
     motions: list[AnsweredMotion],
     true_depth_mm: float | None,
 ) -> list[Check]:
-    """Those that this recording allows; without a result there are none.
+    """The checks that this recording allows; without a result there are none.
 
-    `touches` and `presses` are how many were told, `true_depth_mm` how deep the peg truly is, where that is known.
+    `touches` and `presses` are the numbers of recorded ones, `true_depth_mm` is the peg's true depth, where that is
+    known.
     """
     if result is None:
         return []

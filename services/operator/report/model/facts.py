@@ -1,6 +1,6 @@
-"""All that a report says, gathered once from a recording: tiles, charts and tables only show what stands here.
+"""All content of a report, gathered once from a recording: tiles, charts and tables only show these facts.
 
-Pure, but for reading. Whatever is missing is named, never made up.
+Pure, except for reading. Missing data is named as missing, never replaced.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from services.operator.scoring.score import TrialFigures, score
 
 @dataclass(slots=True, eq=False)
 class Facts:
-    """See the modules that make each part. `reference` is the hole in whose frame the tip's way is told."""
+    """See the modules that make each part. `reference` is the hole in whose frame the tip's path is given."""
 
     recording: Recording
     workcell: Workcell
@@ -62,7 +62,7 @@ class Facts:
 
     @property
     def outline(self) -> str:
-        """The name of the peg's section, as cross or star."""
+        """The name of the peg's section, such as cross or star."""
         return self.workcell.peg.shape().outline.name
 
     @property
@@ -72,7 +72,7 @@ class Facts:
 
 
 def facts_of(recording: Recording) -> Facts:
-    """From a recording, whole or torn; of several assemblies the last."""
+    """The facts of a recording, complete or torn; with several assemblies those of the last."""
     workcell, configuration, lacks = workcell_of(recording)
     window = window_of(recording)
     result = window.result

@@ -1,8 +1,8 @@
-"""The force of contact over an assembly, and what is only the tool's inertia told from it. Pure.
+"""The contact force over an assembly, separated from the inertia of the tool. Pure.
 
-Two series say the same at different sharpness: *unfiltered*, every sample of the sensor with bias and weight taken off
-as the recorded calibration tells, reckoned here; and *filtered*, `force_torque/wrench` as the force_torque service sent
-it. Both are the load on the peg, in the peg frame about its origin {K}. Every figure says which one it is of.
+Two series show the same force with different bandwidth. *Unfiltered* is every sample of the sensor, with bias and
+weight removed by the recorded calibration, computed here. *Filtered* is `force_torque/wrench` as the force_torque
+service sent it. Both are the load on the peg, in the peg frame about its origin {K}. Every figure names its series.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from crosspih_common.wrench import Payload
 from services.operator.report.model.motion import AnsweredMotion, JointTrace, in_hole_m
 from services.operator.report.model.window import AssemblyWindow
 
-CLEAR_M = 0.003  # the tip that far before the hole's face can touch nothing of it
+CLEAR_M = 0.003  # with its tip this far before the hole's face the peg can touch nothing of it
 STANDARD_GRAVITY_M_S2 = 9.80665
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Contact wrenches (n, 6), N and Nm, peg frame, at times (n,), s since the command; `free` (n,): where it can touch
-    nothing."""
+    """Contact wrenches (n, 6), N and Nm, peg frame, at times (n,), s since the command; `free` (n,): where the peg can
+    touch nothing.
+    """
 
     time_s: Array
     wrench: Array
@@ -47,14 +48,14 @@ class Trace:
         return np.asarray(np.linalg.norm(self.wrench[:, 3:], axis=1))
 
     def after(self, start_s: float) -> Trace:
-        """From a time on."""
+        """The part after a time."""
         keep = self.time_s >= start_s
         return Trace(self.time_s[keep], self.wrench[keep], self.free[keep], self.rate_hz)
 
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """The largest force and the largest moment of some samples, and when each was, s since the command."""
+    """The largest force and the largest moment of some samples, and the time of each, s since the command."""
 
     force_n: float
     force_at_s: float
@@ -64,8 +65,9 @@ class Peak:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forces:
-    """All about forces. `free_spans` are where the peg could touch nothing; `inertia` is the peak felt there, and
-    `unexplained_n` the largest |F| there once mass times acceleration of the tool is taken off (None: not known)."""
+    """All forces. In `free_spans` the peg could touch nothing; `inertia` is the peak measured there, and
+    `unexplained_n` the largest |F| there after subtracting mass times acceleration of the tool (None: not known).
+    """
 
     unfiltered: Trace | None
     filtered: Trace | None
@@ -78,12 +80,12 @@ class Forces:
 
     @property
     def contact(self) -> Peak | None:
-        """The peak of contact that headlines: of every sample where they are recorded, else of the filtered ones."""
+        """The contact peak of the headline: of every sample where they are recorded, else of the filtered ones."""
         return self.contact_unfiltered or self.contact_filtered
 
     @property
     def main(self) -> Trace | None:
-        """The series that the headline's peak is of."""
+        """The series of the headline's peak."""
         return self.unfiltered if self.contact_unfiltered is not None else self.filtered
 
 
@@ -118,8 +120,9 @@ def forces_of(
 def free_spans(
     joints: JointTrace | None, motions: list[AnsweredMotion], pose_base_hole: Pose, end_s: float, start_s: float = 0.0
 ) -> tuple[tuple[float, float], ...]:
-    """Times in which the peg could touch nothing: joint trajectories, which planning keeps clear of everything, and
-    while the tip was clear of the hole's face."""
+    """Times in which the peg could touch nothing: joint trajectories, which planning keeps collision-free, and times at
+    which the tip was clear of the hole's face.
+    """
     edges = [start_s, end_s]
     if joints is not None:
         edges += joints.time_s.tolist()
@@ -141,7 +144,7 @@ def free_spans(
 
 
 def peak_of(trace: Trace | None, *, free: bool) -> Peak | None:
-    """Of the samples in free air, or of the others; None where there are none."""
+    """The peak of the samples in free air, or of the others; None where there are none."""
     if trace is None:
         return None
     of = np.flatnonzero(trace.free == free)
@@ -199,7 +202,7 @@ def _payload(calibration: FtCalibration, workcell: Workcell) -> Payload:
 
 
 def _unexplained_n(trace: Trace, joints: JointTrace, calibration: FtCalibration, workcell: Workcell) -> float:
-    """The largest |F| in free air that is not the tool's mass times the acceleration of its centroid."""
+    """The largest |F| in free air that mass times acceleration of the tool's centroid does not explain."""
     mounting = workcell.sensor_mounting()
     centroid_m = workcell.pose_flange_peg().apply(mounting.pose_peg_sensor.apply(np.asarray(calibration.centroid_m)))
     places = workcell.arm().points_base_m(joints.positions_rad, centroid_m)

@@ -1,4 +1,4 @@
-"""How the bus and the services were while the assembly ran."""
+"""The state of the bus and of the services during the assembly."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from services.operator.report.model.window import AssemblyWindow
 @dataclass(frozen=True, slots=True)
 class KeyHealth:
     """One key over the assembly. Rates are samples a second of the cell's clock and of the recorder's; `silence_s` is
-    the longest time between two neighbours by the cell's clock. `nominal_hz` is what the key table promises, None for
-    what is told only now and then. `missing` samples never came (over the whole file)."""
+    the longest time between two consecutive samples by the cell's clock. `nominal_hz` is the rate in the key table,
+    None for keys without a fixed rate. `missing` samples never came (over the whole file).
+    """
 
     path: str
     samples: int
@@ -30,7 +31,7 @@ class KeyHealth:
 
 @dataclass(frozen=True, slots=True)
 class RecordingHealth:
-    """All keys, the recorder's own counters (None: the file was never finished), services and their warnings."""
+    """All keys, the recorder's own counters (None: the file was not completed), services and their warnings."""
 
     keys: list[KeyHealth]
     drops: dict[str, str] | None
@@ -39,16 +40,16 @@ class RecordingHealth:
 
     @property
     def missing(self) -> int:
-        """Samples that never came, of all keys."""
+        """Samples of all keys that never came."""
         return sum(key.missing for key in self.keys)
 
     def dropped(self, kind: str) -> str:
-        """A counter of the recorder, as overflow, gaps, malformed or restarts; a dash where it is not known."""
+        """A counter of the recorder, such as overflow, gaps, malformed or restarts; a dash where it is not known."""
         return "–" if self.drops is None else self.drops.get(f"{kind}_total", "0")
 
 
 def health_of(recording: Recording, window: AssemblyWindow) -> RecordingHealth:
-    """Over the assembly; what never came is counted over the whole file."""
+    """Over the assembly; missing samples are counted over the whole file."""
     nominal = {key: topic.rate_hz for topic in topics() for key in recording.keys_of(topic)}
     gaps = recording.seq_gaps()
     keys = []
@@ -77,7 +78,7 @@ def health_of(recording: Recording, window: AssemblyWindow) -> RecordingHealth:
 
 
 def _rate(times_s: np.ndarray) -> float | None:
-    """Of the samples between the first and the last; None where there are too few to say."""
+    """The rate between the first and the last sample; None for too few samples."""
     if len(times_s) < 3 or times_s[-1] <= times_s[0]:
         return None
     return float((len(times_s) - 1) / (times_s[-1] - times_s[0]))

@@ -1,4 +1,4 @@
-"""How the arm moved: joints beside their limits, the tip's way, and each motion that was commanded."""
+"""The motion of the arm: joints with their limits, the path of the tip, and each commanded motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from crosspih_common.messages import MotionOutcome
 from crosspih_common.recording import Recording
 from services.operator.report.model.window import AssemblyWindow
 
-# what an acceleration is fitted to: a parabola over so many encoder samples (Savitzky and Golay 1964)
+# an acceleration is the slope of a parabola fitted over this many encoder samples (Savitzky and Golay 1964)
 FITTED_SAMPLES = 9
 KINDS = {
     FOLLOW: "joint trajectory",
@@ -28,7 +28,7 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class AnsweredMotion:
-    """One motion as the arm answered it, s of cell time since the command; `free` where it may touch nothing."""
+    """One motion as the arm answered it, s of cell time since the command; `free` where the peg could touch nothing."""
 
     command: str
     kind: str
@@ -56,8 +56,9 @@ class JointUse:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTrace:
-    """By the encoders: `time_s` (k,), positions, speeds and accelerations (k, n), rad; the tip (k, 3), m, base frame,
-    and the peg's orientation (k, 3, 3) there. The deflection of arm and wrist is not in them."""
+    """From the encoders: `time_s` (k,), positions, speeds and accelerations (k, n), rad; the tip (k, 3), m, base frame,
+    and the peg's orientation (k, 3, 3) there. Without the deflection of arm and wrist.
+    """
 
     time_s: Array
     positions_rad: Array
@@ -71,12 +72,12 @@ class JointTrace:
         return np.array([np.interp(time_s, self.time_s, column) for column in self.positions_rad.T])
 
     def tip_path_m(self) -> float:
-        """The length of the tip's way."""
+        """The length of the tip's path."""
         return float(np.linalg.norm(np.diff(self.tip_m, axis=0), axis=1).sum())
 
 
 def motions_of(recording: Recording, window: AssemblyWindow) -> list[AnsweredMotion]:
-    """All that were answered within the assembly, in order."""
+    """All motions that were answered within the assembly, in order."""
     found: list[AnsweredMotion] = []
     command: Command[object, MotionOutcome]  # type: ignore[type-var]
     for command, kind in KINDS.items():  # type: ignore[assignment]
@@ -90,7 +91,7 @@ def motions_of(recording: Recording, window: AssemblyWindow) -> list[AnsweredMot
 def joints_of(
     recording: Recording, window: AssemblyWindow, workcell: Workcell, start_s: float = 0.0
 ) -> JointTrace | None:
-    """The encoders from `start_s` to the assembly's end; None where too little of them is recorded."""
+    """The encoders from `start_s` to the assembly's end; None where too few samples are recorded."""
     states = [state for state in recording.messages(JOINT_STATE) if window.holds(state.stamp_ns)]
     states = [
         state
@@ -117,7 +118,7 @@ def joints_of(
 
 
 def _accelerations(time_s: Array, speeds: Array) -> Array:
-    """(k, n), of speeds at times that may have gaps: over a gap nothing is fitted."""
+    """(k, n), from speeds at times that may have gaps: nothing is fitted across a gap."""
     accelerations = np.zeros_like(speeds)
     period_s = float(np.median(np.diff(time_s)))
     breaks = np.flatnonzero(np.diff(time_s) > 3.0 * period_s) + 1
@@ -130,7 +131,7 @@ def _accelerations(time_s: Array, speeds: Array) -> Array:
 
 
 def joint_uses(trace: JointTrace, workcell: Workcell) -> list[JointUse]:
-    """Each joint beside its limits."""
+    """Each joint with its limits."""
     limits = workcell.arm().limits
     low, high = np.degrees(trace.positions_rad.min(axis=0)), np.degrees(trace.positions_rad.max(axis=0))
     lower, upper = np.degrees(limits.lower_rad), np.degrees(limits.upper_rad)

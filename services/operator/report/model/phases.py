@@ -1,4 +1,4 @@
-"""The assembly's steps one after the other, and how long each phase took."""
+"""The steps of the assembly in order, and the duration of each phase."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from services.operator.report.model.window import AssemblyWindow
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """One step, s of cell time since the command, and s of the recorder's clock that it took."""
+    """One step, s of cell time since the command, and its duration in s of the recorder's clock."""
 
     message: AssemblyPhase
     start_s: float
@@ -19,7 +19,7 @@ class Span:
 
     @property
     def took_s(self) -> float:
-        """Of cell time."""
+        """The duration in cell time."""
         return self.end_s - self.start_s
 
 
@@ -31,7 +31,7 @@ class PhaseTime:
     steps: int
     cell_s: float
     wall_s: float
-    share: float  # of the cell time of all
+    share: float  # share of the whole cell time
 
 
 def spans_of(window: AssemblyWindow) -> list[Span]:
@@ -48,7 +48,7 @@ def spans_of(window: AssemblyWindow) -> list[Span]:
 
 
 def times_of(spans: list[Span]) -> list[PhaseTime]:
-    """By phase, in the order in which each was first met."""
+    """By phase, in the order in which each first began."""
     total_s = sum(span.took_s for span in spans)
     found = []
     for phase in dict.fromkeys(span.message.phase for span in spans):
@@ -60,5 +60,5 @@ def times_of(spans: list[Span]) -> list[PhaseTime]:
 
 
 def calibrated_until_s(spans: list[Span]) -> float:
-    """When the sensor's calibration at the beginning was over, s since the command; 0 where there was none."""
+    """When the sensor's calibration at the beginning ended, s since the command; 0 where there was none."""
     return max((span.end_s for span in spans if span.message.phase is Phase.CALIBRATING), default=0.0)

@@ -1,4 +1,4 @@
-"""Where the hole was seen, found and is, and how far the first two are off."""
+"""The seen, the found and the true pose of the hole, and the errors of the first two."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from services.operator.scoring.score import PoseError, pose_error
 @dataclass(frozen=True, slots=True, eq=False)
 class HolePose:
     """One pose of the hole in the base frame. `error` is against the truth, and `off` the same axis by axis (x, y, z in
-    mm, rotation vector in degrees, in the true hole's frame); both None where there is no truth or it is the truth."""
+    mm, rotation vector in degrees, in the true hole's frame). Both are None where there is no truth, or the pose is the
+    truth.
+    """
 
     name: str
     pose: Pose
@@ -25,7 +27,7 @@ class HolePose:
 
 
 def poses_of(workcell: Workcell, result: AssemblyResult | None, truth: SimulationTruth | None) -> list[HolePose]:
-    """T1 as the cameras saw it, T2 as found (or as last believed), and the truth; what is not known is left out."""
+    """T1 as the cameras saw it, T2 as found (or as last believed), and the truth; unknown poses are left out."""
     believed = "as found (T2)" if result is not None and result.inserted else "as last believed"
     said = [
         ("as seen (T1)", result.vision_pose_base_hole if result else None),
@@ -46,7 +48,7 @@ def poses_of(workcell: Workcell, result: AssemblyResult | None, truth: Simulatio
 
 
 def reference_hole(workcell: Workcell, result: AssemblyResult | None) -> tuple[Pose, str]:
-    """The best that the cell itself knew of the hole, for what is told in its frame; and in words which that is."""
+    """The cell's own best pose of the hole, used as frame for the tip's path; and its name in words."""
     if result is not None and result.pose_base_hole is not None:
         known = "the hole as found in the end (T2)" if result.inserted else "the hole as last believed"
         return result.pose_base_hole.pose(), known
@@ -56,7 +58,7 @@ def reference_hole(workcell: Workcell, result: AssemblyResult | None) -> tuple[P
 
 
 def _off(pose: Pose, true_hole: Pose, symmetry_order: int) -> tuple[float, ...]:
-    """In the true hole's frame, up to the turns that bring the section onto itself."""
+    """In the true hole's frame, up to the rotations that map the section onto itself."""
     error = true_hole.inverse() @ pose
     if symmetry_order == 0:
         turned_by = np.arctan2(error.rotation[1, 0] - error.rotation[0, 1], error.rotation[0, 0] + error.rotation[1, 1])

@@ -1,4 +1,4 @@
-"""What was felt: touches on the way in, and presses against the bore's walls once the peg sits in it."""
+"""The contacts: touches on the way in, and presses against the bore's walls after insertion."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from services.operator.report.model.window import AssemblyWindow
 
 @dataclass(frozen=True, slots=True)
 class TouchEntry:
-    """A touch, its number among its kind, when it was felt most, what was concluded from it and all before, and what
-    the last estimate makes of it."""
+    """A touch, its number among its kind, the time of its largest force, the conclusions from it and from all before,
+    and the last estimate's evaluation of it.
+    """
 
     number: int
     touch: Touch
@@ -29,8 +30,9 @@ class TouchEntry:
 def touches_of(
     recording: Recording, window: AssemblyWindow, motions: list[AnsweredMotion], trace: Trace | None
 ) -> tuple[list[TouchEntry], list[TouchEntry]]:
-    """(touches on the way in, presses once seated), each in order; when each was felt most is told by the forces within
-    its motion."""
+    """(touches on the way in, presses once seated), each in order; the time of each is that of the largest force within
+    its motion.
+    """
     touches = [sent for sent in recording.sent(TOUCH) if window.holds(sent.value.stamp_ns)]
     answers: list[Sent[PoseErrorEstimate]] = []
     for command in (ESTIMATE, NETWORK, SEQUENCE_NETWORK, SEATED):
@@ -60,7 +62,7 @@ def touches_of(
 
 
 def _felt_s(told_s: float, motions: list[AnsweredMotion], trace: Trace | None) -> float:
-    """When the force was largest in the motion whose end a touch is stamped with; that end where it is not known."""
+    """When the force was largest in the motion at whose end a touch is stamped; that end where it is not known."""
     motion = next((motion for motion in motions if abs(motion.end_s - told_s) < 1e-6), None)
     if motion is None or trace is None:
         return told_s

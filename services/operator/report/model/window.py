@@ -1,4 +1,4 @@
-"""Which assembly of a recording a report is about, and the cell that it was made in."""
+"""The assembly of a recording that a report is about, and the cell in which it was made."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from crosspih_common.recording import Recording
 
 @dataclass(frozen=True, slots=True)
 class AssemblyWindow:
-    """The last assembly of a recording, from its command to its answer, or as near to that as is recorded.
+    """The last assembly of a recording, from its command to its answer, or the nearest recorded times to these.
 
-    Stamps are of the cell's clock; `wall_s` is by the recorder's clock, None where it cannot be told.
+    Stamps are of the cell's clock; `wall_s` is by the recorder's clock, None where it is not known.
     """
 
     start_ns: int
@@ -34,18 +34,18 @@ class AssemblyWindow:
         return (stamp_ns - self.start_ns) * 1e-9
 
     def holds(self, stamp_ns: int) -> bool:
-        """Whether a stamp lies within."""
+        """Whether a stamp lies within the window."""
         return self.start_ns <= stamp_ns <= self.end_ns
 
 
 def window_of(recording: Recording) -> AssemblyWindow:
-    """Of several assemblies in a recording, the last."""
+    """The last one of several assemblies in a recording."""
     requests, replies = recording.sent(ASSEMBLE.request_echo), recording.sent(ASSEMBLE.reply_echo)
     told = [(sent.value, sent.wall_ns) for sent in recording.sent(PHASE)]
     first, last = recording.span_ns()
     result = replies[-1].value if replies else None
     if requests and result is not None and requests[-1].value.stamp_ns > result.stamp_ns:
-        result = None  # a later one was asked for, and did not end
+        result = None  # a later one was requested and did not end
     end_ns = result.stamp_ns if result is not None else last
     begun = [request for request in requests if request.value.stamp_ns <= end_ns]
     start_ns = begun[-1].value.stamp_ns if begun else (told[0][0].stamp_ns if told else first)
@@ -61,7 +61,7 @@ def window_of(recording: Recording) -> AssemblyWindow:
 
 
 def workcell_of(recording: Recording) -> tuple[Workcell, dict[str, Any], str]:
-    """(the cell's facts, its whole file as written, what is missing of it or "")."""
+    """(the cell's facts, its whole file as written, the part of it that is missing or "")."""
     text = recording.metadata.get("cell", {}).get("yaml")
     if text is None:
         return Workcell(), {}, "The cell's configuration: lengths are reckoned with the default drawings."

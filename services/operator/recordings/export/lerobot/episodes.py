@@ -1,4 +1,4 @@
-"""An assembly as an episode: what was known at each step of a steady rate, held from the last message before it."""
+"""An assembly as an episode: at each step of a fixed rate the values of the last message before it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Episode:
     """One assembly at n steps: `joints_rad`, `speeds_rad_s` (n, joints), `wrench` (n, 6) of contact in the peg frame,
     `peg` (n, 7) position and quaternion x, y, z, w in the base, `phases` (n,) numbers of PHASES.
 
-    `pictures` has for each side the number of a picture at each step (n,), -1 before the first, and the pictures.
+    `pictures` has for each side the index of the picture at each step (n,), -1 before the first, and the pictures.
     """
 
     task: str
@@ -47,12 +47,12 @@ class Episode:
 
     @property
     def action(self) -> Array:
-        """(n, joints): where the joints are a step later; the arm is commanded by whole motions, not step by step."""
+        """(n, joints): the joints one step later; the arm is commanded by whole motions, not step by step."""
         return np.concatenate([self.joints_rad[1:], self.joints_rad[-1:]])
 
 
 def episodes_of(recording: Recording, workcell: Workcell, fps: int) -> Iterator[Episode]:
-    """Every assembly that has an answer, in order."""
+    """Every assembly that has a result, in order."""
     joints = recording.messages(JOINT_STATE)
     wrenches = recording.messages(CONTACT_WRENCH)
     steps = recording.messages(PHASE)
@@ -65,7 +65,7 @@ def episodes_of(recording: Recording, workcell: Workcell, fps: int) -> Iterator[
         times = np.arange(first, last + 1, round(1e9 / fps), dtype=np.int64)
         if not joints:
             continue
-        index = np.maximum(_held(times, joints), 0)  # before the first joint state: that one
+        index = np.maximum(_held(times, joints), 0)  # before the first joint state: the values of that one
         angles = np.array([joints[i].joints_rad for i in index])
         felt = _held(times, wrenches)
         said = _held(times, steps)
@@ -83,7 +83,7 @@ def episodes_of(recording: Recording, workcell: Workcell, fps: int) -> Iterator[
 
 
 def _held(times: NDArray[np.int64], messages: Sequence[Any]) -> NDArray[np.int64]:
-    """The number of the last message up to each time; -1 where there is none yet."""
+    """The index of the last message up to each time; -1 where there is none yet."""
     stamps = np.maximum.accumulate(np.array([message.stamp_ns for message in messages], dtype=np.int64))
     return np.asarray(np.searchsorted(stamps, times, side="right") - 1, dtype=np.int64)
 
@@ -94,7 +94,9 @@ def _peg_of(workcell: Workcell, joints_rad: Array) -> tuple[float, ...]:
 
 
 def _rgb(image: Image) -> Pixels:
-    """(height, width, 3), 8 bits, both sizes even as video wants them; a Bayer pattern stays one, in grey."""
+    """(height, width, 3), 8 bits, both sizes even as video needs them; a Bayer picture is not demosaiced but shown in
+    grey.
+    """
     pixels = image.pixels >> 8 if image.pixels.dtype == np.uint16 else image.pixels
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[:, :, None], 3, axis=2)

@@ -1,4 +1,4 @@
-"""What a LeRobot dataset says of its numbers: each feature's smallest, largest, mean, deviation and quantiles."""
+"""The statistics of a LeRobot dataset: each feature's smallest, largest, mean, deviation and quantiles."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Statistics = dict[str, NDArray[np.float64]]
 
 
 def of_rows(rows: NDArray[np.generic]) -> Statistics:
-    """Of (n,) or (n, k): arrays of 1 or k numbers, and the count."""
+    """The statistics of (n,) or (n, k): arrays of 1 or k numbers, and the count."""
     values = np.asarray(rows, float).reshape(len(rows), -1)
     found = {
         "min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0),
@@ -20,7 +20,9 @@ def of_rows(rows: NDArray[np.generic]) -> Statistics:
 
 
 def of_pictures(pictures: list[NDArray[np.uint8]], numbers: NDArray[np.int64]) -> Statistics:
-    """Of the channels of pictures, 0 to 1, each as often as it is shown: arrays (3, 1, 1)."""
+    """The statistics of the pictures' channels, 0 to 1, each picture counted as often as it is shown:
+    arrays (3, 1, 1).
+    """
     weights = np.bincount(numbers[numbers >= 0], minlength=len(pictures)) if (numbers >= 0).any() else None
     used = [index for index in range(len(pictures)) if weights is None or weights[index]]
     values = np.concatenate([pictures[index][::4, ::4].reshape(-1, 3) for index in used]) / 255.0

@@ -14,13 +14,15 @@ from crosspih_common.errors import ConfigError
 if TYPE_CHECKING:
     from services.operator.recordings.export.lerobot.episodes import Pixels
 
-CODECS = ("libx264", "libsvtav1", "mpeg4")  # the first one that this build of FFmpeg has
+CODECS = ("libx264", "libsvtav1", "mpeg4")  # the first one that this build of FFmpeg offers
 OPTIONS = {"libx264": {"crf": "20", "preset": "ultrafast"}, "libsvtav1": {"crf": "30", "preset": "8"}}
 KEY_EVERY = 2  # frames: a dataset is read at random places
 
 
 def write_video(path: Path, pictures: list[Pixels], numbers: NDArray[np.int64], fps: int) -> str:
-    """Write the picture of each step, black where the number is -1; the codec's name. Raises ConfigError without av."""
+    """Write the picture of each step, black where its index is -1; returns the codec's name. Raises ConfigError without
+    av.
+    """
     try:
         import av
     except ImportError:

@@ -24,7 +24,7 @@ AXES = ("x", "y", "z")
 class Dataset:
     """A dataset being written: `add` each episode, then `finish`. All have one arm and one rate.
 
-    Raises ConfigError where the folder is there already, without pyarrow or av, or for an episode of another arm.
+    Raises ConfigError where the folder already exists, without pyarrow or av, or for an episode of another arm.
     """
 
     def __init__(self, root: Path, robot: str, joint_names: tuple[str, ...], fps: int) -> None:
@@ -43,7 +43,7 @@ class Dataset:
         self._frames = 0
 
     def add(self, episode: Episode) -> None:
-        """The next episode."""
+        """Add the next episode."""
         number, length = len(self._episodes), episode.length
         task = self._tasks.setdefault(episode.task, len(self._tasks))
         frames = np.arange(length)
@@ -103,7 +103,7 @@ class Dataset:
         return key
 
     def finish(self) -> None:
-        """Write all but the videos, which are there. Raises ConfigError where there is no episode."""
+        """Write everything but the videos, which are already written. Raises ConfigError where there is no episode."""
         if not self._episodes:
             raise ConfigError("no assembly with an answer is in these recordings: nothing to make a dataset of")
         rows = {name: np.concatenate(parts) for name, parts in self._rows.items()}
@@ -166,7 +166,7 @@ def _features(joint_names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _together(parts: list[Statistics]) -> Statistics:
-    """Of all episodes' pictures: their own, averaged by their lengths."""
+    """The statistics over all episodes' pictures: the mean of theirs, weighted by length."""
     counts = np.array([part["count"][0] for part in parts])
     found = {name: np.average([part[name] for part in parts], axis=0, weights=counts) for name in parts[0]}
     found["min"] = np.min([part["min"] for part in parts], axis=0)
@@ -189,7 +189,7 @@ def _write_table(path: Path, columns: dict[str, list[Any]]) -> None:
 
 
 def _write_named(path: Path, name: str, values: list[str]) -> None:
-    """Names and their numbers, the names as the index that pandas makes of them."""
+    """Write names with their numbers, the names as a pandas index."""
     import pyarrow as pa
 
     column = f"{name}_index"
