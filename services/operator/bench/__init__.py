@@ -1,2 +1,3 @@
-"""What `crosspih bench` measures. The commands are put together in commands.py, so that a worker or a peer which needs
-one module of these starts without the others."""
+"""The measurements of `crosspih bench`. Only commands.py imports the commands, so that a worker or a peer that needs
+one module of these starts without the others.
+"""

@@ -1,4 +1,4 @@
-"""The options that every bench of trials has, and how it ends."""
+"""The options of every bench of trials, and its exit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Store = Annotated[
 
 @contextmanager
 def errors_shown(console: Console) -> Iterator[None]:
-    """As every command tells its errors (cli/failure.py); a bench that was stopped says that it can go on."""
+    """Prints errors as every command does (cli/failure.py); a bench that was stopped says that it can be resumed."""
     with failures_shown(console):
         try:
             yield
@@ -54,8 +54,8 @@ def trials_of(
     record: bool = False,
     on_done: Callable[[TrialJob, TrialFigures], object] = lambda job, figures: None,
 ) -> tuple[list[tuple[TrialJob, TrialFigures]], TrialsEnded | None]:
-    """The trials of a bench with its progress and failures shown: (job, figures) in the jobs' order, and what ended
-    the run early, if anything did. Raises ConfigError.
+    """The trials of a bench with its progress and failures shown: (job, figures) in the jobs' order, and the reason why
+    the run ended early, if it did. Raises ConfigError.
     """
     progress = CellsProgress(console, title)
     counts = [0, 0]

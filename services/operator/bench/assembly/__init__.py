@@ -1,1 +1,1 @@
-"""`crosspih bench assembly`: many seeds, and the distribution of what came out."""
+"""`crosspih bench assembly`: many seeds, and the distribution of their results."""

@@ -25,7 +25,7 @@ class NotWithdrawn(CrosspihError):
 def on_the_running_stack(
     console: Console, jobs: list[TrialJob], record: bool
 ) -> tuple[Done, TrialsEnded | None, list[WithdrawResult] | None]:
-    """(trials, what ended them early if anything did, the withdrawals of a cell without a simulator)."""
+    """(trials, the error that ended them early or None, the withdrawals of a cell without a simulator)."""
     done: Done = []
     withdrawals: list[WithdrawResult] | None = None
     try:
@@ -63,7 +63,7 @@ def repeated(done: Done, symmetry_order: int) -> Repeatability | None:
 
 
 def repeatability_table(spread: Repeatability, withdrawals: list[WithdrawResult]) -> Table:
-    """How well T2 repeats, and what taking the peg out took."""
+    """The repeatability of T2, and the duration of the withdrawals."""
     table = Table(title=f"T2 of {spread.count} assemblies of the same hole, about their mean")
     table.add_column("")
     table.add_column("sd", justify="right")

@@ -1,4 +1,4 @@
-"""The paper's two halves over many seeds: the cross is assembled, then another peg at the pose known from it."""
+"""Both halves of the paper's assembly over many seeds: first the cross, then another peg at the pose known from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Halves = tuple[Done, Done, TrialsEnded | None]
 
 
 class NextPegWay(str, Enum):
-    """How a peg that is not the cross gets in."""
+    """How a peg that is not the cross is assembled."""
 
     DIRECT = "direct"  # vision and touch with that peg
     SWAP = "swap"  # the cross first; then this peg at the pose known from it, without vision or touch
@@ -26,8 +26,8 @@ class NextPegWay(str, Enum):
 def swapped(jobs: list[TrialJob], run: Callable[[str, list[TrialJob]], Trials]) -> Halves:
     """The second halves of all jobs, and the first ones; `run(title, jobs)` does trials.
 
-    A seed whose cross is not in counts as it ended: without T2 there is no second half. Raises ConfigError when the
-    jobs are the cross's own.
+    A seed whose cross did not insert counts with that result: without T2 there is no second half. Raises ConfigError
+    when the jobs are the cross's own.
     """
     if any(job.peg == DEFAULT_PEG for job in jobs):
         raise ConfigError(f"--way {NextPegWay.SWAP.value}: name the other peg with --peg, star for instance")

@@ -1,1 +1,1 @@
-"""`crosspih bench calibrations`: what each calibration finds of what simulated cells hide."""
+"""`crosspih bench calibrations`: how well each calibration finds the hidden errors of simulated cells."""

@@ -1,7 +1,7 @@
-"""`crosspih bench calibrations`: simulated cells that are not as their files say; each calibration against the truth.
+"""`crosspih bench calibrations`: simulated cells that differ from their files; each calibration against the truth.
 
-A trial draws what is hidden by its seed, and takes pictures of the board (or pushes on the plate) once; every
-calibration then works on them. With `--keep` they stay, and `--from` has today's code work on them once more.
+A trial draws the hidden errors by its seed, and takes pictures of the board (or pushes on the plate) once; every
+calibration then uses these. With `--keep` they are kept, and `--from` evaluates them again with today's code.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ from services.operator.locate.worker import OfflineVision
 
 PICTURES, PUSHES = "pictures", "pushes"
 ABOUT = "about.json"
-# what takes pictures and pushes, beside the cell's own code
+# the code that takes pictures and pushes, besides the cell's own code
 MADE_BY = ("services.operator.calibrate", "services.operator.bench.calibrations")
 NEEDED = {PICTURES: ("hardware",), PUSHES: ("hardware", "force_torque", "planning")}
 
 
 def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """Stereo, and hand-eye by its cameras, against the truth. For a worker."""
+    """Stereo, and hand-eye with its cameras, against the truth. For a worker."""
     seed = payload["seed"]
     session.new_trial(ResetCell(seed=seed))
     section = session.cell.section("operator", OperatorConfig).board
@@ -63,7 +63,7 @@ def pictures_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, 
 
 
 def pushes_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """Tip, mounting and stiffness, each by what the one before found, against the truth. For a worker."""
+    """Tip, mounting and stiffness, each with the result of the one before, against the truth. For a worker."""
     session.new_trial(ResetCell(seed=payload["seed"]))
     manner = PressingManner(payload["presses"], payload["force_n"], payload["seed"])
     pressed = take_presses(session, Console(file=io.StringIO()), manner, 1.0, "bench", weighed=True)
@@ -74,7 +74,7 @@ def pushes_trial(session: Session, payload: dict[str, Any]) -> list[dict[str, An
 
 
 def _kept(payload: dict[str, Any]) -> Path | None:
-    """Where what was taken stays, made."""
+    """The folder of what was taken, created."""
     if payload["keep"] is None:
         return None
     folder = Path(payload["keep"])
@@ -84,13 +84,15 @@ def _kept(payload: dict[str, Any]) -> Path | None:
 
 
 def taken_with(payload: dict[str, Any]) -> dict[str, Any]:
-    """What decides what a trial takes, but for the code."""
+    """The settings that determine what a trial takes, except for the code."""
     names = ("seed", "pairs") if payload["what"] == PICTURES else ("seed", "presses", "force_n")
     return {**{name: payload[name] for name in names}, "cell": result_key(cell_identity(payload["content"]))}
 
 
 def check_kept(folder: Path, payload: dict[str, Any], console: Console) -> None:
-    """That a folder holds what these settings take, and by which code. Raises ConfigError where it says otherwise."""
+    """Check that a folder holds data taken with these settings, and by which code. Raises ConfigError where it does
+    not.
+    """
     about = folder / ABOUT
     if not about.is_file():
         console.print(f"{folder}: does not say with what settings it was taken", style="yellow", highlight=False)
@@ -105,13 +107,13 @@ def check_kept(folder: Path, payload: dict[str, Any], console: Console) -> None:
 
 
 def check_free(folder: Path) -> None:
-    """That nothing lies where a trial is to be kept. Raises ConfigError."""
+    """Check that the folders for the trials are empty. Raises ConfigError."""
     if folder.is_dir() and any(folder.iterdir()):
         raise ConfigError(f"--keep: {folder} holds another trial; name another folder, or look at that one by --from")
 
 
 def scored_again(what: str, folder: Path, payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """What `--keep` has kept, worked on once more, with no cell. Raises ConfigError, CalibrationRefused."""
+    """Evaluate the data of `--keep` again, without a cell. Raises ConfigError, CalibrationRefused."""
     cell = cell_of_text(folder / "cell.yaml", yaml.safe_dump(payload["content"]))
     if what == PUSHES:
         return pushes_scored(read_pressed(folder), cell, payload["content"], payload["truth"])
@@ -121,7 +123,9 @@ def scored_again(what: str, folder: Path, payload: dict[str, Any]) -> list[dict[
 
 
 def table_of(found: dict[str, list[dict[str, Any]]]) -> Table:
-    """A row a calibration: the worst and the median error over all trials, and how often the interval held it."""
+    """One row per calibration: the worst and the median error over all trials, and how often the
+    interval contained it.
+    """
     table = Table(title="calibrations against what the simulated cells hide")
     for heading in ("", "trials", "error p50", "largest", "asked", "± 95 % p50", "inside", ""):
         table.add_column(heading, justify="left" if not heading else "right")
@@ -133,7 +137,7 @@ def table_of(found: dict[str, list[dict[str, Any]]]) -> Table:
         off = np.abs([value for row in rows for value in row["off"]])
         half = [value for row in rows for value in row["half_95"]]
         inside = [one for row in rows for one in row["inside"]]
-        # a place and a turn are judged by their length
+        # a position and a rotation are judged by their length
         whole = [float(np.linalg.norm(row["off"])) if name in WANTED and name != "stiffness" else max(
             (abs(value) for value in row["off"]), default=0.0) for row in rows]  # fmt: skip
         asked = f"{WANTED[name]:g}" if name in WANTED else ""
@@ -147,7 +151,7 @@ def table_of(found: dict[str, list[dict[str, Any]]]) -> Table:
 def _in_cells(
     tasks: list[CellTask], results: dict[int, list[dict[str, Any]]], cells: int | None, console: Console
 ) -> dict[int, str]:
-    """What was lost, by index, with why."""
+    """The lost trials by index, with the reason of each."""
     progress = CellsProgress(console, "calibrations")
     progress.taken_over(len(tasks), 0)
     pool = open_executor(ExecutorName.LOCAL, cells, len(tasks))

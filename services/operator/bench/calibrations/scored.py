@@ -1,6 +1,7 @@
-"""What calibrations found in a simulated cell against what it hides: errors, intervals, and whether these held.
+"""Results of calibrations in a simulated cell against its hidden truth: errors, intervals, and whether these contain
+the errors.
 
-Each works on what the one before found, in the order in which one would do them: stereo, then hand-eye with those
+Each uses the result of the one before, in the order in which one would do them: stereo, then hand-eye with those
 cameras; the tip, then the sensor's mounting with that peg, then the stiffness with both.
 """
 
@@ -31,12 +32,12 @@ PATTERN = "7x5:0.018:0.013:DICT_4X4_50"
 NOMINAL_BOARD = {"position_m": [0.045, 0.045, 0.077], "rotvec_rad": [1.2092, -1.2092, 1.2092]}
 CAMERA_M, CAMERA_RAD, RIGHT_M, RIGHT_RAD, BOARD_M, BOARD_RAD = 0.003, 0.01, 0.0005, 0.005, 0.002, 0.025
 PEG_M, SENSOR_M, SENSOR_RAD, STIFFNESS = 0.0003, 0.0004, 0.01, 0.15
-# what the issue asks of each, in the unit of the table
+# the required accuracy of each, in the unit of the table
 WANTED = {"hand-eye, place": 0.5, "hand-eye, turn": 0.1, "mount, place": 0.1, "mount, turn": 0.1, "stiffness": 5.0}
 
 
 def hidden(seed: int, joints: int) -> dict[str, Any]:
-    """The overrides of a cell that differs from its file, drawn by the seed."""
+    """The overrides of a cell that differs from its file by errors drawn with the seed."""
     rng = np.random.default_rng([seed, 77])
 
     def drawn(size: float, count: int = 3) -> list[float]:
@@ -71,7 +72,7 @@ def _row(name: str, off: Array, half: Array, factor: float, unit: str) -> dict[s
 def pictures_scored(
     taken: Taken, folder: Path, vision: OfflineVision, workcell: Workcell, truth: dict[str, Any]
 ) -> list[dict[str, Any]]:
-    """Stereo, and hand-eye by its cameras, against the truth. Raises CalibrationRefused, ConfigError."""
+    """Stereo, and hand-eye with its cameras, against the truth. Raises CalibrationRefused, ConfigError."""
     told_of = taken.calibration
     if told_of is None:
         raise ConfigError(f"{folder}: the pairs say nothing of the cameras")
@@ -115,12 +116,13 @@ def _with(cell: CellFile, settings: dict[str, Any], content: dict[str, Any]) -> 
 def pushes_scored(
     pressed: Pressed, cell: CellFile, content: dict[str, Any], truth: dict[str, Any]
 ) -> list[dict[str, Any]]:
-    """Tip, mounting and stiffness, each by what the one before found, against the truth. `content` is the cell's file
-    as a mapping. Raises CalibrationRefused."""
+    """Tip, mounting and stiffness, each with the result of the one before, against the truth. `content` is the cell's
+    file as a mapping. Raises CalibrationRefused.
+    """
     tip = fit_tip(pressed, cell.workcell)
     shifted, content = _with(cell, tcp_settings(tip, cell), content)
     mount = fit_mount(pressed, shifted.workcell)
-    # the sensor as it was bolted on, in the frame of the peg where that was found to be
+    # the sensor as it was mounted, in the frame of the peg as found
     real = Pose.from_rotvec(truth["ft_turn_rad"], np.asarray(truth["ft_shift_m"]) - tip.shift_m)
     mounted, _ = _with(shifted, mount_settings(mount, shifted), content)
     stiff = fit_stiffness(pressed, mounted.workcell)

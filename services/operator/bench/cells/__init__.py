@@ -1,1 +1,1 @@
-"""Trials side by side in cells of their own: what every bench of many assemblies runs on."""
+"""Trials side by side, each in a cell of its own: used by every bench of many assemblies."""

@@ -1,6 +1,6 @@
-"""How far a long command is and how long it will still take: a bar in a terminal.
+"""The progress of a long command and the time left: a bar in a terminal.
 
-In a log or a pipe, where a bar cannot be drawn, a line a minute.
+In a log or a pipe, where a bar cannot be drawn, one line a minute.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from rich.text import Text
 from services.operator.cli.time_left import in_words
 
 LINE_S = 60.0
-SPEED_OVER_S = 1800.0  # what is done takes seconds or minutes each: fewer than two of them tell no speed
+SPEED_OVER_S = 1800.0  # a unit of work takes seconds or minutes: fewer than two of them give no speed
 
 
 class Bar(Progress):
-    """Rich's Progress with what is done, a bar, `done of all` where `counted`, and times; then a task's field `beside`.
+    """Rich's Progress with a description, a bar, `done of all` where `counted`, and times; then a task's field
+    `beside`.
 
-    Without a console it is silent. `line_s`: after how long there is another line, where no bar can be drawn.
+    Without a console it is silent. `line_s`: the time between two lines where no bar can be drawn.
     """
 
     def __init__(self, console: Console | None, *, counted: bool = True, line_s: float = LINE_S) -> None:
@@ -52,7 +53,7 @@ class Bar(Progress):
         return super().add_task(description, start, total, completed, visible, **{"beside": "", **fields})
 
     def start(self) -> None:
-        """Show the bar, or begin with the lines."""
+        """Show the bar, or start printing lines."""
         super().start()
         if not self.disable and not self.console.is_interactive and self._lines is None:
             self._ended.clear()
@@ -73,7 +74,7 @@ class Bar(Progress):
                 self.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def lines(self) -> list[str]:
-        """What there is to say of each task that is not done, as plain text."""
+        """The progress of each unfinished task, as plain text."""
         said = []
         for task in self.tasks:
             if task.total is not None and task.completed >= task.total:

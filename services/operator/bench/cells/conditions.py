@@ -1,4 +1,4 @@
-"""What differs from the default cell: named overrides of the cell's file. Pure."""
+"""Differences from the default cell: named overrides of the cell's file. Pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEFAULT_PEG = "cross"
 
 
 class Condition(BaseModel):
-    """A cell that differs from the default in what `overrides` names, in the words of a cell's file.
+    """A cell that differs from the default by `overrides`, in the fields of a cell's file.
 
     For instance {"cell": {"hole": {"clearance_m": 0.0002}}}. Two conditions with the same overrides are the same cell,
     whatever their names.
@@ -30,7 +30,9 @@ class Condition(BaseModel):
 
 
 def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """A deep copy of `base` with every leaf of `overrides` put in; mappings are merged, all else is replaced."""
+    """A deep copy of `base` with every leaf of `overrides` inserted; mappings are merged, everything
+    else is replaced.
+    """
     result = copy.deepcopy(dict(base))
     for name, value in overrides.items():
         known = result.get(name)
@@ -44,7 +46,7 @@ def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, A
 def condition_of(settings: Sequence[str]) -> Condition:
     """A condition from settings as a person types them: section.name.name=value, the value in YAML.
 
-    Raises ConfigError for one that is none.
+    Raises ConfigError for a setting that is not valid.
     """
     overrides: dict[str, Any] = {}
     for setting in settings:
@@ -63,7 +65,7 @@ def condition_of(settings: Sequence[str]) -> Condition:
 
 
 def peg_overrides(peg: str) -> dict[str, Any]:
-    """What a cell's file says to have a peg by its name or by its drawing's file; nothing for the cell's own."""
+    """The fields of a cell's file for a peg by its name or by its drawing's file; nothing for the cell's own."""
     return {} if peg == DEFAULT_PEG else {"cell": {"peg": peg_section(peg)}}
 
 
@@ -75,6 +77,6 @@ def cell_content(base_text: str, condition: Condition, peg: str = DEFAULT_PEG) -
     # a section without content is None in YAML
     base = {name: {} if section is None else section for name, section in base.items()}
     if peg != DEFAULT_PEG and "cell" in base:
-        # another peg has nothing of the cell's own
+        # another peg keeps no field of the cell's own peg
         base["cell"] = {name: value for name, value in base["cell"].items() if name != "peg"}
     return merged(merged(base, peg_overrides(peg)), condition.overrides)

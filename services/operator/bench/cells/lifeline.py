@@ -13,13 +13,13 @@ from pathlib import Path
 
 
 def main(project: str, folder: Path) -> None:
-    """Wait for the end of the pipe, then stop the stack, if it still is, and remove its folder."""
+    """Wait for the end of the pipe, then stop the stack, if it still runs, and remove its folder."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     sys.stdin.buffer.read()
     if not folder.exists():
         return
-    # only now: a helper that usually has nothing to do shall cost nothing
+    # imported only now: a helper that usually does nothing should cost nothing
     from deploy.launcher import LauncherError, stop_stack
 
     with contextlib.suppress(LauncherError, OSError):

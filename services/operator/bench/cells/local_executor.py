@@ -25,13 +25,13 @@ def usable_cores() -> int:
 
 
 def _serve(connection: Connection, index: int, core: int | None) -> None:
-    """The worker's process: do what comes until the pipe closes."""
+    """The worker's process: do the tasks that come until the pipe closes."""
     if core is not None and hasattr(os, "sched_setaffinity"):
-        # the stack that it starts inherits this
+        # the stack that it starts inherits this core
         os.sched_setaffinity(0, {core})
 
     def on_term(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # closing the cell is not to be interrupted
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # closing the cell must not be interrupted
         raise SystemExit(0)
 
     signal.signal(signal.SIGTERM, on_term)

@@ -1,4 +1,6 @@
-"""A cell of a worker's own: its stack, its router, its key prefix, and a sensor calibrated the same way every time."""
+"""A cell that belongs to a worker: its stack, its router, its key prefix, and a sensor calibrated the same way every
+time.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ from crosspih_common.modules import module_command
 from deploy.launcher import LauncherError, StackRequest, StateDirectory, start_stack, stop_stack
 from services.operator.assembly.session import NEEDED, Session
 
-SPEEDS = ("realtime", "max")  # that a stack can be started at
+SPEEDS = ("realtime", "max")  # the speeds at which a stack can be started
 START_DEADLINE_S = 120.0
 CALIBRATION_SEED = 0
 CALIBRATION_DWELL_S = 0.25
@@ -32,12 +34,12 @@ _LOG_LINES = 6
 
 @dataclass(frozen=True)
 class CellTask:
-    """Something to do in a cell.
+    """A task to do in a cell.
 
     `work(session, payload)` runs in the worker's process: a function of a module, with a result that can be pickled.
     `content` is the cell's file as a mapping; tasks with equal contents and services share a stack. With `calibrate`
     the F/T sensor is calibrated when the stack has come up, always from the same seed. `speed` is max or realtime, or
-    empty for a cell whose hardware has no clock: cameras alone.
+    empty for a cell whose hardware has no clock, such as cameras alone.
     """
 
     label: str
@@ -56,14 +58,14 @@ class CellTask:
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
-    """A port of 127.0.0.1 that nobody has now."""
+    """A port of 127.0.0.1 that is free now."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def content_for(content: dict[str, Any], name: str, folder: Path) -> dict[str, Any]:
-    """The cell's file for a cell of this name, which keeps its calibration in a folder of its own."""
+    """The cell's file for a cell of this name, which keeps its calibration in a separate folder."""
     cell = dict(content.get("cell") or {})
     force_torque = dict(content.get("force_torque") or {})
     cell["name"] = name
@@ -74,7 +76,7 @@ def content_for(content: dict[str, Any], name: str, folder: Path) -> dict[str, A
 class OwnCell:
     """One stack at the task's speed, from `start` to `close`. It sets the process's CROSSPIH_ variables.
 
-    A helper process holds a pipe from this one: should this one be killed, it stops the stack.
+    A helper process holds a pipe from this one: if this one is killed, the helper stops the stack.
     """
 
     def __init__(self, index: int, task: CellTask) -> None:
@@ -99,12 +101,12 @@ class OwnCell:
         path = self._folder / "cell.yaml"
         content = content_for(self._task.content, self._name, self._folder)
         path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        # what the file says wrong is said here, not by five services
+        # report errors of the file here once, not by five services
         load_cell(path)
         root = str(Path(deploy.__file__).resolve().parent.parent)
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         os.environ.update(CROSSPIH_CELL=str(path), CROSSPIH_ENDPOINT=endpoint, CROSSPIH_SPEED=self._task.speed)
-        # where the work finds the stack's state
+        # for the work to find the stack's state
         os.environ["CROSSPIH_RUN_DIR"] = str(self._folder / "run")
         os.environ["PYTHONPATH"] = os.pathsep.join(
             dict.fromkeys([root, *os.environ.get("PYTHONPATH", root).split(":")])
@@ -124,7 +126,7 @@ class OwnCell:
         return session
 
     def last_words(self) -> str:
-        """The last lines of the log of each service that wrote of an error; empty when none did."""
+        """The last lines of the log of each service that logged an error; empty when none did."""
         said = []
         for service, tail in StateDirectory(self._name, self._folder / "run").tails().items():
             lines = [line.text for line in tail.read()]
@@ -137,10 +139,10 @@ class OwnCell:
         if self._session is not None:
             self._session.bus.close()
             self._session = None
-        # what is gone already needs no stop
+        # a stack that is already gone needs no stop
         with contextlib.suppress(CrosspihError, LauncherError):
             stop_stack(self._name, self._folder / "run")
-        # without the folder the lifeline has nothing to do
+        # once the folder is removed the lifeline has nothing to do
         shutil.rmtree(self._folder, ignore_errors=True)
         if self._lifeline is not None:
             assert self._lifeline.stdin is not None

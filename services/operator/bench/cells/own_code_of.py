@@ -1,4 +1,4 @@
-"""The code of people's own that has a say in a trial: strategies, estimators and networks by name, by their content."""
+"""The user's own code that affects a trial: strategies, estimators and networks by name, by their content."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ SETTINGS = ("estimator", "network")  # of the section inference
 
 
 def own_code_of(content: dict[str, Any], strategy: AnyStrategy) -> dict[str, str]:
-    """{what: digest of its sources}, empty where all is ours. Raises ConfigError where one cannot be found here."""
+    """{name: digest of its sources}, empty where no such code is used. Raises ConfigError where one cannot be found
+    here.
+    """
     found = {}
     if isinstance(strategy, OwnStrategy):
         found[f"strategy {strategy}"] = content_digest("strategy", strategy, ENTRY_POINTS)

@@ -1,4 +1,4 @@
-"""Tasks over cells: which cell does what next, once more where a cell was lost, nothing lost when stopped."""
+"""Assigns tasks to cells, repeats them once where a cell was lost, and loses no result when stopped."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.operator.bench.cells.ray_executor import RayExecutor
 from services.operator.bench.cells.worker import Outcome
 
 TRIES = 2
-# a kind of cell that has lost so many tasks for good, and done none, will do none
+# a kind of cell that has lost this many tasks for good, and done none, is given up
 HOPELESS = 2
 _POLL_S = 0.5
 
@@ -43,10 +43,10 @@ class Executor(Protocol):
 
 
 class Watcher(Protocol):
-    """Who wants to know how it goes."""
+    """Is informed of the progress."""
 
     def began(self, cell: int, task: CellTask, new_cell: bool) -> None:
-        """A cell has taken a task; `new_cell`: it brings a stack up first."""
+        """A cell has taken a task; `new_cell`: it starts a stack first."""
 
     def ended(self, cell: int, task: CellTask, outcome: Outcome, again: bool) -> None:
         """A cell has done a task, or lost it; `again`: it will be tried once more."""
@@ -65,7 +65,7 @@ def open_executor(
 
 
 class _Queue:
-    """What is still to do, by the cell that it wants."""
+    """The remaining tasks, by the cell that they need."""
 
     def __init__(self, tasks: Sequence[CellTask]) -> None:
         self._tasks = tasks
@@ -86,7 +86,8 @@ class _Queue:
 
     def take(self, current: int | None) -> int | None:
         """The next task for a cell whose last one was `current`: of the same kind, else of the kind that has the most
-        left for each cell that is at it."""
+        left per cell that works on it.
+        """
         number = None if current is None else self._kind_of[current]
         if number is None or not self._kinds[number]:
             if number is not None:
@@ -99,14 +100,14 @@ class _Queue:
         return self._kinds[number].pop(0)
 
     def done(self, index: int) -> None:
-        """Its kind of cell works; what was given up of that kind is to be done after all."""
+        """A task is done, so its kind of cell works: its tasks that were given up are tried after all."""
         number = self._kind_of[index]
         self._done[number] += 1
         self._kinds[number] += self._given_up[number]
         self._given_up[number] = []
 
     def lost(self, index: int, why: str) -> None:
-        """Lost for good. Of a kind whose cells never come to anything the rest is given up."""
+        """A task is lost for good. If this kind of cell has never done a task, the rest of its tasks are given up."""
         number = self._kind_of[index]
         self._lost[number] += 1
         if self._done[number] == 0 and self._lost[number] >= HOPELESS:
@@ -115,23 +116,24 @@ class _Queue:
             self._why_given_up[number] = why
 
     def given_up(self) -> dict[int, str]:
-        """What was not tried, by index, with why."""
+        """The tasks that were not tried, by index, with the reason."""
         pairs = zip(self._given_up, self._why_given_up, strict=True)
         return {index: f"not tried, for {why}" for kind, why in pairs for index in kind}
 
     def again(self, index: int) -> None:
-        """To be done once more, first of its kind: should no cell of that kind come up, that is soon known."""
+        """Repeat a task, as the first of its kind: if no cell of that kind comes up, that is soon known."""
         self._kinds[self._kind_of[index]].insert(0, index)
 
 
 def run_in_cells(
     tasks: Sequence[CellTask], executor: Executor, on_result: Callable[[int, Any], object], watcher: Watcher
 ) -> dict[int, str]:
-    """Do all tasks; `on_result(index, result)` is called as each is done. Returns what was lost, by index, with why.
+    """Do all tasks; `on_result(index, result)` is called as each is done. Returns the lost tasks by index, with the
+    reason.
 
     A task whose cell is lost is tried once more on a new stack. When a kind of cell has never done a task and has lost
     several, its other tasks are given up untried, unless one that was still running is done after all. The executor
-    stays open. A KeyboardInterrupt comes through: what was told to `on_result` by then is done, the rest is not.
+    stays open. A KeyboardInterrupt is passed on: only the results given to `on_result` by then are done.
     """
     queue = _Queue(tasks)
     running: dict[int, int] = {}

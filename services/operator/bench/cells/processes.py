@@ -20,7 +20,7 @@ class ProcessResources(BaseModel):
 
 
 def held_by(pid: int) -> ProcessResources | None:
-    """Of one process; None where it has ended."""
+    """The resources of one process; None where it has ended."""
     folder = Path(f"/proc/{pid}")
     try:
         fields = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines() if ":" in line)
@@ -34,7 +34,7 @@ def held_by(pid: int) -> ProcessResources | None:
 
 
 def held_by_services(project: str) -> dict[str, ProcessResources]:
-    """Of each service of a stack that runs; empty where the launcher's state cannot be read."""
+    """The resources of each service of a running stack; empty where the launcher's state cannot be read."""
     state = StateDirectory(project).read()
     if state is None:
         return {}
@@ -43,6 +43,6 @@ def held_by_services(project: str) -> dict[str, ProcessResources]:
 
 
 def restarts_of(project: str) -> dict[str, int]:
-    """How often the launcher started each service again."""
+    """How often the launcher has restarted each service."""
     state = StateDirectory(project).read()
     return {} if state is None else {row.service: row.restarts for row in state.services}

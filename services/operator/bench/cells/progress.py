@@ -1,4 +1,4 @@
-"""How a run in cells goes, for people: a bar for the whole, and what each cell is at."""
+"""The progress of a run in cells, for people: a bar for the whole, and the current task of each cell."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class CellsProgress:
         self._states: dict[int, str] = {}
 
     def say(self, text: str, style: str = "") -> None:
-        """A line above the bar."""
+        """Print a line above the bar."""
         if self._console is not None:
             self.bar.console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
 
     def taken_over(self, total: int, known: int) -> None:
-        """How many there are, and how many of them are known from before."""
+        """The number of tasks, and how many of them were taken from the store."""
         if known:
             self.say(f"{known} of {total} taken over from before")
         self._task = self.bar.add_task(self.title, total=total, completed=known)
 
     def describe(self, title: str) -> None:
-        """What stands before the bar."""
+        """Set the text before the bar."""
         self.title = title
         self._update()
 

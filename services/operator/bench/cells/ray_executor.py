@@ -30,7 +30,7 @@ class _Actor:
         self._worker = CellWorker(index)
 
     def code_version(self) -> str:
-        """Of the code that is installed where this actor lives."""
+        """The version of the code that is installed where this actor runs."""
         return code_version()
 
     def run(self, task: CellTask) -> Outcome:
@@ -44,9 +44,9 @@ class _Actor:
 
 class RayExecutor:
     """Implements Executor with Ray's actors, one core each. `address` names a running cluster; without one, Ray is
-    started for this process, on the loopback interface only. Without `cells`, one for every core that Ray has.
+    started for this process, on the loopback interface only. Without `cells`, there is one per core that Ray has.
 
-    Raises ConfigError when Ray is missing, the cluster cannot be reached, or a machine of it has other code.
+    Raises ConfigError when Ray is missing, the cluster cannot be reached, or one of its machines has other code.
     """
 
     def __init__(self, cells: int | None, address: str | None = None) -> None:

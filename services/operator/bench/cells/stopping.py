@@ -1,4 +1,4 @@
-"""However a bench is told to end, what it started ends with it: workers, their stacks, what keeps cores busy."""
+"""However a bench is stopped, everything that it started ends with it: workers, their stacks, and load processes."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 @contextmanager
 def stopped_in_order() -> Iterator[None]:
-    """SIGINT (Ctrl-C), SIGTERM and SIGHUP alike raise KeyboardInterrupt, once: what they end closes its cells then, and
-    more of them only say that this takes some seconds. One that is ignored, as by `nohup`, still is. Main thread only.
+    """SIGINT (Ctrl-C), SIGTERM and SIGHUP alike raise KeyboardInterrupt, once; the interrupted code then closes its
+    cells. Further signals only print that this takes some seconds. A signal that is ignored, as by `nohup`, stays
+    ignored. Main thread only.
     """
     told: list[int] = []
 
@@ -26,7 +27,7 @@ def stopped_in_order() -> Iterator[None]:
         told.append(number)
         if len(told) == 1:
             raise KeyboardInterrupt
-        # not by print: the signal may have come in the middle of one
+        # without print: the signal may have come in the middle of one
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, b"stopping what was started, some seconds\n")
 
     before: dict[signal.Signals, Any] = {number: signal.getsignal(number) for number in ENDINGS}
@@ -41,9 +42,10 @@ def stopped_in_order() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """In a process that `multiprocessing` started: from now on SIGTERM reaches it when its parent is gone, however that
-    ended. What it was at ends as the process's own handler of SIGTERM says. Ctrl-C and a terminal that closes reach the
-    whole group: the parent decides when this one ends."""
+    """For a process that `multiprocessing` started: from now on it gets SIGTERM when its parent is gone, however that
+    ended. Its own handler of SIGTERM decides how its work ends. Ctrl-C and a closing terminal reach the whole group,
+    and are ignored here: the parent decides when this process ends.
+    """
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     parent = multiprocessing.parent_process()

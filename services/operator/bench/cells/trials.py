@@ -1,4 +1,4 @@
-"""Trials side by side in cells of their own, resumed from what a store already has."""
+"""Trials side by side in separate cells, without those that a store already has."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from services.operator.bench.cells.progress import CellsProgress
 from services.operator.cell.which_cell import cell_path
 from services.operator.scoring.score import TrialFigures
 
-# on these a trial's figures differ from run to run: all else is the same to the last bit
+# these figures differ from run to run: all others are equal to the last bit
 WALL_FIGURES = ("thinking_s", "duration_s", "wall_s", "challenge_score")
 DEFAULT_STORE = Path("results/trials.jsonl")
 
 
 class TrialJob(BaseModel):
-    """One trial: all that decides how it ends, but for the cell's file and the code."""
+    """One trial: everything that determines its result, except for the cell's file and the code."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -38,11 +38,11 @@ class TrialJob(BaseModel):
     strategy: AnyStrategy = Strategy.FUSED
     condition: Condition = Condition()
     peg: str = DEFAULT_PEG
-    known: PosePrior | None = None  # where the hole is, for the strategy known_pose
+    known: PosePrior | None = None  # the pose of the hole, for the strategy known_pose
 
 
 class TrialsEnded(CrosspihError):
-    """Not all trials could be made; `done` holds those that were, and the store has them."""
+    """Not all trials could be made; `done` holds those that were, and the store has them too."""
 
     def __init__(self, text: str, done: list[tuple[TrialJob, TrialFigures]]) -> None:
         super().__init__(text)
@@ -54,8 +54,8 @@ class TrialsStopped(TrialsEnded):
 
 
 def base_cell_text() -> str:
-    """The cell's file that conditions are made from: that of CROSSPIH_CELL, or the default, such that it can be written
-    elsewhere. Raises ConfigError.
+    """The cell's file from which conditions are made: that of CROSSPIH_CELL, or the default; valid also when written to
+    another folder. Raises ConfigError.
     """
     path = Path(cell_path())
     try:
@@ -71,8 +71,8 @@ def base_cell_text() -> str:
 
 
 def trial_key(content: dict[str, Any], job: TrialJob, code: str) -> str:
-    """Under what a trial is kept. Neither the cell's own name nor the condition's has a say, and of the files that the
-    cell names (weights, drawings, pictures, calibrations) what is in them has it.
+    """The key under which a trial is stored. The names of the cell and of the condition do not count. Of the files that
+    the cell names (weights, drawings, pictures, calibrations) the content counts.
     """
     identity: dict[str, Any] = {
         "content": cell_identity(content), "seed": job.seed, "strategy": job.strategy.value, "code": code,
@@ -89,8 +89,9 @@ class ServiceLost(CrosspihError):
 
 
 def run_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
-    """One trial in a worker's cell: `payload` has seed, strategy, record and what is known of the hole; returns
-    TrialFigures as plain data."""
+    """One trial in a worker's cell: `payload` has seed, strategy, record and the known pose of the hole; returns
+    TrialFigures as plain data.
+    """
     known = None if payload["known"] is None else PosePrior.model_validate(payload["known"])
     figures, _ = session.trial(payload["seed"], strategy_of(payload["strategy"]), payload["record"], known=known)
     if figures.failure == Failure.SERVICE_LOST.value:
@@ -127,9 +128,9 @@ def run_trials(
     progress: CellsProgress | None = None,
     one_core_each: bool = False,
 ) -> list[TrialFigures]:
-    """The figures of all jobs, in their order. Jobs that the store has are not done again (but for recorded ones).
+    """The figures of all jobs, in their order. Jobs that the store has are not done again (except recorded ones).
 
-    `cells`: how many side by side, one a core when None; with `one_core_each` a local cell never leaves its core.
+    `cells`: how many side by side, one per core when None; with `one_core_each` a local cell never leaves its core.
     `on_done` is called for each new trial as it ends. Raises TrialsEnded when a trial was lost twice, after all others
     are done; TrialsStopped on Ctrl-C; ConfigError.
     """
@@ -148,7 +149,7 @@ def run_trials(
         index = left[position]
         figures = TrialFigures.model_validate(result)
         job = jobs[index]
-        # weights that were trained anew meanwhile are another trial's
+        # a trial with weights that were trained anew meanwhile is another trial
         if store is not None and watch.unchanged() and trial_key(contents[index], job, code) == keys[index]:
             store.put(
                 keys[index], result, code=code, took_s=figures.wall_s, seed=job.seed, strategy=job.strategy.value,

@@ -1,4 +1,4 @@
-"""What does a cell's tasks, whichever executor asks: it keeps its cell as long as they want the same one."""
+"""Does the tasks of a cell for any executor: it keeps its cell as long as the tasks need the same one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from services.operator.bench.cells.own_cell import CellTask, OwnCell
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a task: a result, or in `lost` why there is none. `start_s` is what bringing the cell up took."""
+    """The outcome of a task: a result, or in `lost` the reason why there is none. `start_s` is the time to start the
+    cell.
+    """
 
     result: Any = None
     lost: str | None = None
@@ -23,7 +25,7 @@ class Outcome:
 
 
 class CellWorker:
-    """Owns one cell at a time. A task that fails takes its cell with it: the next one gets a new stack."""
+    """Owns one cell at a time. A task that fails ends its cell too: the next one gets a new stack."""
 
     def __init__(self, index: int) -> None:
         self._index = index
@@ -32,7 +34,7 @@ class CellWorker:
         self._task: CellTask | None = None
 
     def run(self, task: CellTask) -> Outcome:
-        """Do a task; never raises for what can happen to a cell."""
+        """Do a task; never raises for failures of a cell."""
         started = time.monotonic()
         start_s = 0.0
         try:

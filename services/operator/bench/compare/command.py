@@ -29,11 +29,11 @@ POORLY = f"off by {POOR['lateral_m'] * 1e3:g} mm and {math.degrees(POOR['rotatio
 
 
 class Vision(str, Enum):
-    """How well the cell sees."""
+    """How well the cameras work."""
 
-    GOOD = "good"  # as it is
-    POOR = "poor"  # every pose found is off by a normal error with POOR's standard deviations, and says so
-    OFF = "off"  # nothing is seen: the cell's drawing is all there is
+    GOOD = "good"  # unchanged
+    POOR = "poor"  # every pose found has a normal error with POOR's standard deviations, and reports these
+    OFF = "off"  # nothing is seen: only the cell's drawing is known
 
 
 CONDITIONS = {
@@ -41,7 +41,7 @@ CONDITIONS = {
     Vision.POOR: Condition(name=f"poor vision: {POORLY}", overrides={"vision": {"extra_noise": POOR}}),
     Vision.OFF: Condition(name="no vision", overrides={"vision": {"enabled": False}}),
 }
-# in the order of the table: from blind to informed
+# in the order of the table: from no information to full
 STRATEGIES = (
     Strategy.STRAIGHT,
     Strategy.VISION_ONLY,
@@ -55,7 +55,7 @@ STRATEGIES = (
 )
 
 
-# who asks what may be somebody's own; a strategy of somebody's own may ask both
+# strategies that may use somebody's own code; a strategy of somebody's own may use both
 ASKS = {
     "estimator": (Strategy.FUSED, Strategy.FORCE_ALONE),
     "network": (Strategy.PAPER, Strategy.NETWORK_SPIRAL),
@@ -119,7 +119,7 @@ def compare(
 def _rows(
     strategies: Sequence[AnyStrategy], condition: Condition, own: Mapping[str, Sequence[str]]
 ) -> list[tuple[AnyStrategy, Condition]]:
-    """Each strategy, and after it the same with each estimator or network of somebody's own that it would ask."""
+    """Each strategy, and after it the same with each estimator or network of somebody's own that it can use."""
     found = []
     for one in strategies:
         found.append((one, condition))

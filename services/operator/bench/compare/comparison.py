@@ -17,7 +17,7 @@ OF_INSERTED = ("duration_s", "motion_s", "final_error_mm", "final_error_deg")
 
 
 class ComparedStrategy(BaseModel):
-    """A strategy under a condition. `all` is over every trial, `inserted` over those that are in, if any."""
+    """A strategy under a condition. `all` is over every trial, `inserted` over those that inserted, if any."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -38,7 +38,7 @@ class Comparison(BaseModel):
     rows: list[ComparedStrategy]
 
     def of(self, condition: str) -> list[ComparedStrategy]:
-        """The rows of a condition, in the order in which their first trials were asked for."""
+        """The rows of a condition, in the order of their first trials."""
         return [row for row in self.rows if row.condition == condition]
 
 
@@ -57,7 +57,7 @@ def compare_strategies(seed: int, done: Sequence[tuple[TrialJob, TrialFigures]])
 
 
 def row_name(job: TrialJob) -> str:
-    """The strategy, and what of somebody's own answers in place of ours."""
+    """The strategy, and the name of somebody's own code that it uses."""
     inference = job.condition.overrides.get("inference", {})
     own = [str(inference[setting]) for setting in SETTINGS if inference.get(setting)]
     return " with ".join([job.strategy.value, *own])
@@ -70,7 +70,7 @@ def _row(seed: int, condition: str, strategy: str, trials: list[TrialFigures]) -
         condition=condition,
         strategy=strategy,
         all=summarise(strategy, seed, trials),
-        # their trials stand in `all` already
+        # their trials are already in `all`
         inserted=summarise(strategy, seed, inserted).model_copy(update={"each": []}) if inserted else None,
         mean_score=float(np.mean(scores)) if scores else None,
     )

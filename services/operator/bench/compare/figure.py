@@ -1,4 +1,4 @@
-"""A comparison as a picture: success with its interval, time, peak force and score, a colour a condition."""
+"""A comparison as a picture: success with its interval, time, peak force and score, one colour per condition."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 COLOURS = ("#3b6ea5", "#d08a2e", "#8a8a8a", "#4f8f5b", "#a14d6e")
 SUFFIXES = (".png", ".svg", ".pdf")
 TICKS_S = (5.0, 10.0, 20.0, 50.0, 100.0)
-BAND = 0.8  # of a row's height
+BAND = 0.8  # share of a row's height
 
 
 def check_suffix(path: Path) -> None:
-    """Raises ConfigError for a name that says no format known here."""
+    """Raises ConfigError for a file name without a known picture format."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigError(f"--picture {path}: want a name that ends in {', '.join(SUFFIXES)}")
 
@@ -37,7 +37,7 @@ def save_figure(comparison: Comparison, path: Path) -> None:
 
 def draw(comparison: Comparison) -> Figure:
     """Four panels that share the strategies."""
-    # only a command that draws waits for this
+    # imported here: only a command that draws waits for it
     from matplotlib.figure import Figure
 
     strategies = list(dict.fromkeys(row.strategy for row in comparison.rows))
@@ -85,10 +85,10 @@ def _success(axes: Axes, row: ComparedStrategy, y: float, height: float, colour:
     rate = 100.0 * row.all.success_rate
     low, high = 100.0 * row.all.wilson95_low, 100.0 * row.all.wilson95_high
     axes.barh(y, rate, 0.85 * height, color=colour)
-    # rounding may put the rate a hair outside its own interval
+    # rounding may put the rate slightly outside its own interval
     axes.errorbar(
         rate, y, xerr=[[max(rate - low, 0.0)], [max(high - rate, 0.0)]], ecolor="black", elinewidth=0.9, capsize=2.0,
-        # a bar of no length has no colour
+        # a bar of length zero has no colour
         fmt="s", markersize=4.0, color=colour, clip_on=False, zorder=3.0,
     )  # fmt: skip
 

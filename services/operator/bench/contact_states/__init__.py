@@ -1,1 +1,3 @@
-"""Contact states made on purpose in the cell: aimed, pushed, labelled by the true contact points, and judged."""
+"""Contact states produced on purpose in the cell: aimed, pushed, labelled by the true contact points,
+and classified.
+"""

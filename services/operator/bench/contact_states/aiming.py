@@ -1,7 +1,7 @@
-"""Which arms a push will make touch: taper edges on side rims, an elastic wrist, forces that only press.
+"""Predicts which arms a push makes touch: taper edges on side rims, an elastic wrist, forces that only press.
 
-A first guess for choosing pose errors, not a label: what touched is read from the simulator's contact points. The wrist
-is driven along the peg's axis; at a travel s the forces solve f >= 0, gap >= 0, f gap = 0 with gap = g(s) + J C J^T f
+A first guess for choosing pose errors, not a label: the label comes from the simulator's contact points. The wrist is
+driven along the peg's axis; at a travel s the forces solve f >= 0, gap >= 0, f gap = 0 with gap = g(s) + J C J^T f
 (projected Gauss-Seidel), linearised anew at the deflected pose.
 """
 
@@ -19,7 +19,7 @@ from crosspih_common.geometry.pose import Array
 SWEEPS = 12
 STEPS = 9
 Z = np.array([0.0, 0.0, 1.0])
-# an edge that presses with less of the largest force is not counted as touching
+# an edge that presses with a smaller share of the largest force does not count as touching
 MIN_SHARE = 0.03
 FAR_M = 1.0
 
@@ -27,7 +27,7 @@ FAR_M = 1.0
 @dataclass(frozen=True, slots=True, eq=False)
 class AimedPushes:
     """N pushes: angles_rad (N, 3) alpha, beta, gamma; lateral_m (N, 2) of the tip-ward axis at the rim; travel_m (N,)
-    from the axis point `ahead_m` short of the rim to first contact; wanted_n (N,) the |F| to go to; force_n (N, 8) on
+    from the axis point `ahead_m` short of the rim to first contact; wanted_n (N,) the target |F|; force_n (N, 8) on
     each edge there.
     """
 
@@ -50,7 +50,7 @@ def pattern_of(arms: tuple[int, ...], sense: int) -> int:
 
 
 def start_translation_m(rotation_hole_peg: Array, lateral_m: Array, ahead_m: float) -> Array:
-    """(N, 3): the peg frame's origin such that the axis meets the face's plane at lateral_m, `ahead_m` further on."""
+    """(N, 3): the peg frame's origin for which the axis meets the face's plane at lateral_m, `ahead_m` further on."""
     axis = rotation_hole_peg[..., :, 2]
     meets = np.concatenate([lateral_m, np.zeros((*lateral_m.shape[:-1], 1))], axis=-1)
     return np.asarray(meets - axis * (ahead_m / axis[..., 2:]))
@@ -74,7 +74,7 @@ def predict_pushes(
     axis = rotation[:, :, 2]
     first = edges.at(rotation, start)
     closing = -np.einsum("nki,i->nk", first.normal_peg, Z)
-    # moving along a straight line keeps normals, so the gap shrinks linearly
+    # motion along a straight line keeps normals, so the gap shrinks linearly
     reach = np.where(closing > 1e-6, first.gap_m / np.maximum(closing, 1e-6), np.inf)
     on_both = edges.at(rotation[:, None], start[:, None] + reach_or_zero(reach)[..., None] * axis[:, None])
     hits = np.where(np.einsum("nkk->nk", on_both.on_both), reach, np.inf)
@@ -84,7 +84,7 @@ def predict_pushes(
 
     n = len(rotation)
     forces = np.zeros((n, 8))
-    step = force_n * 1.2e-5  # the deflection of a stiffish wrist; adapted below
+    step = force_n * 1.2e-5  # the deflection of a fairly stiff wrist; adapted below
     further = np.zeros(n)
     wrench = np.zeros((n, 6))
     for _ in range(STEPS):
@@ -101,7 +101,7 @@ def predict_pushes(
         forces = _gauss_seidel(coupling, gap, forces)
         wrench = np.einsum("nk,nki->ni", forces, pressing)
         size = np.linalg.norm(wrench[:, :3], axis=1)
-        # on to the wanted force by the slope so far
+        # extrapolate to the target force by the slope so far
         slope = np.maximum(size, 0.3) / np.maximum(further, 1e-6)
         step = np.clip((force_n - size) / slope, -0.5 * further, np.maximum(further, 2e-4))
     forces[~found] = 0.0
@@ -109,7 +109,7 @@ def predict_pushes(
 
 
 def reach_or_zero(reach_m: Array) -> Array:
-    """Travels with the infinite ones put to zero, so that geometry can be asked for."""
+    """Travels with the infinite ones set to zero, so that geometry can be computed."""
     return np.where(np.isfinite(reach_m), reach_m, 0.0)
 
 

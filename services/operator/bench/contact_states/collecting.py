@@ -1,4 +1,4 @@
-"""Collect contacts over cells side by side, resumably, until every state has enough."""
+"""Collects contacts in cells side by side until every state has enough; can be resumed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from services.operator.bench.contact_states.pushing import NEEDED, PushResult, P
 
 CHUNK = 20
 ROUNDS = 7
-MADE_BY = ("services.operator.bench.contact_states",)  # beside the cell's own code
+MADE_BY = ("services.operator.bench.contact_states",)  # sources that count besides the cell's own code
 SPARE = 4.0
 
 
@@ -48,7 +48,7 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class CollectionPlan:
-    """How much to collect: contacts a state in all, random pushes and the seed, over these stiffnesses of the arm."""
+    """How much to collect: contacts per state in all, random pushes and the seed, over these stiffnesses of the arm."""
 
     each: int
     random: int
@@ -57,7 +57,7 @@ class CollectionPlan:
 
 
 def stiffness_condition(workcell: Workcell, stiffness_n_mm: float) -> Condition:
-    """The cell whose arm holds the peg that hard sideways at the rim; 0 leaves it as it is."""
+    """The cell whose arm holds the peg with this lateral stiffness at the rim; 0 leaves it unchanged."""
     if stiffness_n_mm == 0.0:
         return Condition(name="the cell's own")
     factor = stiffness_n_mm * 1e3 / lateral_stiffness_n_m(workcell)
@@ -107,7 +107,7 @@ class Collection:
         return self._plans[stiffness]
 
     def contacts(self) -> list[Contact]:
-        """All pushes that were made so far and touched something, in the order of the plan."""
+        """All pushes so far that touched something, in the order of the plan."""
         found = []
         for stiffness, task in self._all():
             kept = self._store.get(self._key(stiffness, task))
@@ -132,7 +132,7 @@ class Collection:
         return result_key({"cell": cell, "task": task.model_dump(mode="json"), "code": self._code})
 
     def _next(self, part: float) -> list[tuple[float, PushTask]]:
-        """What to push now: for each stiffness as many of each state as are short of this part of its share."""
+        """The next pushes: for each stiffness as many of each state as are missing from this part of its share."""
         made: Counter[tuple[float, str]] = Counter()
         total: Counter[str] = Counter()
         for contact in self.contacts():
@@ -154,7 +154,7 @@ class Collection:
         return todo if todo or part < 1.0 else self._fill_up(total)
 
     def _fill_up(self, total: Counter[str]) -> list[tuple[float, PushTask]]:
-        """States that one stiffness cannot make often enough are made with the others."""
+        """States that one stiffness cannot produce often enough are produced with the others."""
         todo: list[tuple[float, PushTask]] = []
         taken: Counter[str] = Counter()
         for stiffness, task in self._all():
@@ -166,13 +166,13 @@ class Collection:
         return todo
 
     def collect(self, cells: int | None, executor: ExecutorName, ray_address: str | None) -> list[str]:
-        """Push until every state has enough, in at most a few rounds. Returns what was lost, in words."""
+        """Push until every state has enough, in at most a few rounds. Returns the lost tasks, in words."""
         lost: list[str] = []
         self.contacts()
         if said := self._store.reuse_summary(self._code):
             self._console.print(said, highlight=False)
         for number in range(ROUNDS):
-            # half of all first, so that an early stop leaves something of everything
+            # first half of everything, so that an early stop leaves something of each state
             part = 0.5 if number == 0 else 1.0
             todo = self._next(part)
             if not todo and part == 1.0:

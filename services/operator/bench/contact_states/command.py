@@ -69,7 +69,7 @@ def states(
     figures = summarise(judged)
     figures["by_geometry"] = {f"{one:g}": arms_aimed_at(collection.plan(one)) for one in sorted(wanted.stiffness_n_mm)}
     purposed = [one for one in judged if one.contact.result.target != RANDOM]
-    # matplotlib takes its time to load: other commands should not wait for it
+    # matplotlib takes time to load: other commands should not wait for it
     from services.operator.bench.contact_states.figures import draw_bands, draw_confusion, draw_reliability
 
     draw_confusion(judged, confusion or folder / "confusion.png")

@@ -22,7 +22,7 @@ _DPI = 110
 
 
 def draw_confusion(judged: Sequence[Judged], path: Path) -> None:
-    """Both classifiers side by side: each row the shares of one true state."""
+    """Both classifiers side by side: each row shows the shares of one true state."""
     figure = Figure(figsize=(17.5, 8.6), layout="constrained")
     for column, classifier in enumerate(CLASSIFIERS):
         axes = figure.add_subplot(1, 2, column + 1)
@@ -50,8 +50,8 @@ def draw_confusion(judged: Sequence[Judged], path: Path) -> None:
 
 
 def draw_bands(judged: Sequence[Judged], friction: float, path: Path) -> None:
-    """n_z0 of contacts with one to four arms of one sense, and of none of the 26, by stiffness; the paper's bands, and
-    where the friction coefficient expected takes them.
+    """n_z0 of contacts with one to four arms of one sense, and of none of the 26, by stiffness; with the paper's bands,
+    and these bands for the expected friction coefficient.
     """
     figure = Figure(figsize=(11.0, 5.6), layout="constrained")
     axes = figure.add_subplot()
@@ -99,7 +99,7 @@ def _violin(axes: Axes, values: list[float], place: float, colour: str) -> None:
 
 
 def draw_reliability(judged: Sequence[Judged], path: Path) -> None:
-    """Confidence given against share right, of named states."""
+    """Stated confidence against the share that is right, for named states."""
     figure = Figure(figsize=(5.4, 5.0), layout="constrained")
     axes = figure.add_subplot()
     axes.plot([0.0, 1.0], [0.0, 1.0], color="#999999", linewidth=0.8)

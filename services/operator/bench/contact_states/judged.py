@@ -1,4 +1,4 @@
-"""The contacts of a collection judged over the bus, by both classifiers, in the cell that made them."""
+"""The contacts of a collection classified over the bus, by both classifiers, in the cell that made them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CLASSIFIERS = (ContactClassifier.RULE, ContactClassifier.LIKELIHOOD)
 
 @dataclass(frozen=True, slots=True)
 class StateVerdict:
-    """What a classifier said: a state's name or "none", how sure, and why none."""
+    """The answer of a classifier: a state's name or "none", the confidence, and the reason for none."""
 
     name: str
     confidence: float
@@ -40,7 +40,7 @@ class StateVerdict:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A contact, what truly touched, and what each classifier said."""
+    """A contact, its true state, and the answer of each classifier."""
 
     contact: Contact
     verdicts: dict[ContactClassifier, StateVerdict]
@@ -72,7 +72,9 @@ def judge_wrenches(session: Session, wrenches: tuple[tuple[tuple[float, ...], tu
 
 
 def judge(collection: Collection, folder: Path, cells: int | None, console: Console) -> list[Judged]:
-    """All contacts of a collection, judged by the code that runs here; what was judged by it before is taken over."""
+    """All contacts of a collection, classified by the code that runs here; earlier answers of the same code are taken
+    over.
+    """
     contacts = collection.contacts()
     version = code_version(*MADE_BY)
     stiffnesses = dict.fromkeys(contact.stiffness_n_mm for contact in contacts)

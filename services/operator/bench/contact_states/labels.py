@@ -19,7 +19,8 @@ STEEPEST_SIDE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class TrueState:
-    """`name` as in Tables 2-5, or "none" with why; `touching`: the arm, the kind of touch and the force on it, N.
+    """`name` as in Tables 2-5, or "none" with the reason; `touching`: the arm, the kind of touch and the force on it,
+    N.
 
     Kinds: "side 1", "side 2" (taper on a side wall, by sense), "body 1", "body 2" (the body on it), "end" (the end of
     an arm on the end wall), "face" (the outer face, the chamfer or a corner on them).
@@ -31,7 +32,7 @@ class TrueState:
 
     @property
     def arms(self) -> tuple[int, ...]:
-        """The arms that touch, ascending."""
+        """The arms that touch, in ascending order."""
         return tuple(sorted({arm for arm, _, _ in self.touching}))
 
 

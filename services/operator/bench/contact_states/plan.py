@@ -1,4 +1,4 @@
-"""What to push: pose errors chosen for each state and each stiffness of the wrist, by seed alone."""
+"""The pushes to make: pose errors chosen for each state and each stiffness of the wrist, by seed alone."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ STATE_NAMES = tuple(
 
 
 class Push(BaseModel):
-    """One push: the peg's error, the force to go to, and the travel to first contact that the geometry expects."""
+    """One push: the peg's error, the target force, and the travel to first contact that the geometry predicts."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -57,7 +57,7 @@ class Push(BaseModel):
 
 class Plan(BaseModel):
     """Pushes for each state, and `random` ones drawn from the whole range; `share`: how often a random push is
-    expected to make each state.
+    predicted to produce each state.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -76,7 +76,7 @@ def joints_at_hole(workcell: Workcell) -> Array:
 
 
 def lateral_stiffness_n_m(workcell: Workcell) -> float:
-    """How hard the arm holds the peg sideways at the rim: the geometric mean of the two lateral directions, N/m."""
+    """The lateral stiffness with which the arm holds the peg at the rim: the geometric mean of both directions, N/m."""
     compliance = workcell.arm_compliance_peg(joints_at_hole(workcell))
     to_rim = np.eye(6)
     to_rim[:3, 3:] = -skew([0.0, 0.0, 0.5 * (workcell.peg.shape().tip_m + workcell.peg.shape().taper_start_m)])
@@ -90,8 +90,8 @@ def make_plan(
 ) -> Plan:  # fmt: skip
     """`each` pushes for each state and `random` ones. workcell: with the joint stiffness of this plan.
 
-    Draws are shrunk towards the centred peg by a factor drawn log-uniformly, for only there do several arms touch;
-    threes, the rarest, are also drawn near earlier threes, turned to the state that is short.
+    Draws are shrunk towards the centred peg by a factor drawn log-uniformly, because several arms touch only near it.
+    Contacts of three arms, the rarest, are also drawn near earlier ones, turned to the state that is missing.
     """
     rng = np.random.default_rng([seed, round(stiffness_n_mm)])
     peg = workcell.peg.shape()
@@ -105,7 +105,7 @@ def make_plan(
     found: dict[str, list[Push]] = {name: [] for name in STATE_NAMES}
     share = dict.fromkeys((*STATE_NAMES, "none"), 0.0)
     for batch in range(MAX_BATCHES):
-        # the first batch is the random one, and tells how often each state comes by itself
+        # the first batch is the random one, and shows how often each state comes by itself
         scale = np.exp(rng.uniform(np.log(0.003), 0.0, (BATCH, 1))) if batch else np.ones((BATCH, 1))
         angles = rng.uniform(-HALF_RANGE_RAD, HALF_RANGE_RAD, (BATCH, 3))
         lateral = rng.uniform(-HALF_RANGE_M, HALF_RANGE_M, (BATCH, 2)) * scale
@@ -132,7 +132,7 @@ def make_plan(
             continue
         short = [bits for bits, name in wanted.items() if len(found[name]) < each]
         rows = np.flatnonzero(np.isin(patterns, short))
-        # some force is added while the push is observed: the state must last
+        # some force is added while the push is observed: the state must persist
         further = pushed(angles[rows], lateral[rows], FURTHER * aimed.wanted_n[rows]).pattern()
         for index in rows[further == patterns[rows]].tolist():
             name = wanted[int(patterns[index])]
@@ -151,9 +151,9 @@ def make_plan(
 
 
 def _turned(push: Push, name: str, wished: str) -> list[float]:
-    """The errors (alpha, beta, gamma, x, y) of a push mirrored and turned by quarters from one state to another.
+    """The errors (alpha, beta, gamma, x, y) of a push mirrored and rotated by quarter turns from one state to another.
 
-    Exact for small angles and an arm that is equally stiff all round: good enough to search near it.
+    Exact for small angles and an arm of equal stiffness in all directions: good enough to search near it.
     """
     alpha, beta, gamma = push.angles_rad
     x, y = push.lateral_m
@@ -179,13 +179,13 @@ def _push(aimed: AimedPushes, index: int) -> Push:
 
 
 def arms_aimed_at(plan: Plan) -> list[float]:
-    """How often a push from anywhere touches with 1, 2, 3 and 4 arms by the geometry, and in none of the 26 states."""
+    """How often a random push touches with 1, 2, 3 and 4 arms by the geometry, and in none of the 26 states."""
     counts = [sum(share for name, share in plan.share.items() if name[0] == count) for count in "1234"]
     return [*counts, plan.share.get("none", 0.0)]
 
 
 def load_or_make(path: Path, make: Callable[[], Plan]) -> Plan:
-    """The plan kept in a file, or a new one that is then kept there."""
+    """The plan from a file, or a new one that is then saved there."""
     if path.exists():
         return Plan.model_validate(json.loads(path.read_text(encoding="utf-8")))
     plan = make()

@@ -1,4 +1,4 @@
-"""One push made in the cell over the bus, with what was felt and what truly touched."""
+"""One push made in the cell over the bus, with the measured wrench and the true contacts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from services.operator.bench.contact_states.aiming import start_translation_m
 from services.operator.bench.contact_states.plan import AHEAD_M, Push
 
 NEEDED = ("hardware", "force_torque", "planning")
-# placed this much short of where the geometry expects first contact, then further back when that overlaps
+# placed this much before the predicted first contact, then further back when that overlaps
 SHORT_M = (0.0008, 0.003, 0.012)
 SPEED_M_S = 0.006
 # Four arms wedged in a stiff wrist resist with 500 N/mm: a creep of 1 mm/s would double the force while it is observed.
@@ -42,7 +42,7 @@ _LISTENING: WeakKeyDictionary[Session, Latest[SimulationTruth]] = WeakKeyDiction
 
 
 class PushTask(BaseModel):
-    """One push by name: the state that it is meant for, its number there, the seed of sensor noise, and the push."""
+    """One push by name: the intended state, its number there, the seed of sensor noise, and the push."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -53,7 +53,7 @@ class PushTask(BaseModel):
 
 
 class PushResult(BaseModel):
-    """What came of it: the compensated wrench with its sd, and the true contact points and forces in the peg frame
+    """The result of a push: the compensated wrench with its sd, and the true contact points and forces in the peg frame
     (x, y, z, Fx, Fy, Fz each, m and N, averaged over the observation); or `failure`. `code` is the version that pushed.
     """
 
@@ -72,13 +72,13 @@ class PushResult(BaseModel):
 
 
 def make_pushes(session: Session, tasks: tuple[PushTask, ...]) -> list[dict[str, Any]]:
-    """Each push in turn; what the cell refuses is a failure of that push."""
+    """Each push in turn; one that the cell refuses is a failure of that push."""
     with ready_arm(session, "pushes for contact states") as lease:
         return [make_push(session, lease, task).model_dump(mode="json") for task in tasks]
 
 
 def _truths(session: Session) -> Latest[SimulationTruth]:
-    """The last truths of a session, one subscription for all its pushes."""
+    """The latest truths of a session, one subscription for all its pushes."""
     if session not in _LISTENING:
         _LISTENING[session] = session.bus.latest(TRUTH, depth=8)
     return _LISTENING[session]
@@ -92,7 +92,7 @@ def start_pose_hole_peg(push: Push, short_m: float) -> Pose:
 
 
 def _placed(session: Session, task: PushTask) -> SimulationTruth:
-    """The cell with the peg before the hole, as near as it can be. Raises CommandRefused."""
+    """Place the peg before the hole, as near as it can be. Raises CommandRefused."""
     for short_m in SHORT_M:
         place = PoseData.of(start_pose_hole_peg(task.push, short_m))
         try:
@@ -104,7 +104,7 @@ def _placed(session: Session, task: PushTask) -> SimulationTruth:
 
 
 def make_push(session: Session, lease: ArmLease, task: PushTask) -> PushResult:
-    """Place the peg, push it along its axis until it feels the force, read sensor and truth while it still creeps."""
+    """Place the peg, push it along its axis until the force is reached, read sensor and truth while it still creeps."""
     about: dict[str, Any] = {"target": task.target, "index": task.index}
     truths = _truths(session)
     try:

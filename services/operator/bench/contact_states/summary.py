@@ -1,4 +1,6 @@
-"""How well the states were told: shares with their intervals, confusion, calibration, and why the rule fails. Pure."""
+"""How well the states were classified: shares with their intervals, confusion, calibration, and why the rule fails.
+Pure.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ UNEQUAL = 2.0
 
 
 def share_right(judged: Sequence[Judged], classifier: ContactClassifier) -> dict[str, Any]:
-    """How many were named right, of how many, and the Wilson interval at 95 %."""
+    """How many were named right, out of how many, and the Wilson interval at 95 %."""
     right = sum(one.right(classifier) for one in judged)
     if not judged:
         return {"right": 0, "of": 0}
@@ -62,13 +64,13 @@ def calibration_error(judged: Sequence[Judged], classifier: ContactClassifier) -
 
 
 def axial_share(one: Judged) -> float:
-    """n_z0 = |Fz| / |F| of the wrench as felt (Eq. 17)."""
+    """n_z0 = |Fz| / |F| of the wrench as measured (Eq. 17)."""
     force = np.asarray(one.contact.result.wrench[:3])
     return float(abs(force[2]) / np.linalg.norm(force))
 
 
 def why_wrong(one: Judged) -> str:
-    """Why the rule did not name the true state, in one of a few words."""
+    """Why the rule did not name the true state, as one of a few reasons."""
     verdict = one.verdicts[ContactClassifier.RULE]
     truth = one.contact.truth
     forces = [force for _, _, force in truth.touching]
@@ -96,8 +98,9 @@ def why_wrong(one: Judged) -> str:
 
 
 def named_of_the_same_sense(judged: Sequence[Judged]) -> dict[str, int]:
-    """Contacts of three arms that the likelihood names wrong: how many, and how many of them as another three or as the
-    four of the same sense."""
+    """Contacts of three arms that the likelihood classifies wrong: how many, and how many of them as another three or
+    as the four of the same sense.
+    """
     verdicts = [
         (one.contact.truth.name, one.verdicts[ContactClassifier.LIKELIHOOD].name)
         for one in judged
@@ -170,12 +173,12 @@ def mean_over_states(judged: Sequence[Judged], classifier: ContactClassifier) ->
 
 
 def of_state(judged: Sequence[Judged], name: str) -> list[Judged]:
-    """Those whose true state has this name."""
+    """The contacts with this true state."""
     return [one for one in judged if one.contact.truth.name == name]
 
 
 def quantiles(values: Array) -> dict[str, float]:
-    """5, 25, 50, 75 and 95 %; nothing of nothing."""
+    """5, 25, 50, 75 and 95 %; empty for no values."""
     if not len(values):
         return {}
     named = ("p5", "p25", "p50", "p75", "p95")

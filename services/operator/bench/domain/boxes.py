@@ -1,4 +1,4 @@
-"""The boxes of `crosspih bench domain`: one a level of a factor, and what its trials came to. Pure."""
+"""The boxes of `crosspih bench domain`: one per level of a factor, with the result of its trials. Pure."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def boxes_of(chosen: Sequence[Factor], done: Sequence[tuple[TrialJob, TrialFigur
 
 
 def table_of(result: DomainResult) -> Table:
-    """A row a box."""
+    """A row per box."""
     table = Table(
         title=f"{result.strategy}: {result.trials} seeds a box, from {result.seed}, one factor at a time",
         caption="*: the services are not told; refused, felt for: by vision; found by force alone though it was asked",

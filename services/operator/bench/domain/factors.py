@@ -1,7 +1,7 @@
-"""The factors in which a cell may differ from the default, and at which levels. One at a time. Pure.
+"""The factors by which a cell may differ from the default, one at a time, and their levels. Pure.
 
-Clearance, friction's expectation and stiffness stand in the cell's file, so the services know them; what is under
-`hardware.simulated` is the simulator's alone: a service finds out, or does not.
+Clearance, the expected friction and stiffness stand in the cell's file, so the services know them. Fields under
+`hardware.simulated` belong to the simulator alone: a service detects such a difference, or does not.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from crosspih_common.config import Workcell
 from services.operator.bench.cells.conditions import Condition, merged
 from services.operator.bench.contact_states.plan import lateral_stiffness_n_m
 
-# what the simulated cell has where its file says nothing: the hardware service's own defaults
+# values of the simulated cell where its file sets none: the hardware service's own defaults
 SIMULATED_DEFAULTS: dict[str, Any] = {
     "friction_coefficient": 0.1,
     "force_torque": {"noise_n": 0.1, "noise_nm": 0.005},
@@ -26,7 +26,7 @@ STIFFNESSES_N_MM = (20.0, 100.0, 200.0)
 
 @dataclass(frozen=True)
 class FactorLevel:
-    """One box of the map: what it is called, and the overrides that make it."""
+    """One box of the map: its name, and the overrides that produce it."""
 
     name: str
     overrides: dict[str, Any]
@@ -39,7 +39,7 @@ class FactorLevel:
 
 @dataclass(frozen=True)
 class Factor:
-    """One row of the map. `known`: whether the services are told."""
+    """One row of the map. `known`: whether the services know the value."""
 
     name: str
     known: bool
@@ -109,7 +109,7 @@ def factors(workcell: Workcell, hardware: Mapping[str, Any]) -> tuple[Factor, ..
                 FactorLevel("nothing", {}),
                 FactorLevel("2 mm aside", _simulated(truth={"camera_shift_m": [0.002, 0.0, 0.0]})),
                 FactorLevel("2 mm along", _simulated(truth={"camera_shift_m": [0.0, 0.0, 0.002]})),
-                # a turn of the camera to the right puts the hole to the left, as a shift to the right does
+                # rotating the camera to the right moves the hole to the left, as shifting it to the right does
                 FactorLevel("0.5° pan", _simulated(truth={"camera_turn_rad": [0.0, 0.00872665, 0.0]})),
                 FactorLevel("0.5° roll", _simulated(truth={"camera_turn_rad": [0.0, 0.0, 0.00872665]})),
             ),

@@ -1,4 +1,4 @@
-"""The heat map of `crosspih bench domain`: a row a factor, a box a level, its success by colour and by count."""
+"""The heat map of `crosspih bench domain`: a row per factor, a box per level, with its success by colour and count."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _INK, _PALE = "#1b1f24", "#f2f2f2"
 
 
 def draw_map(boxes: Sequence[MapBox], strategy: str, trials: int, wanted: float, path: Path) -> None:
-    """Draw it as a PNG. The scale begins at 0.5: what is worse is a failure all the same."""
-    # takes its time to load: commands that draw nothing should not wait for it
+    """Draw it as a PNG. The scale begins at 0.5: everything below is a failure."""
+    # takes time to load: commands that draw nothing should not wait for it
     import matplotlib
 
     matplotlib.use("Agg")
@@ -26,7 +26,7 @@ def draw_map(boxes: Sequence[MapBox], strategy: str, trials: int, wanted: float,
     for box in boxes:
         rows.setdefault(box.factor, []).append(box)
     most = max(len(row) for row in rows.values())
-    # from red over pale yellow to light blue: told apart by most eyes, and dark letters can be read on all of it
+    # from red over pale yellow to light blue: most eyes can tell them apart, and dark letters are readable on all of it
     colours = ListedColormap(matplotlib.colormaps["RdYlBu"](np.linspace(0.12, 0.74, 256)))
     scale = Normalize(0.5, 1.0)
     figure, axes = pyplot.subplots(figsize=(1.75 * most + 2.4, 0.78 * len(rows) + 1.2), layout="constrained")
