@@ -29,7 +29,7 @@ from services.operator.scoring.statistics import BenchResult, sight_of, sight_ro
 
 
 def figures_table(result: BenchResult, condition: str = "", seeds: str = "") -> Table:
-    """The distribution of each figure, the failures, and the directions that a round peg leaves open."""
+    """The distribution of each figure, the failures, and the directions that the bore's walls do not fix."""
     table = Table(
         title=f"{result.strategy}{condition and ', '}{condition}: {result.inserted} of {result.trials} inserted "
         f"(95 % Wilson {result.wilson95_low:.1%} to {result.wilson95_high:.1%}), "

@@ -90,8 +90,8 @@ def taken_with(payload: dict[str, Any]) -> dict[str, Any]:
 
 
 def check_kept(folder: Path, payload: dict[str, Any], console: Console) -> None:
-    """Check that a folder holds data taken with these settings, and by which code. Raises ConfigError where it does
-    not.
+    """Check that a folder holds data taken with these settings, and by which code. Raises ConfigError for other
+    settings.
     """
     about = folder / ABOUT
     if not about.is_file():

@@ -1,1 +1,1 @@
-"""Other ends of devices, which speak their published protocols: for benches, tests, and whoever tries without them."""
+"""Simulated devices that speak the published protocols of real ones: for benches, tests, and users without devices."""

@@ -1,4 +1,4 @@
-"""Addresses for devices on loopback: two cameras on one machine need two of them."""
+"""Addresses for devices on loopback: two cameras on one machine need one address each."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000
 
 
 def private_network(addresses: tuple[str, ...]) -> None:
-    """Put this process, and all that it starts from now on, into a network namespace of its own, whose loopback has
-    these addresses beside 127.0.0.1. There is no way back. Call it before any thread is started.
+    """Put this process, and all that it starts from now on, into its own network namespace, whose loopback has these
+    addresses besides 127.0.0.1. This cannot be undone. Call it before any thread is started.
 
-    Raises ConfigError where the machine allows none (Linux, root or unprivileged user namespaces, iproute2).
+    Raises ConfigError where the machine does not allow it (Linux, root or unprivileged user namespaces, iproute2).
     """
     if shutil.which("ip") is None:
         raise ConfigError("two cameras on one machine need two addresses: install iproute2 (the command `ip`)")
@@ -27,7 +27,7 @@ def private_network(addresses: tuple[str, ...]) -> None:
     user, group = os.geteuid(), os.getegid()
     if libc.unshare(_NEW_NETWORK if user == 0 else _NEW_USER | _NEW_NETWORK) != 0:
         raise ConfigError(f"no network namespace ({os.strerror(ctypes.get_errno())}): run it as root")
-    if user != 0:  # root of the namespace is who started it
+    if user != 0:  # the user who started it is root in the namespace
         Path("/proc/self/setgroups").write_text("deny", encoding="ascii")
         Path("/proc/self/uid_map").write_text(f"0 {user} 1", encoding="ascii")
         Path("/proc/self/gid_map").write_text(f"0 {group} 1", encoding="ascii")

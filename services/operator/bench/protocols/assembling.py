@@ -1,4 +1,4 @@
-"""`crosspih bench protocols`: assemblies in a cell that is reached by its devices' own protocols alone."""
+"""`crosspih bench protocols`: assemblies in a cell that is reached only by its devices' own protocols."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CALIBRATION_DWELL_S = 0.25
 
 
 class ProtocolTrial(BaseModel):
-    """One assembly through the protocols. Cycles are those of the arm's other end; late_states of our own loop's."""
+    """One assembly through the protocols. Cycles are those of the simulated arm; late_states those of our own loop."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -68,13 +68,13 @@ class ProtocolResult(BaseModel):
 
 
 class CycleCount:
-    """Counts the joint states of the hardware service, and those that came a cycle late or more by their own stamps."""
+    """Counts the joint states of the hardware service, and those whose own stamps are a cycle late or more."""
 
     def __init__(self) -> None:
         self._stamps_ns: list[int] = []
 
     def add_state(self, state: JointState) -> None:
-        """One state."""
+        """Count one state."""
         self._stamps_ns.append(state.stamp_ns)
 
     def counted(self) -> tuple[int, int, tuple[float, float] | None]:
@@ -97,13 +97,17 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """A cell's file whose calibrations were found (walking.py), and the seed of what the cell behind it hides."""
+    """A cell's file with the calibrations found (walking.py), and the seed of the hidden errors of the
+    cell behind it.
+    """
 
     content: dict[str, Any]
     hides: int
 
     def reached_by(self, way: ProtocolWay, plant: Plant) -> dict[str, Any]:
-        """The cell's file for a plant: what was found through UR's protocols holds for the same cell behind others."""
+        """The cell's file for a plant: calibrations found through UR's protocols hold for the same cell
+        behind others.
+        """
         if way is ProtocolWay.UR:
             return self.content
         cameras = (self.content.get("hardware", {}).get("genicam") or {}).get("calibration")
@@ -112,7 +116,7 @@ class Calibrated:
 
 
 def calibrated_cell(file: Path, hides: int) -> Calibrated:
-    """Of a cell's file, the files that it names by absolute paths. Raises ConfigError."""
+    """Read from a cell's file, with absolute paths for the files that it names. Raises ConfigError."""
     content = standing_alone(file, yaml_of(load_cell(file).text) or {})
     cameras = (content.get("hardware", {}).get("genicam") or {}).get("calibration")
     if cameras is not None:
@@ -122,7 +126,7 @@ def calibrated_cell(file: Path, hides: int) -> Calibrated:
 
 
 def assembled(way: ProtocolWay, seed: int, strategy: Strategy, calibrated: Calibrated | None = None) -> ProtocolTrial:
-    """One assembly in a cell of its own: everything is started for it and ended after it."""
+    """One assembly in a separate cell: everything is started for it and ended after it."""
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="crosspih-protocols-") as folder:
         try:
@@ -165,7 +169,7 @@ def _trial(session: Session, asked: _Asked) -> ProtocolTrial:
 
 
 def line_of(trial: ProtocolTrial) -> str:
-    """One assembly, for people who wait for the next."""
+    """One line per assembly, printed as each ends."""
     said = [f"seed {trial.seed}: {'inserted' if trial.inserted else trial.failure}"]
     if trial.motion_s is not None:
         said.append(f"motion {trial.motion_s:.1f} s")

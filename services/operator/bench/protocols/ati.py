@@ -40,8 +40,8 @@ from services.operator.bench.protocols.feed import Feed, Wrench, udp
 _REQUEST, _RECORD = struct.Struct(">HHI"), struct.Struct(">IIIiiiiii")
 _MAGIC, _STOP, _START, _START_BUFFERED, _BIAS = 0x1234, 0x0000, 0x0002, 0x0003, 0x0042
 _LARGEST_COUNT = 2**31 - 1
-TIME_S = 1000.0  # modulo which time is told
-# how many of the unit are one N, or one Nm
+TIME_S = 1000.0  # the clock counts modulo this
+# counts per N, or per Nm
 FORCE = {"N": 1.0, "kN": 1e-3, "lbf": 1 / 4.4482216152605, "klbf": 1e-3 / 4.4482216152605, "kgf": 1 / 9.80665}
 TORQUE = {
     "N-m": 1.0, "Nm": 1.0, "N-mm": 1e3, "kN-m": 1e-3, "lbf-in": 1 / (4.4482216152605 * 0.0254),
@@ -50,7 +50,9 @@ TORQUE = {
 
 
 class NetBox:
-    """The box: `run` serves until `quit` is set. `feels` may be given instead of a feed: wrench (6,), N and Nm, now."""
+    """The box: `run` serves until `quit` is set. `feels` may be given instead of a feed: it returns the present wrench
+    (6,), N and Nm.
+    """
 
     def __init__(
         self, fields: dict[str, str], internal_hz: float, rate_hz: float, drift_ppm: float = 0.0,
@@ -60,7 +62,7 @@ class NetBox:
         self.fields = fields
         self._internal_hz = internal_hz
         self._true_hz = internal_hz * (1.0 + drift_ppm * 1e-6)
-        self._step = max(1, int(internal_hz / rate_hz + 1e-9))  # a whole fraction, rounded up as the box does
+        self._step = max(1, int(internal_hz / rate_hz + 1e-9))  # the rate is a whole fraction, rounded up
         fields.setdefault("runrate", f"{internal_hz:g}")
         fields["comrdtrate"] = f"{internal_hz / self._step:.0f}"
         self.feed = Feed(host, feed_port)
@@ -74,7 +76,7 @@ class NetBox:
         self.status, self._skip, self._twice, self._swap = 0, 0, False, False
         self._unplugged_until_s = self._hold_until_s = 0.0
         self._off_until_s: float | None = None
-        self.sent = 0  # records that left, for whoever asks how many were lost on the way
+        self.sent = 0  # records sent, to compute how many were lost on the way
         self._power_up()
 
     def _power_up(self) -> None:
@@ -90,7 +92,7 @@ class NetBox:
     # ----------------------------------------------------------------------------------------------------- the page
 
     def page(self) -> bytes:
-        """netftapi2.xml."""
+        """The page netftapi2.xml."""
         told = {**self.fields, "runstat": f"0x{self.status:08X}"}
         inner = "".join(f"<{name}>{escape(value)}</{name}>\n" for name, value in told.items())
         return f'<?xml version="1.0"?>\n<netft>\n{inner}</netft>\n'.encode()
@@ -224,7 +226,7 @@ class NetBox:
     # -------------------------------------------------------------------------------------------------------- commands
 
     def command(self, line: str) -> None:
-        """One of those in the module's docstring. Raises ValueError, IndexError on others."""
+        """One of the commands in the module's docstring. Raises ValueError, IndexError on others."""
         word, *rest = line.split()
         now_s = time.monotonic()
         if word == "status":
@@ -250,7 +252,7 @@ class NetBox:
 
 
 def fields_of(arguments: argparse.Namespace) -> dict[str, str]:
-    """The page of a box as it was told to be."""
+    """The fields of the page as configured."""
     return {
         "prodname": arguments.product,
         "cfgnam": "crosspih peer",

@@ -1,5 +1,6 @@
-"""`python -m services.operator.bench.protocols.board hand|flange|away`: where the board is, in the cell that
-`crosspih cell practise` has started: each picture shows it as a person would hold it, clamped to the flange, or not."""
+"""`python -m services.operator.bench.protocols.board hand|flange|away`: moves the board in the cell that `crosspih cell
+practise` has started: held as a person would hold it in each picture, clamped to the flange, or away.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ ANSWER_S = 5.0
 
 
 def put_board(where: str) -> bool:
-    """Have it there; False where nobody answers."""
+    """Put the board there; False where nobody answers."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.settimeout(ANSWER_S)
         one.sendto(where.encode("ascii"), ("127.0.0.1", SEEN_PORT))

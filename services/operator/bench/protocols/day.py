@@ -39,13 +39,13 @@ ROOT = Path(deploy.__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "hardware" / "in-a-day.md"
 BEFORE = "as-begun.yaml"
 PAIRS_BY_HAND, DEFAULTS = 20, 40
-LEFT_OUT = {  # and why
+LEFT_OUT = {  # with the reason
     ("crosspih", "calibrate", "refine"): "wants some ten assemblies",
     ("crosspih", "bench", "assembly"): "wants an hour",
 }
 BOARD = {("calibrate", "stereo"): "hand", ("calibrate", "hand-eye"): "flange"}
 LINES, TRIES = 3, 3
-MAY_FAIL = ("cell", "doctor", "assemble")  # the walk goes on, and its status is 1
+MAY_FAIL = ("cell", "doctor", "assemble")  # the walk continues, but its status is 1
 
 
 def why_left_out(words: tuple[str, ...]) -> str:
@@ -56,13 +56,13 @@ def why_left_out(words: tuple[str, ...]) -> str:
 
 
 def runs(step: PageStep) -> bool:
-    """Whether it is a command that is run: lines of a file and what is left out take no time."""
+    """Whether a step is a command that is run: lines for a file, and steps that are left out, take no time."""
     return step.kind == "command" and not why_left_out(step.words)
 
 
 @dataclass(slots=True)
 class Walked:
-    """What was done and how it ended; `status` None: it was left out."""
+    """A step and how it ended; `status` None: it was left out."""
 
     section: int
     text: str
@@ -73,7 +73,7 @@ class Walked:
 
 @dataclass(slots=True, eq=False)
 class Walk:
-    """One walk: where it is, which cell's file holds, what was done."""
+    """One walk: its folder, the current cell's file, the steps done."""
 
     plant: Plant
     folder: Path
@@ -84,11 +84,11 @@ class Walk:
 
     @property
     def cell(self) -> Path:
-        """The cell's file that holds now."""
+        """The current cell's file."""
         return self.folder / self.environment.get("CROSSPIH_CELL", "lab.yaml")
 
     def take(self, step: PageStep) -> None:
-        """Do one."""
+        """Do one step."""
         began_s = time.monotonic()
         if step.kind == "export":
             self.environment[step.words[0]] = step.words[1]
@@ -101,7 +101,7 @@ class Walk:
         else:
             status, said = self.command(step.words)
             again = TRIES if step.words[1:2] == ("calibrate",) else 1
-            while status and (again := again - 1):  # as somebody would: the machine may have been busy
+            while status and (again := again - 1):  # try again as a person would: the machine may have been busy
                 self.told(step, status, time.monotonic() - began_s, said)
                 began_s = time.monotonic()
                 status, said = self.command(step.words)
@@ -110,7 +110,7 @@ class Walk:
             raise CrosspihError(f"section {step.section}: `{step.text}` failed; the page says not to go on")
 
     def told(self, step: PageStep, status: int | None, wall_s: float, said: str) -> None:
-        """Keep and print how it ended."""
+        """Keep and print how the step ended."""
         self.done.append(Walked(step.section, step.text, status, wall_s, said))
         verdict = "left out" if status is None else "done" if status == 0 else f"status {status}"
         colour = "yellow" if status is None else "green" if status == 0 else "red"
@@ -120,7 +120,7 @@ class Walk:
             self.console.print(f"   {line}", style="dim", highlight=False, markup=False, soft_wrap=True)
 
     def add(self, lines: dict[str, Any]) -> None:
-        """Lines into the cell's file, as somebody adds them in an editor."""
+        """Add lines to the cell's file, as a person does in an editor."""
         content = merged(yaml_of(text_of_file(self.cell)), lines)
         self.cell.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
@@ -162,14 +162,14 @@ class Walk:
         return child.returncode, "\n".join(line for line in text.splitlines()[-LINES:] if line.strip())
 
     def expanded(self, word: str) -> list[str]:
-        """As a shell does."""
+        """Expand variables as a shell does."""
         if "*" not in word:
             return [word]
         found = sorted(glob.glob(word, root_dir=self.folder))
         return found or [word]
 
     def judge(self) -> None:
-        """The newest recording's assembly against the truth."""
+        """Score the assembly of the newest recording against the truth."""
         newest = max((self.folder / "recordings").glob("*.mcap"), key=lambda file: file.stat().st_mtime, default=None)
         result = None if newest is None else read_recording(newest, [ASSEMBLE.reply_echo]).last(ASSEMBLE.reply_echo)
         if result is not None:
@@ -178,7 +178,7 @@ class Walk:
             self.assemblies.append(figures)
 
     def found(self) -> list[DayFigure]:
-        """What the calibrations found, as far as there are any."""
+        """The results of the calibrations so far."""
         begun = load_cell(self.folder / BEFORE).workcell
         before, rows = cameras_of(begun.camera), []
         after = next((self.folder / name for name in ("cameras.yaml", "lenses.yaml") if (self.folder / name).exists()),
@@ -190,7 +190,7 @@ class Walk:
 
 
 def table_of(walk: Walk, found: list[DayFigure]) -> list[Table]:
-    """What was found, and how the assemblies ended."""
+    """The results, and how the assemblies ended."""
     table = Table(title="what the calibrations found of what was hidden")
     for heading in ("", "off before", "off now", ""):
         table.add_column(heading, justify="left" if not heading else "right")

@@ -1,7 +1,7 @@
-"""What a peer of a force/torque sensor feels: fed by UDP, so that any process on this machine can be its world.
+"""The wrench on a simulated force/torque sensor: fed by UDP, so that any process on this machine can simulate its cell.
 
-A datagram has 48 bytes: six little-endian doubles, Fx Fy Fz in N, Tx Ty Tz in Nm. The last one stands until the next;
-of several in one datagram the last. Nothing is answered.
+A datagram has 48 bytes: six little-endian doubles, Fx Fy Fz in N, Tx Ty Tz in Nm. The last one holds until the next.
+There is no answer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Wrench = tuple[float, ...]
 
 
 class Feed:
-    """The socket that is fed, and what it was fed last. `take` after it is readable."""
+    """The feed's socket, and its last wrench. Call `take` when it is readable."""
 
     def __init__(self, host: str, port: int, wrench: Wrench = (0.0,) * 6) -> None:
         self.socket = udp(host, port)
@@ -23,7 +23,7 @@ class Feed:
         self.wrench = wrench
 
     def take(self) -> None:
-        """Whatever lies in the socket."""
+        """Read everything that waits in the socket."""
         with contextlib.suppress(BlockingIOError):
             while True:
                 data = self.socket.recv(65536)
@@ -31,12 +31,12 @@ class Feed:
                     self.wrench = WRENCH.unpack(data[-WRENCH.size :])
 
     def close(self) -> None:
-        """Be fed no more."""
+        """Close the socket."""
         self.socket.close()
 
 
 def udp(host: str, port: int) -> socket.socket:
-    """A socket that is bound and does not wait."""
+    """A bound, non-blocking socket."""
     one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     one.bind((host, port))
     one.setblocking(False)

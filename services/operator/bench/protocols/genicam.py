@@ -38,7 +38,7 @@ from services.operator.bench.protocols.genicam_frames import (
 )
 
 FILL = ctypes.CFUNCTYPE(None, POINTER, POINTER, c_uint32, c_uint32, c_uint32)
-TRIGGERS_HZ = 1000.0  # how often the library's camera looks for a trigger
+TRIGGERS_HZ = 1000.0  # how often to look for a trigger in the library's camera
 WATCH_S = 0.002
 LAMP_LINES = ("Line2", "Line3", "Line5", "Line6")  # lamp 0, 1, ... of the left camera's outputs
 WIRE_FROM, WIRE_TO = "Line1", "Line4"  # the left camera's output, the right one's input
@@ -46,7 +46,7 @@ NAME_OF = {code: name for name, code in registers.FORMATS.items()}
 
 
 class RenderedCamera:
-    """One camera on one address. `drift` and `offset_s` are of its clock against this machine's monotonic one."""
+    """One camera on one address. `drift` and `offset_s` describe its clock relative to this machine's monotonic one."""
 
     def __init__(
         self, library: Library, side: str, address: str, serial: str, size_px: tuple[int, int], shots: SharedPair,
@@ -61,7 +61,7 @@ class RenderedCamera:
         self._rendering: threading.Thread | None = None
         self.wired_to: RenderedCamera | None = None
         self.lamps_of: RenderedCamera = self
-        self.active_low: frozenset[str] = frozenset()  # lines whose lamp burns while they are low
+        self.active_low: frozenset[str] = frozenset()  # lines whose lamp is on while they are low
         make = library.function("arv_gv_fake_camera_new_full", POINTER, c_char_p, c_char_p, c_char_p)
         self._camera: int | None = make(address.encode(), serial.encode(), str(xml).encode())
         if not library.function("arv_gv_fake_camera_is_running", c_int, POINTER)(self._camera):
@@ -84,7 +84,7 @@ class RenderedCamera:
         )
 
     def read(self, address: int) -> int:
-        """A register of 32 bits."""
+        """Read a register of 32 bits."""
         value = c_uint32()
         self._library.function("arv_fake_camera_read_register", c_int, POINTER, c_uint32, ctypes.POINTER(c_uint32))(
             self._fake, address, ctypes.byref(value)
@@ -92,7 +92,7 @@ class RenderedCamera:
         return value.value
 
     def write(self, address: int, value: int) -> None:
-        """A register of 32 bits."""
+        """Write a register of 32 bits."""
         self._library.function("arv_fake_camera_write_register", c_int, POINTER, c_uint32, c_uint32)(
             self._fake, address, value
         )
@@ -102,7 +102,7 @@ class RenderedCamera:
         return round(host_ns + self._offset_ns + self._drift * (host_ns - self._began_ns))
 
     def answer_latch(self) -> None:
-        """TimestampLatch: the camera's clock as it is now into TimestampLatchValue."""
+        """TimestampLatch: write the camera's present time into TimestampLatchValue."""
         if self.read(registers.LATCH) == 1:
             self.write(registers.LATCH, 0)
             value = self.time_ns(time.monotonic_ns()).to_bytes(8, "big")
@@ -111,7 +111,7 @@ class RenderedCamera:
             )
 
     def line_is_high(self, line: str) -> bool:
-        """An output's level: its source, turned around by LineInverter."""
+        """An output's level: its source, inverted by LineInverter."""
         index = 4 * registers.LINES.index(line)
         source = registers.SOURCES[min(self.read(registers.LINE_SOURCE + index), len(registers.SOURCES) - 1)]
         level = source in registers.OUTPUTS and bool(
@@ -120,19 +120,19 @@ class RenderedCamera:
         return level != bool(self.read(registers.LINE_INVERTER + index))
 
     def lamp(self) -> int:
-        """Which lamp burns, 0 where none does: the room's light."""
+        """The lamp that is on, 0 where none is: the room's light."""
         lit = (index for index, line in enumerate(LAMP_LINES) if self.line_is_high(line) != (line in self.active_low))
         return next(lit, 0)
 
     def look_for_trigger(self) -> None:
-        """TriggerSoftware: expose, and trigger whoever is wired to this camera."""
+        """TriggerSoftware: expose, and trigger the camera that is wired to this one."""
         if self.read(registers.TRIGGERED) == 1:
             self.write(registers.TRIGGERED, 0)
             if self.read(registers.TRIGGER_SOURCE) == registers.SOFTWARE:
                 self._expose(time.monotonic_ns())
 
     def _expose(self, now_ns: int) -> None:
-        """Have a picture rendered as the registers are now; one that comes while another is made is ignored."""
+        """Start rendering a picture with the present registers; a trigger during that is ignored."""
         if self._rendering is not None and self._rendering.is_alive():
             return
         scale = self.read(registers.EXPOSURE_US) * 1e-6 / self._usual_s
@@ -150,17 +150,21 @@ class RenderedCamera:
         return source == "ExposureActive" and other.read(registers.TRIGGER_SOURCE) == listening
 
     def _render(self, scale: float, lamp: int, triggered_ns: int) -> None:
-        """Beside the library's thread, which goes on answering the control channel; then have the picture sent."""
+        """Render outside the library's thread, which keeps answering the control channel; then have the
+        picture sent.
+        """
         try:
             self._picture = self._shots.half(self.side, scale, lamp, triggered_ns * 1e-9)
-        except CrosspihError as error:  # nothing is sent then
+        except CrosspihError as error:  # nothing is sent in this case
             self.fault = str(error)
             print(f"{self.side} camera: {error}", file=sys.stderr, flush=True)
         else:
             self.write(registers.SEND, 1)
 
     def _filled(self, buffer: int, _: int, exposure_us: int, gain: int, pixel_format: int) -> None:
-        """The library sends a picture: called on its thread. Without a trigger, running freely, it is black."""
+        """Fills the picture that the library sends: called on its thread. Without a trigger, running freely, it is
+        black.
+        """
         library, picture = self._library, self._picture
         if picture is None:
             return
@@ -180,7 +184,7 @@ class RenderedCamera:
 
 
 class RenderedPair:
-    """Both cameras, and the thread that sees to their triggers and latches. Use as a context."""
+    """Both cameras, and the thread that watches their triggers and latches. Use as a context."""
 
     def __init__(
         self, source: FrameSource, addresses: tuple[str, str], serials: tuple[str, str] = ("RENDERED-L", "RENDERED-R"),
@@ -217,7 +221,7 @@ class RenderedPair:
                 camera.answer_latch()
 
     def close(self) -> None:
-        """Both leave the network."""
+        """Remove both from the network."""
         self._stop.set()
         if len(self.cameras) == 2:
             self._watch.join()

@@ -1,4 +1,4 @@
-"""Where the rendered cameras have their pictures from, a cell on the bus or files; and one pair for two cameras."""
+"""The source of the rendered cameras' pictures, a cell on the bus or files; and one pair for two cameras."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from crosspih_common.keys import CAPTURE, IMAGE_LEFT, IMAGE_RIGHT
 from crosspih_common.messages import CaptureStereo
 from crosspih_common.messages.images import Pixels
 
-PAIR_S = 0.5  # triggers of both cameras within this time are of one pair
+PAIR_S = 0.5  # triggers of both cameras within this time belong to one pair
 CAPTURE_S, IMAGE_S = 30.0, 5.0
 
 
 class FrameSource(Protocol):
-    """Gives a pair of pictures as the cameras would see it now."""
+    """Gives a pair of pictures as the cameras would take it now."""
 
     def pair(self, exposure_scale: float, lamp: int) -> tuple[Pixels, Pixels]:
         """Left and right, (height, width) or (height, width, 3) RGB, 8 bits, at a factor on the usual exposure."""
@@ -45,8 +45,9 @@ class CellFrames:
 
 
 class FileFrames:
-    """Pictures from two lists of files, each shot the next pair and the last one over again; brighter when exposed
-    longer, as a sensor is."""
+    """Pictures from two lists of files: each shot uses the next pair, and repeats the last one at the end; a longer
+    exposure is brighter, as on a sensor.
+    """
 
     def __init__(self, left: Sequence[Path], right: Sequence[Path]) -> None:
         if not left or len(left) != len(right):
@@ -67,7 +68,7 @@ class FileFrames:
 
 
 class SharedPair:
-    """One shot for two cameras: whichever is triggered first has it taken, the other has its half of the same."""
+    """One shot for two cameras: the camera triggered first takes it, the other one gets its half of the same shot."""
 
     def __init__(self, source: FrameSource) -> None:
         self._source = source
@@ -92,7 +93,7 @@ MOSAICS = {"RG": (0, 1, 1, 2), "GR": (1, 0, 2, 1), "GB": (1, 2, 0, 1), "BG": (2,
 
 
 def as_format(pixels: Pixels, name: str) -> NDArray[Any]:
-    """An 8 bit picture, grey or RGB, as a sensor of that pixel format would give it."""
+    """An 8 bit picture, grey or RGB, in the pixel format of a sensor."""
     colour = pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
     if name == "RGB8":
         return colour

@@ -1,7 +1,8 @@
-"""What the cell behind the protocols hides from its file, drawn by a seed, and where a person holds the board.
+"""The differences between the cell behind the protocols and its file, drawn by a seed, and poses at which a person
+holds the board.
 
-Cameras, sensor, peg and joints differ as in `crosspih bench calibrations`; beside them the lenses: what a data sheet
-says of a focal length and a picture's middle is not what a camera has.
+Cameras, sensor, peg and joints differ as in `crosspih bench calibrations`. The lenses differ too: a camera's focal
+length and principal point are not those of its data sheet.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from services.operator.calibrate.showing import drawn_before
 
 BOARD = "5x4:0.026:0.018:DICT_4X4_50"  # that of docs/hardware/in-a-day.md
 FOCAL_SHARE, MIDDLE_PX = 0.01, 3.0
-HELD, TRIES, CLEAR_M = 80, 4000, 0.02  # poses; of the plate, whose middle is the hole
+HELD, TRIES, CLEAR_M = 80, 4000, 0.02  # poses; of the plate, with the hole at its middle
 
 
 def behind(base: dict[str, Any], seed: int | None) -> dict[str, Any]:
@@ -41,7 +42,7 @@ def behind(base: dict[str, Any], seed: int | None) -> dict[str, Any]:
 
 
 def cameras_of(section: CameraSection, turned: Pose | None = None, right: Pose | None = None) -> CameraCalibration:
-    """What a cell's file says of the cameras; `turned` and `right` are how the left and the right one stand off."""
+    """The cameras in a cell's file; `turned` and `right` are the deviations of the left and the right one."""
     model = {
         "width_px": section.width_px, "height_px": section.height_px, "fx_px": section.fx_px, "fy_px": section.fy_px,
         "cx_px": section.cx_px, "cy_px": section.cy_px,
@@ -60,7 +61,7 @@ def cameras_of(section: CameraSection, turned: Pose | None = None, right: Pose |
 
 
 def true_cameras(content: dict[str, Any]) -> CameraCalibration:
-    """As they really are."""
+    """The cameras as they really are."""
     truth = content["hardware"]["simulated"]["truth"]
     return cameras_of(
         Workcell.model_validate(content["cell"]).camera,

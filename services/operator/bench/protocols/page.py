@@ -1,4 +1,4 @@
-"""A page of the docs as what it tells one to do: commands, and lines of the cell's file, in order. Pure."""
+"""Reads the steps of a docs page: commands, and lines for the cell's file, in order. Pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEADING = re.compile(r"^## (\d+)\. (.*)$", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True)
 class PageStep:
-    """One thing to do. `words` of a command or an export (name, value), `lines` of a cell's file."""
+    """One step. `words` of a command or an export (name, value), `lines` for a cell's file."""
 
     kind: Literal["command", "export", "file"]
     section: int
@@ -31,7 +31,7 @@ class PageStep:
 
 
 def steps_of(page: str) -> list[PageStep]:
-    """Those of the numbered sections. Raises ValueError for a block that cannot be read."""
+    """The steps of the numbered sections. Raises ValueError for a block that cannot be read."""
     headings = [(match.start(), int(match[1])) for match in HEADING.finditer(page)]
     end = len(page)
     if headings:

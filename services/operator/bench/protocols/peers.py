@@ -1,4 +1,4 @@
-"""Other ends of devices as processes: started, waited for, asked, and ended."""
+"""Simulated devices as processes: started, waited for, queried, and ended."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ _LAST_LINES = 6
 
 
 class Peer:
-    """A module that is run as a process: it says on standard output when it is ready, and answers a line by a line.
+    """A module that runs as a process: it prints a line on standard output when it is ready, and answers each line with
+    a line.
 
     It ends with the thread that made it, also where that is killed.
     """
@@ -45,7 +46,7 @@ class Peer:
         self._lines.put(None)
 
     def line(self, starts: str = "", deadline_s: float = READY_S) -> str:
-        """The next line that starts so. Raises NoService when it ends before or says nothing."""
+        """The next line that starts with this. Raises NoService when the process ends first or prints nothing."""
         while True:
             try:
                 line = self._lines.get(timeout=deadline_s)
@@ -57,7 +58,7 @@ class Peer:
                 return line
 
     def ask(self, line: str) -> str:
-        """Its answer to a line. Raises NoService."""
+        """The answer to a line. Raises NoService."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(line + "\n")
@@ -67,7 +68,7 @@ class Peer:
         return self.line(deadline_s=ANSWER_S)
 
     def last_words(self) -> str:
-        """What it wrote last."""
+        """The last lines that it wrote."""
         if self._log.closed:
             return " / ".join(self._said)
         self._log.seek(0)
@@ -84,7 +85,7 @@ class Peer:
                 self._process.wait()
         self._reader.join()
         assert self._process.stdin is not None and self._process.stdout is not None
-        with contextlib.suppress(OSError):  # what was not yet written goes nowhere
+        with contextlib.suppress(OSError):  # data that was not yet written is discarded
             self._process.stdin.close()
         self._process.stdout.close()
         self._log.close()

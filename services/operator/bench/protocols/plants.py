@@ -1,7 +1,7 @@
-"""A simulated cell that can be reached by its devices' own protocols alone, and the cell's file that reaches it so.
+"""A simulated cell that is reached only by its devices' own protocols, and the cell's file that reaches it.
 
-Physics, noise and the hole's place come from the simulated cell, in the peers' processes; the cell that assembles has
-no simulator: no truth, no reset, and joints, wrenches and pictures from the network.
+Physics, noise and the hole's place come from the simulated cell, in the peers' processes. The assembling cell has no
+simulator: no truth, no reset, and joints, wrenches and pictures only from the network.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from services.operator.bench.cells.own_cell import free_port
 from services.operator.bench.protocols.hidden import behind, held_by_hand
 from services.operator.bench.protocols.peers import READY_S, Peer
 
-# those of docs/hardware/in-a-day.md
+# the addresses of docs/hardware/in-a-day.md
 ARM, SENSOR, LEFT, RIGHT = ADDRESSES = "192.168.0.10", "192.168.0.11", "192.168.0.12", "192.168.0.13"
 FEED_PORT, SEEN_PORT = 49160, 49170
-# what one would measure in the simulated cell behind it (docs/safety.md); both ends share one machine, where neither is
-# a real-time program, and rendering takes longer than a sensor
+# values as measured in the simulated cell behind the protocols (docs/safety.md); both ends share one machine on which
+# neither is a real-time program, and rendering takes longer than a sensor's exposure
 HERE = {
     "ur": {"silence_s": 0.5},
     "genicam": {"frame_wait_s": 30.0},
@@ -46,7 +46,7 @@ EXPOSURE_S = 0.02
 
 
 class ProtocolWay(str, Enum):
-    """Which protocols are between the services and the cell."""
+    """The protocols between the services and the cell."""
 
     UR = "ur"  # RTDE, Net F/T, GigE Vision
     ROS2 = "ros2"  # ros2_control's topics, WrenchStamped, Image
@@ -54,14 +54,16 @@ class ProtocolWay(str, Enum):
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """A cell behind its protocols: the content of the cell's file that reaches it, and what only the bench may ask."""
+    """A cell behind its protocols: the content of the cell's file that reaches it, and queries that only the bench may
+    make.
+    """
 
     content: dict[str, Any]
     arm: Peer
     behind: dict[str, Any]
 
     def truth(self) -> SimulationTruth:
-        """Where hole and peg are, the peg as its holder has it: for scoring. Raises NoService."""
+        """The poses of hole and peg, the peg as its holder has it: for scoring. Raises NoService."""
         truth = SimulationTruth.model_validate_json(self.arm.ask("truth"))
         shift = (self.behind["hardware"]["simulated"].get("truth") or {}).get("peg_shift_m")
         if shift is None:
@@ -70,13 +72,15 @@ class Plant:
         return truth.model_copy(update={"pose_base_peg": PoseData.of(held)})
 
     def cycles(self) -> tuple[int, int]:
-        """How many cycles the arm's other end has made, and how many of them late."""
+        """The simulated arm's cycles so far, and how many of them were late."""
         said = json.loads(self.arm.ask("state"))
         return int(said["cycles"]), int(said["late_cycles"])
 
 
 def base_content(way: ProtocolWay, hides: int | None = None) -> dict[str, Any]:
-    """The cell that stands behind the protocols; one that hides something is the UR5e's, for which it was found."""
+    """The cell that stands behind the protocols; with hidden errors it is the UR5e's, for which the calibrations were
+    found.
+    """
     name = "ur5e" if way is ProtocolWay.UR or hides is not None else "default"
     file = Path(deploy.__file__).resolve().parent / "cells" / f"{name}.yaml"
     return dict(yaml_of(text_of_file(file)))
@@ -84,8 +88,9 @@ def base_content(way: ProtocolWay, hides: int | None = None) -> dict[str, Any]:
 
 @contextmanager
 def open_plant(way: ProtocolWay, seed: int, folder: Path, hides: int | None = None) -> Iterator[Plant]:
-    """Start the cell of a seed behind its protocols; `hides` is the seed of what differs from its file (hidden.py),
-    None: nothing does. Raises NoService when one of its processes does not come up."""
+    """Start the cell of a seed behind its protocols; `hides` is the seed of the differences from its file (hidden.py),
+    None for no difference. Raises NoService when one of its processes does not come up.
+    """
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     environment = _environment(endpoint)
     with ExitStack() as stack:
@@ -117,7 +122,7 @@ def _written(folder: Path, name: str, content: dict[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Opening:
-    """`base`: what the services are told; `real`: what the cell behind the protocols is."""
+    """`base`: the cell as the services know it; `real`: the cell behind the protocols."""
 
     stack: ExitStack
     base: dict[str, Any]
@@ -128,14 +133,14 @@ class _Opening:
     environment: dict[str, str]
 
     def start(self, name: str, ready: str, *words: str, **environment: str) -> Peer:
-        """A peer, once it says that it is ready; without a word for that at once."""
+        """Start a peer and wait until it prints that it is ready; without `word` do not wait."""
         peer = self.stack.enter_context(Peer(name, list(words), {**self.environment, **environment}, self.folder))
         if ready:
             peer.line(ready)
         return peer
 
     def with_cameras(self) -> dict[str, Any]:
-        """`real` with cameras that see where the arm stands, and the board where somebody holds it."""
+        """`real` with cameras that see the arm's pose, and the board where somebody holds it."""
         held = [] if self.hides is None else held_by_hand(self.real, self.hides)
         options = {"follow_port": SEEN_PORT, "held": held}
         return merged(self.real, {"hardware": {"options": options}})
@@ -167,7 +172,7 @@ def _open_ur(opening: _Opening) -> Plant:
 
 
 def _open_cameras(opening: _Opening) -> str:
-    """The simulated cell's cameras, and two of GigE Vision that show what they render; the calibration's file."""
+    """The simulated cell's cameras, and two on GigE Vision that show their pictures; returns the calibration's file."""
     content = merged(opening.with_cameras(), {"cell": {"name": CAMERAS_CELL}})
     file = _written(opening.folder, "cameras.yaml", content)
     opening.start("cameras", "", "services.hardware.peers.following", CROSSPIH_CELL=file)

@@ -112,8 +112,7 @@ class Ft300:
 
 
 class SerialLine:
-    """A serial line with a name: what is written to it goes to the Modbus server, or to the stream that it would
-    stop."""
+    """A serial line with a name: input goes to the Modbus server, or to the stream, which it stops."""
 
     def __init__(self, sensor: Ft300, name: Path) -> None:
         self._sensor, self._name = sensor, name
@@ -126,7 +125,7 @@ class SerialLine:
         name.symlink_to(os.ttyname(self._outside_end))
 
     def run(self) -> None:
-        """Carry bytes to and fro, until `quit`."""
+        """Transfer bytes in both directions until `quit`."""
         due_s, jam = 0.0, 0
         sensor = self._sensor
         while not sensor.quit.is_set():
@@ -157,7 +156,7 @@ class SerialLine:
                 due_s += 1.0 / STREAM_HZ
 
     def close(self) -> None:
-        """The line is gone, as an adapter that was pulled."""
+        """Remove the line, like an adapter that is unplugged."""
         self._name.unlink(missing_ok=True)
         for end in (self._outside, self._inside, self._outside_end, self._inside_end):
             with contextlib.suppress(OSError):

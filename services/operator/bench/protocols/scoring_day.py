@@ -1,4 +1,4 @@
-"""What calibrations found of a cell, against what it hid from them. Pure."""
+"""The results of the calibrations of a cell against its hidden errors. Pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEG = 180.0 / np.pi
 
 @dataclass(frozen=True, slots=True)
 class DayFigure:
-    """One number: how far it was off before, how far it is off now, in `unit`."""
+    """One number: its error before and after the calibration, in `unit`."""
 
     what: str
     before: float
@@ -30,7 +30,7 @@ class DayFigure:
 
 
 def _off(one: Pose, true: Pose) -> tuple[float, float]:
-    """Length, mm, and turn, degrees."""
+    """Distance, mm, and angle, degrees."""
     away = true.inverse() @ one
     return float(np.linalg.norm(away.translation_m)) * 1e3, float(np.linalg.norm(away.rotvec_rad())) * DEG
 
@@ -87,7 +87,7 @@ def tool_rows(before: Workcell, after: Workcell, behind: dict[str, Any]) -> list
 
 
 def truth_lines(behind: dict[str, Any]) -> list[str]:
-    """What was hidden, for people."""
+    """The hidden errors, for people."""
     cameras = true_cameras(behind)
     peg, sensor, stiffness = true_tool(behind)
 

@@ -1,4 +1,4 @@
-"""What a folder of `crosspih bench day` was walked with: what was calibrated there is of that cell alone."""
+"""The settings of a walk in a folder of `crosspih bench day`: its calibrations are valid for that cell only."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from crosspih_common.errors import ConfigError
 from crosspih_common.provenance import code_version
 
 ABOUT = "day.json"
-# who walks and who calibrates, beside the cell's own code
+# the code that walks and calibrates, besides the cell's own code
 MADE_BY = ("services.operator.calibrate", "services.operator.bench.protocols")
 
 
 def note_walk(folder: Path, hidden: int, seed: int) -> None:
-    """Write it down, at the beginning of a walk."""
+    """Write the settings at the beginning of a walk."""
     about = {"hidden": hidden, "seed": seed, "code": code_version(*MADE_BY)}
     (folder / ABOUT).write_text(json.dumps(about), encoding="utf-8")
 
 
 def check_walk(folder: Path, console: Console, **asked: int) -> None:
-    """That a folder was walked with these numbers (`hidden`, `seed`), and by which code. Raises ConfigError where it
-    says otherwise; where it says nothing, that is said.
+    """Check that a folder was walked with these numbers (`hidden`, `seed`), and by which code. Raises ConfigError where
+    they differ; prints a note where none are recorded.
     """
     if not (folder / ABOUT).is_file():
         console.print(f"{folder}: does not say with what it was walked", style="yellow", highlight=False)

@@ -1,1 +1,1 @@
-"""`crosspih bench refine`: what refining over past recordings makes of the next assemblies."""
+"""`crosspih bench refine`: how refining over past recordings changes the next assemblies."""

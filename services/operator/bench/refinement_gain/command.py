@@ -1,6 +1,7 @@
-"""`crosspih bench refine`: a cell that is not as drawn; its past recorded, refined, the next seeds before and after.
+"""`crosspih bench refine`: a cell that differs from its drawing; its recordings are refined, and the next seeds are run
+before and after.
 
-The simulator's truth is set here and known to the scoring alone; what refines sees the recordings.
+The simulator's truth is set here and known to the scoring alone; the refinement sees only the recordings.
 """
 
 from __future__ import annotations

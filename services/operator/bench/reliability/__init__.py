@@ -1,1 +1,3 @@
-"""What goes wrong on purpose: killed, busy, cut off, sent nonsense, pressed too hard, run for hours."""
+"""Faults on purpose: killed processes, a busy machine, cut links, nonsense messages, presses beyond the cap, hours of
+running.
+"""

@@ -1,4 +1,4 @@
-"""`crosspih bench cell`: what the simulated cell's own loop costs beside the bare physics engine."""
+"""`crosspih bench cell`: the cost of the simulated cell's own loop compared with the bare physics engine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CellResult(BaseModel):
 
 
 def table_of(result: CellResult) -> Table:
-    """A row an engine: CPU time of a step, and how often the engine's own goes into it."""
+    """One row per engine: CPU time of a step, as a multiple of the engine's own."""
     table = Table(title="steps of 1 ms: CPU time, and against the engine alone")
     for column in ("engine", "alone µs", "at rest µs", "/ alone", "admittance move µs", "/ alone", "times real time"):
         table.add_column(column, justify="left" if column == "engine" else "right")

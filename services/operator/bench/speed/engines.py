@@ -1,11 +1,13 @@
-"""`crosspih bench engines`: how many of the cell's milliseconds each installed physics engine makes in a second."""
+"""`crosspih bench engines`: how many of the cell's steps of a millisecond each installed physics engine makes per
+second.
+"""
 
 from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
-# the operator imports no engine: the hardware service's own program measures
+# the operator imports no engine: a program of the hardware service measures
 PROGRAM = "services.hardware.drivers.simulated.engines.rate"
 BASELINE = "pybullet"
 
@@ -19,7 +21,7 @@ class EnginesResult(BaseModel):
 
 
 def table_of(result: EnginesResult) -> Table:
-    """The rates, and each against PyBullet's of the same run where that is installed."""
+    """The rates, and each relative to PyBullet's in the same run where that is installed."""
     table = Table(title="steps of 1 ms a second, one core")
     for column in ("engine", "scene", "steps/s", "times real time", f"against {BASELINE}"):
         table.add_column(column, justify="left" if column in ("engine", "scene") else "right")

@@ -1,4 +1,4 @@
-"""`crosspih bench inference`: what each answer of the inference service costs beside the bare thing in it."""
+"""`crosspih bench inference`: the cost of each answer of the inference service compared with its bare computation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ PROGRAM = "services.inference.rate"
 
 
 class Cost(BaseModel):
-    """CPU time of one answer and of what it is measured beside."""
+    """CPU time of one answer and of its reference."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -19,7 +19,7 @@ class Cost(BaseModel):
 
     @property
     def ratio(self) -> float:
-        """How often the bare thing's time goes into ours."""
+        """The answer's time as a multiple of the bare computation's."""
         return self.ours_s / self.bare_s
 
 

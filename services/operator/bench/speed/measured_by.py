@@ -14,11 +14,11 @@ from services.operator.bench.cells.bar import Bar
 
 
 def measured_by(program: str, who: str, *options: str, console: Console) -> Any:
-    """What such a program prints; meanwhile a bar shows that it is at work. Raises CrosspihError where it dies."""
+    """The output of such a program; a bar shows meanwhile that it is at work. Raises CrosspihError where it dies."""
     with Bar(console, counted=False) as bar:
         bar.add_task(who, total=None)
         done = subprocess.run(module_command(program, *options), capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise CrosspihError(f"{who}: {(done.stderr.strip().splitlines() or ['it died'])[-1]}")
-    # PyBullet greets on standard output
+    # PyBullet prints a greeting on standard output
     return json.loads(done.stdout.strip().splitlines()[-1])

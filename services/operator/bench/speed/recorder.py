@@ -1,4 +1,4 @@
-"""`crosspih bench recorder`: how fast samples get from the bus into a file, beside the bare MCAP writer."""
+"""`crosspih bench recorder`: how fast samples get from the bus into a file, compared with the bare MCAP writer."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
-# the operator has no recorder in it: the recorder's own program measures
+# the operator imports no recorder: a program of the recorder measures
 PROGRAM = "services.recorder.rate"
 
 
@@ -30,7 +30,7 @@ class RecorderResult(BaseModel):
 
 
 def result_of(rates: dict[str, list[float]], beside: list[dict[str, float]], rate_hz: float) -> RecorderResult:
-    """From what the program printed: of the rounds in turn, and of the cells side by side."""
+    """The result from the program's output: of the rounds in turn, and of the cells side by side."""
     bare, ours, bare_cpu, ours_cpu = (np.array(rates[name]) for name in ("bare", "ours", "bare_cpu", "ours_cpu"))
     shown = np.array(rates["shown"])
     return RecorderResult(

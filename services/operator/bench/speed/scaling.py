@@ -6,7 +6,9 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Rate(BaseModel):
-    """How fast so many cells are, once all are up. `linear` is the rate against so many times that of one cell."""
+    """The speed of this many cells, once all are up. `linear` is the rate divided by this many times
+    that of one cell.
+    """
 
     model_config = ConfigDict(frozen=True)
 

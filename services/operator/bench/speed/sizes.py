@@ -21,7 +21,7 @@ LOCATE_DEADLINE_S = 300.0
 
 
 class SizeRow(BaseModel):
-    """One size: wall times of the located pairs, without taking the pictures, and how far the poses are off."""
+    """One size: wall times of the located pairs, without taking the pictures, and the errors of the poses."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -44,7 +44,7 @@ class SizesResult(BaseModel):
 
 
 def content_at(content: dict[str, Any], camera: CameraSection, width_px: int, height_px: int) -> dict[str, Any]:
-    """The cell's file with cameras of that size: the same angle from left to right, the axis where it was."""
+    """The cell's file with cameras of that size: the same horizontal angle of view, and the same optical axis."""
     factor = width_px / camera.width_px
     focal_px = camera.fx_px * factor
     section = {
@@ -58,7 +58,7 @@ def content_at(content: dict[str, Any], camera: CameraSection, width_px: int, he
 
 
 def row_of(session: Session, size_and_seeds: tuple[int, int, range]) -> SizeRow:
-    """Locate the holes of some seeds, one before that is not counted, and time it."""
+    """Locate the holes of some seeds and time it; one before them does not count."""
     width_px, height_px, seeds = size_and_seeds
     times_s: list[float] = []
     lateral_mm: list[float] = []
@@ -73,7 +73,7 @@ def row_of(session: Session, size_and_seeds: tuple[int, int, range]) -> SizeRow:
             continue
         times_s.append(time.perf_counter() - started - seen.capture_wall_s)
         lateral_mm.append(pose_error(seen.pose_base_hole.pose(), truth.pose_base_hole.pose()).lateral_mm)
-    # the first pair pays for what is loaded once
+    # the first pair includes the time of everything that is loaded once
     times_s, lateral_mm = times_s[1:], lateral_mm[1:]
     return SizeRow(
         width_px=width_px, height_px=height_px, pairs=len(seeds), located=len(times_s),
@@ -84,7 +84,7 @@ def row_of(session: Session, size_and_seeds: tuple[int, int, range]) -> SizeRow:
 
 
 def table_of(result: SizesResult) -> Table:
-    """A row a size."""
+    """One row per size."""
     table = Table(title="vision alone, wall time a pair of pictures")
     for column in ("size", "pairs", "located", "p50 ms", "p95 ms", "lateral p50 mm", "refused"):
         table.add_column(column, justify="left" if column in ("size", "refused") else "right")

@@ -1,5 +1,6 @@
-"""`crosspih bench startup`: a stack from nothing to all ready beside the slowest single import of its services, and
-the CPU time of commands that do little."""
+"""`crosspih bench startup`: a stack from nothing to all ready, compared with the slowest single import of its services,
+and the CPU time of small commands.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +50,9 @@ class StartupResult(BaseModel):
 
 
 def timed(command: list[str]) -> tuple[float, float]:
-    """Wall and CPU time, s, of a process with what it started. Raises CrosspihError where it fails by a signal or
-    cannot import what it should."""
+    """Wall and CPU time, s, of a process with all that it started. Raises CrosspihError where it ends by a signal or
+    cannot import a module.
+    """
     began_s = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
@@ -81,12 +83,12 @@ def until_ready_s(content: dict[str, Any]) -> float:
 
 
 def measured(rounds: int, console: Console | None = None, stack: bool = True) -> StartupResult:
-    """All in turn, so many times. Raises CrosspihError or LauncherError."""
+    """All in turn, this many times. Raises CrosspihError or LauncherError."""
     plain: list[float] = []
     ready: list[float] = []
     commands: dict[str, list[float]] = {name: [] for name in COMMANDS}
     imports: dict[str, list[tuple[float, float]]] = {service: [] for service in SERVICES}
-    # once: a stack names its own file in the environment, which goes with it
+    # once: a stack puts its own file into the environment, and that file is removed with it
     content = cell_content(base_cell_text(), Condition())
     with Bar(console) as progress:
         bar = progress.add_task("startup", total=rounds * (1 + len(commands) + len(imports) + stack))

@@ -24,7 +24,9 @@ OPERATOR = "operator"
 
 
 class TrialTime(BaseModel):
-    """One trial: its wall time, s, the CPU time of each process in it, and how much of the hardware's made pictures."""
+    """One trial: its wall time, s, the CPU time of each process in it, and the part of the hardware's that made
+    pictures.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -72,7 +74,7 @@ def _told_by(note: Callable[[], None]) -> Callable[[Any], None]:
 
 
 class PictureTime:
-    """The hardware's CPU time, s, between each request for pictures and its answer, as both are heard on the bus."""
+    """The hardware's CPU time, s, between each request for pictures and its answer, as both are received on the bus."""
 
     def __init__(self, bus: Bus, project: str, run_root: Path) -> None:
         self._project, self._run_root = project, run_root
@@ -117,8 +119,7 @@ def accounted_trial(session: Session, payload: dict[str, Any]) -> dict[str, Any]
 
 
 def result_of(accounts: list[TrialTime]) -> TrialsResult:
-    """The medians. Waiting is what is left of the wall time when all CPU time is taken off it, of a cell that stays on
-    one core."""
+    """The medians. Waiting is the wall time minus all CPU time, for a cell that stays on one core."""
     names = sorted({name for one in accounts for name in one.cpu_s} - {"hardware"})
 
     def middle(values: list[float]) -> float:

@@ -1,1 +1,1 @@
-"""`crosspih bench vision`: where vision says the hole is."""
+"""`crosspih bench vision`: vision's pose of the hole against the truth."""

@@ -1,4 +1,4 @@
-"""`crosspih bench vision`: where vision says the hole is, over seeds and over faults in front of the cameras."""
+"""`crosspih bench vision`: vision's pose of the hole, over seeds and over faults in front of the cameras."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ FAULTS: dict[str, SceneFaults] = {
 
 
 class VisionTrial(BaseModel):
-    """One picture pair: what vision said, against the truth.
+    """One picture pair: vision's answer, against the truth.
 
-    `beyond_limits`: a pose so far off that the taper would not catch the peg; `confidently_wrong`: one outside its own
-    99.99 % region, or given where no hole is.
+    `beyond_limits`: a pose with so large an error that the taper would not catch the peg; `confidently_wrong`: one
+    outside its own 99.99 % region, or given where there is no hole.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -90,7 +90,7 @@ class SightSummary(BaseModel):
 
 
 def see(session: Session, seed: int, scene: SceneFaults | None) -> VisionTrial:
-    """A new trial's hole, and where vision says it is."""
+    """A new trial's hole, and vision's pose of it."""
     truth = session.new_trial(ResetCell(seed=seed, scene=scene))
     try:
         seen = session.bus.call(LOCATE, LocateHole(), LOCATE_DEADLINE_S)
@@ -231,7 +231,7 @@ def vision(
                     progress.advance(task)
                 summaries.append(summarise_sights(name, sights))
     except CrosspihError as error:
-        # what was seen until then is told all the same
+        # the results up to then are still reported
         ended = error
         if sights and not any(row.condition == name for row in summaries):
             summaries.append(summarise_sights(name, sights))

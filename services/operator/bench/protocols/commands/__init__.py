@@ -1,1 +1,1 @@
-"""The commands that meet devices by their protocols, one a file."""
+"""The commands that use devices through their protocols, one a file."""

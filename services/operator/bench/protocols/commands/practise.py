@@ -1,4 +1,6 @@
-"""`crosspih cell practise`: devices without devices, for docs/hardware/in-a-day.md to be walked before."""
+"""`crosspih cell practise`: simulated devices with which to follow docs/hardware/in-a-day.md before real ones are
+there.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ from services.operator.bench.protocols.scoring_day import truth_lines
 HOLE_SEED = 1000
 
 
-TOLD = (  # what somebody who walks there must know beyond the page
+TOLD = (  # facts beyond the page that the user must know here
     f"arm {ARM} (RTDE), sensor {SENSOR} (Net F/T), cameras {LEFT} and {RIGHT} (GigE Vision): the page's addresses,",
     "in a network of this command alone. Beside what the page says, the cell's file needs here:",
     *yaml.safe_dump({"hardware": HERE}, sort_keys=False).splitlines(),

@@ -19,13 +19,15 @@ from services.operator.bench.cells.stopping import end_with_parent
 from services.operator.scoring.score import TrialFigures
 from services.operator.scoring.statistics import sight_row, wilson95
 
-# how an assembly ends that the lease or a service's link has stopped, though all of them were alive
+# the results of an assembly that the lease or a service's link has stopped, though all services were alive
 STOPPED = (Failure.ARM_STOPPED.value, Failure.SERVICE_LOST.value)
 NO_RESULT = "no_result"
 
 
 class Ended(BaseModel):
-    """How one assembly ended. `stopped`: by the lease, for a service that was taken for lost, or without any result."""
+    """How one assembly ended. `stopped`: by the lease, for a service that was wrongly taken for lost, or without any
+    result.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -62,7 +64,7 @@ def _spin() -> None:
 
 @contextmanager
 def busy_processes(count: int) -> Iterator[None]:
-    """So many processes that do nothing but compute, for as long as the block lasts."""
+    """Run `count` processes that only compute, for as long as the block lasts."""
     context = multiprocessing.get_context("spawn")
     spinning = [context.Process(target=_spin, daemon=True) for _ in range(count)]
     try:
@@ -77,8 +79,9 @@ def busy_processes(count: int) -> Iterator[None]:
 
 
 def assemble_once(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
-    """The work of a CellTask: one trial, whatever its end, as an Ended in plain data. One that gives no result counts
-    as stopped, and is not tried again."""
+    """The work of a CellTask: one trial, however it ends, as an Ended in plain data. A trial without a result counts as
+    stopped, and is not tried again.
+    """
     seed = payload["seed"]
     try:
         figures, _ = session.trial(seed, Strategy(payload["strategy"]), False)
@@ -92,7 +95,7 @@ def assemble_once(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
 
 
 def ended(seed: int, figures: TrialFigures) -> Ended:
-    """What counts here of a trial."""
+    """The figures of a trial that count here."""
     return Ended(
         seed=seed,
         inserted=figures.inserted,

@@ -1,1 +1,1 @@
-"""`crosspih bench caps`: how hard every kind of motion truly presses a rigid plate, against the cap."""
+"""`crosspih bench caps`: how hard each kind of motion really presses a rigid plate, compared with the cap."""

@@ -30,7 +30,7 @@ PRESSES_A_TASK = 12
 
 
 class Cap(BaseModel):
-    """One row of the table: an engine, a delay, a press and what it came to."""
+    """One row of the table: an engine, a delay, a press and its result."""
 
     engine: str
     delay_s: float
@@ -59,7 +59,7 @@ def _tasks(engines: list[str], cap_n: float) -> Iterator[tuple[str, float, CellT
 
 
 def table_of(rows: list[Cap], cap_n: float) -> Table:
-    """True peaks by motion, speed and direction, a column an engine and delay."""
+    """True peaks by motion, speed and direction, one column per engine and delay."""
     columns = sorted({(row.engine, row.delay_s) for row in rows})
     table = Table(title=f"true peak of the contact force, N, against a rigid plate; the cap is {cap_n:g} N")
     for name in ("motion", "speed asked, m/s", "direction"):

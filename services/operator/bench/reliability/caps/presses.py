@@ -31,14 +31,14 @@ from crosspih_common.messages import (
 )
 from services.operator.assembly.session import Session
 
-BESIDE_M = (0.036, 0.034)  # the tip on the plate, clear of the hole
+BESIDE_M = (0.036, 0.034)  # the tip's place on the plate, clear of the hole
 BEFORE_M = 0.006  # from the tip to the plate, straight on
-BEYOND_M = 0.006  # into the plate, where the plate is not felt
+BEYOND_M = 0.006  # into the plate, for a plate that is not felt
 DEADLINE_S = 120.0
 
 
 class PressCommand(str, Enum):
-    """Which command presses."""
+    """The command that presses."""
 
     GUARDED = "guarded"
     ADMITTANCE = "admittance"
@@ -46,7 +46,7 @@ class PressCommand(str, Enum):
     FOLLOW = "follow"
 
 
-# up to the limits of the messages; a followed trajectory has none but the joints' own
+# up to the limits of the messages; a followed trajectory has only the joints' own limits
 SPEEDS_M_S = {
     PressCommand.GUARDED: (0.005, 0.01, 0.05, 0.1, 0.25),
     PressCommand.ADMITTANCE: (0.005, 0.01, 0.05, 0.1),
@@ -69,7 +69,7 @@ class CapPress(BaseModel):
 
 
 class CapPressResult(BaseModel):
-    """What came of it; `refused` instead of a stop where the command was."""
+    """The result of a press; `refused` instead of a stop where the command was refused."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -91,13 +91,13 @@ def presses(oblique_rad: tuple[float, ...] = OBLIQUE_RAD) -> Iterator[CapPress]:
 
 
 def press_all(session: Session, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Each in turn, on the session's cell."""
+    """Each press in turn, on the session's cell."""
     with hold_arm(session.bus, "bench caps") as lease:
         return [press_once(session, lease, CapPress.model_validate(row)).model_dump(mode="json") for row in rows]
 
 
 def press_once(session: Session, lease: ArmLease, press: CapPress) -> CapPressResult:
-    """Put the peg before the plate, send the motion, read the largest force that the engine's contacts had."""
+    """Place the peg before the plate, send the motion, return the largest contact force of the engine."""
     workcell = session.cell.workcell
     across = np.tan(press.oblique_rad) * BEFORE_M
     start = Pose.from_rotvec(
@@ -105,7 +105,7 @@ def press_once(session: Session, lease: ArmLease, press: CapPress) -> CapPressRe
     )
     placed = session.new_trial(ResetCell(seed=press.seed, offset_hole=(0.0,) * 6, place_peg=PoseData.of(start)))
     rest = lease.ask(DWELL, Dwell(duration_s=0.05), DEADLINE_S)
-    # free and never turned: what the sensor reads here is all that hangs on it
+    # in free air and never rotated: the sensor reads exactly the load that hangs on it
     load = SetPayload(bias=rest.wrench_raw, weight_n=0.0, centroid_ft_m=(0.0, 0.0, 0.0), gravity_base=(0.0, 0.0, -1.0))
     lease.ask(SET_PAYLOAD, load, DEADLINE_S)
     hole, peg = placed.pose_base_hole.pose(), placed.pose_base_peg.pose()
@@ -145,7 +145,7 @@ def _send(
 
 
 def _trajectory(workcell: Workcell, peg: Pose, goal: Pose, speed_m_s: float, way_m: float) -> FollowTrajectory:
-    """From pose to pose by joints, the peak of the tip's speed about as asked: a quintic peaks at 1.875 d / T."""
+    """From pose to pose by joints; the tip's peak speed is about the requested one: a quintic peaks at 1.875 d / T."""
     arm, to_flange = workcell.arm(), workcell.pose_flange_peg().inverse()
     first = nearest(arm, peg @ to_flange, workcell.home_joints_rad)
     last = track(arm, [peg @ to_flange, goal @ to_flange], first)[-1]

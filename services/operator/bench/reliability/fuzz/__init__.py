@@ -1,1 +1,1 @@
-"""`crosspih bench fuzz`: payloads drawn from the real schemas, sound, absurd and broken, at every key."""
+"""`crosspih bench fuzz`: payloads drawn from the real schemas, valid, absurd and broken, on every key."""

@@ -1,4 +1,4 @@
-"""A running cell under payloads that nobody should send: what each command answers, and how the services fare."""
+"""Sends a running cell payloads that nobody should send, and records each command's answers and the services' state."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ from services.operator.bench.reliability.fuzz.payloads import PayloadMaker, Sort
 from services.operator.cell.which_cell import endpoint
 
 DEADLINE_S = 120.0
-# What each accepted request of takes long: no more are sent that fit once so many were accepted, and once twice as many
-# were (also absurd ones can be sound) only what cannot be read.
+# Commands whose accepted requests take long. After this many accepted ones no more fitting payloads are sent, and after
+# twice as many (absurd ones can be valid too) only unreadable ones.
 LONG = {
     ASSEMBLE.path: 3, CALIBRATE_FT.path: 1, WITHDRAW.path: 10, RESET.path: 40, LOCATE.path: 5, CAPTURE.path: 10,
     FOLLOW.path: 60, DWELL.path: 20,
@@ -53,10 +53,10 @@ AFTERWARDS = "an assembly afterwards"
 
 
 class AttackedPart(BaseModel):
-    """One command's payloads, one topic's, or the assembly afterwards: what was answered, and how the services fared.
+    """One command's payloads, one topic's, or the assembly afterwards: the answers, and the state of the services.
 
-    `answers`: how often each refusal's code, `accepted` or `no answer`; `defects`: examples of what must not be.
-    Restarts and tracebacks are those of this part alone, memory is what each service had at its end.
+    `answers`: how often each refusal's code, `accepted` or `no answer`; `defects`: examples of wrong behaviour.
+    Restarts and tracebacks are those of this part alone; memory is each service's at its end.
     """
 
     what: str
@@ -69,7 +69,7 @@ class AttackedPart(BaseModel):
 
     @property
     def told(self) -> list[str]:
-        """What speaks against the cell, in words."""
+        """The defects of the cell, in words."""
         found = [f"{self.what}: {defect}" for defect in self.defects]
         found += [f"{self.what}: {service} started again, {count} times" for service, count in self.restarts.items()]
         return found + [
@@ -78,7 +78,7 @@ class AttackedPart(BaseModel):
 
 
 def parts() -> list[str]:
-    """What an attack is made of, in its order: every command, every topic, and an assembly."""
+    """The parts of an attack in their order: every command, every topic, and an assembly."""
     return [
         *(command.path for command in commands()),
         *(topic.path for topic in topics() if not issubclass(topic.type, Image)),
@@ -87,7 +87,7 @@ def parts() -> list[str]:
 
 
 def attack(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
-    """The work of a CellTask: `count` payloads of one part, drawn from `seed`. No more are sent once it is `until`."""
+    """The work of a CellTask: `count` payloads of one part, drawn from `seed`. None is sent after the time `until`."""
     what, count, seed, until = payload["part"], payload["count"], payload["seed"], payload["until"]
     before = _restarts(session), _tracebacks(session)
     by_path = {command.path: command for command in commands()}
@@ -104,7 +104,7 @@ def attack(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
 
 
 def _assemble(session: Session) -> AttackedPart:
-    """Whatever was asked may have left another calibration or payload: both are made anew, as after any doubt."""
+    """Calibration and payload may have been changed by the commands before: both are made anew, as after any doubt."""
     part = AttackedPart(what=AFTERWARDS)
     try:
         session.wait_for_services(DEADLINE_S, NEEDED)
@@ -123,7 +123,7 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
     row = AttackedPart(what=command.path)
     enough = LONG.get(command.path, count)
     with open_zenoh(endpoint()) as transport, contextlib.ExitStack() as held:
-        # a command that changes a calibration answers nobody else
+        # while it changes a calibration the service answers nobody else
         author = author_key(session.cell.workcell.name, command.callers[0], PROCESS, transport.author)
         transport.claim(author)
         holder = held.enter_context(hold_arm(session.bus, "fuzzing")) if _needs_holder(command) else None
@@ -137,7 +137,7 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
                 sort = Sort.BROKEN
             sent = maker.payload(sort)
             if holder is not None and sort is Sort.FITTING:
-                # the lease of now, as its holder would name it
+                # the present lease, as its holder would name it
                 lease = holder.named(Dwell(duration_s=0.1)).lease
                 sent = json.dumps({**json.loads(sent), "lease": lease}).encode()
             try:
@@ -156,7 +156,7 @@ def _ask_all(session: Session, command: Command[Any, Any], count: int, seed: int
             row.answers[code if answer.is_error else ACCEPTED] += 1
             if answer.is_error and (code == INTERNAL or not text):
                 row.defects.append(f"{code}: {text[:200]} to {sent[:1500]!r}")
-            # what came before has cost it the lease; of the others a lease that is wrong is refused rightly
+            # an earlier payload has lost the lease; a wrong lease is rightly refused
             if holder is not None and sort is Sort.FITTING and code == "no_lease":
                 with contextlib.suppress(CrosspihError):
                     holder.take()
@@ -168,7 +168,7 @@ def _needs_holder(command: Command[Any, Any]) -> bool:
 
 
 def _put_all(session: Session, topic: Topic[Any], count: int, seed: int, until: float) -> AttackedPart:
-    """Put on a topic what does not fit it: of the right label and others, from a stranger's session."""
+    """Send a topic payloads that do not fit it: with the right label and others, from a stranger's session."""
     part, maker = AttackedPart(what=topic.path), PayloadMaker(topic.type.model_json_schema(), f"{seed} {topic.path}")
     with open_zenoh(endpoint()) as transport:
         sender = transport.sender(topic.key(session.cell.workcell.name, "planning"), recover=False, history=0)
@@ -187,7 +187,7 @@ def _restarts(session: Session) -> dict[str, int]:
 
 
 def _tracebacks(session: Session) -> dict[str, int]:
-    """How many each service's log has, of what the launcher keeps of it."""
+    """The number of tracebacks in each service's log, as far as the launcher keeps it."""
     return {
         service: sum("Traceback (most recent" in line.text for line in tail.read())
         for service, tail in StateDirectory(session.cell.workcell.name).tails().items()

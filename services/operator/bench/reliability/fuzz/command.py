@@ -27,12 +27,12 @@ from services.operator.bench.reliability.fuzz.rests_on import part_key
 from services.operator.bench.reliability.fuzz.tables import Attacked, decoded_table, markdown, parts_table, summary
 
 MAX_SHOWN = 50
-# a sound motion of two minutes would keep all that come after it waiting
+# a valid motion of two minutes would delay all later payloads
 SHORT_MOTIONS = {"hardware": {"limits": {"motion_s": 15.0}}}
 
 
 class _TimeIsUp(CrosspihError):
-    """Of `--minutes`."""
+    """The time of `--minutes`."""
 
 
 def fuzz(
@@ -90,7 +90,9 @@ def _attack(
     console: Console, attacked: Attacked, wanted: list[str], asked: int, seed: int, until: float,
     store: ResultStore | None,
 ) -> bool:  # fmt: skip
-    """One part after another in one cell; what is in the store is taken from there. Whether it was interrupted."""
+    """One part after another in one cell; parts in the store are taken from there. Returns whether it
+    was interrupted.
+    """
     content = merged(cell_content(base_cell_text(), Condition()), SHORT_MOTIONS)
     keys = {part: part_key(part, asked, seed, content) for part in wanted}
     known = {part: row for part in wanted if store is not None and (row := store.get(keys[part])) is not None}

@@ -1,4 +1,4 @@
-"""Every type that travels, against what nobody should send: each payload is a message or is rejected by name."""
+"""Every type that is sent, against payloads that nobody should send: each is a message or is rejected by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SORTS = (Sort.FITTING, Sort.MISFIT, Sort.BROKEN)
 
 @dataclass
 class Decoded:
-    """What became of one key's payloads. `escaped` counts errors that are no ContractError, by name."""
+    """The results of one key's payloads. `escaped` counts errors other than ContractError, by name."""
 
     key: str
     accepted: int = 0
@@ -31,7 +31,7 @@ class Decoded:
     escaped: Counter[str] = field(default_factory=Counter)
 
     def add(self, other: Decoded) -> None:
-        """What became of more of them."""
+        """Add the results of more payloads."""
         self.accepted += other.accepted
         self.rejected += other.rejected
         self.escaped += other.escaped
@@ -43,7 +43,9 @@ class Decoded:
 
 
 class Share(NamedTuple):
-    """So many payloads of one key: the part that one process decodes at a time. Equal shares draw equal payloads."""
+    """A number of payloads of one key: the part that one process decodes at a time. Equal shares draw
+    equal payloads.
+    """
 
     key: str
     first: int
@@ -52,7 +54,7 @@ class Share(NamedTuple):
 
 
 class ShareDone(NamedTuple):
-    """What became of a share, and the most memory that the process has had in use by then, MB."""
+    """The results of a share, and the peak memory of the process by then, MB."""
 
     share: Share
     decoded: Decoded
@@ -61,7 +63,7 @@ class ShareDone(NamedTuple):
 
 
 def shares(payloads: int, size: int, seed: int) -> list[Share]:
-    """`payloads` of every key in shares, all keys' first shares first: whoever stops early has some of each."""
+    """`payloads` of every key in shares, all keys' first shares first: a run that is stopped early has some of each."""
     return [
         Share(key, first, min(size, payloads - first), seed) for first in range(0, payloads, size) for key in kinds()
     ]
@@ -81,7 +83,7 @@ def kinds() -> dict[str, type[Any]]:
 
 
 def decode_all(key: str, kind: type[Any], count: int, seed: int, first: int = 0) -> Decoded:
-    """Draw `count` payloads for a key and decode each; what was accepted must encode and decode to the same again.
+    """Draw `count` payloads for a key and decode each; an accepted one must encode and decode to the same again.
 
     Equal `seed`, key and `first` draw equal payloads. A warning (an overflow in NumPy) counts as an error.
     """
@@ -101,7 +103,7 @@ def _decoded(key: str, kind: type[Any], numbers: range, seed: str) -> Decoded:
             again = decode(kind, encode(value), label, key)
         except ContractError:
             done.rejected += 1
-        except Exception as error:  # that there is none is what is looked for
+        except Exception as error:  # the test is that there is none
             done.escaped[f"{type(error).__name__}: {error}"[:120]] += 1
         else:
             done.accepted += 1
@@ -111,7 +113,7 @@ def _decoded(key: str, kind: type[Any], numbers: range, seed: str) -> Decoded:
 
 
 def _images(rng: np.random.Generator) -> Any:
-    """Pictures of some pixels, and what is left of them after bytes were lost or changed."""
+    """Pictures of a few pixels, and damaged copies with bytes lost or changed."""
     whole = encode(Image("camera_left", np.zeros((4, 6), dtype=np.uint8), 5, 0))
 
     def draw(sort: Sort) -> bytes:

@@ -1,4 +1,4 @@
-"""Every key's payloads over all cores, with a bar; what was decoded by then when it is stopped or its time is up."""
+"""Every key's payloads over all cores, with a bar; when stopped or out of time, the results so far."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ SHARE = 2000
 
 @dataclass
 class AllDecoded:
-    """Row by row what became of each key's payloads. `grown_mb`: by how much the most that a process had in use grew
-    after each key had had its first share, the larger of all processes. `whole`: nothing is left to do."""
+    """The results of each key's payloads, row by row. `grown_mb`: by how much the peak memory of a process grew after
+    each key had its first share, the largest of all processes. `whole`: nothing is left to do.
+    """
 
     rows: dict[str, Decoded] = field(default_factory=lambda: {key: Decoded(key) for key in kinds()})
     grown_mb: float = 0.0
@@ -45,7 +46,7 @@ def _decode(share: Share) -> ShareDone:
 
 
 def share_key(share: Share) -> str:
-    """Under which its result is kept: other code that decodes, or other payloads, are another key."""
+    """The key under which its result is stored: other decoding code, or other payloads, give another key."""
     code = folder_version("crosspih_common")
     return result_key({"fuzz": "decoded", "code": code, "drawn_by": drawn_by(), **share._asdict()})
 
@@ -53,8 +54,9 @@ def share_key(share: Share) -> str:
 def decode_every_key(
     console: Console, payloads: int, seed: int, until: float, store: ResultStore | None = None
 ) -> tuple[AllDecoded, bool]:
-    """Decode `payloads` of each key until it is `until` (`time.time`). Returns what was done, and
-    whether it was interrupted. Shares in the store are taken from there."""
+    """Decode `payloads` of each key until the time `until` (`time.time`). Returns the results, and whether it was
+    interrupted. Shares in the store are taken from there.
+    """
     done, open_shares = AllDecoded(), []
     for share in shares(payloads, SHARE, seed):
         known = store.get(share_key(share)) if store is not None else None
@@ -101,7 +103,7 @@ def decode_every_key(
             done.failure = "a process that decoded has ended by itself: its memory or a defect in what reads payloads"
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-        # what was at work when it ended is done by now
+        # the shares at work when it ended are done by now
         for future in [one for one in waiting if one.done() and not one.cancelled() and one.exception() is None]:
             take(future)
     return done, interrupted

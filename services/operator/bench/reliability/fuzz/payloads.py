@@ -1,4 +1,4 @@
-"""Payloads drawn from a message's own JSON schema: sound ones, absurd ones that still fit it, and broken ones."""
+"""Payloads drawn from a message's own JSON schema: valid ones, absurd ones that still fit it, and broken ones."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from typing import Any
 
 from crosspih_common.messages.base import MAX_PLACE_M
 
-# numbers that arithmetic does not like, each of which JSON can say
+# numbers that are difficult for arithmetic, all valid in JSON
 EXTREMES = (0.0, -0.0, 5e-324, 1e-30, -1e-9, 1.0, -1.0, 1e3, -1e6, 1e12, -1e30, 1e154, 1.7e308, -1.7e308)
 WHOLE_EXTREMES = (0, -1, 1, 2**31, -(2**31), 2**53, 2**63 - 1, -(2**63), 2**64, 10**30, 10**400)
 WORDS = ("", "a", "../../etc/passwd", "\x00", "é漢🦾", "%s%n", "*/**", "'; --", "\u202e", "x" * 3000)
-# how often a value is an extreme one, a payload at a time
+# probability of an extreme value, chosen per payload
 WILD = (0.0, 0.03, 0.3, 1.0)
-# how often a field that may be left out is there
+# probability that an optional field is present
 FILLED = (0.1, 0.5, 0.9)
 DEPTH = 3000
 MAX_ITEMS = 12
-NEAR = 50.0  # newtons, radians, metres: beyond it hardly anything of a cell is
+NEAR = 50.0  # newtons, radians, metres: hardly any value of a cell is larger
 
 
 class Sort(str, Enum):
-    """What is done to a payload."""
+    """The kind of a payload."""
 
     FITTING = "fitting"  # fits the schema, with numbers as absurd as it allows
-    MISFIT = "misfit"  # JSON, but a field is missing, strange, of another type or out of its range
+    MISFIT = "misfit"  # JSON, but a field is missing, unknown, of another type or out of range
     BROKEN = "broken"  # bytes flipped, cut, doubled; not JSON, not UTF-8, nested without end
 
 
@@ -94,7 +94,7 @@ class PayloadMaker:
     def _array(self, schema: dict[str, Any]) -> list[Any]:
         least = schema.get("minItems", 0)
         most = min(schema.get("maxItems", least + MAX_ITEMS), least + MAX_ITEMS)
-        # six or seven joints: as many in every field
+        # six or seven joints: the same number in every field
         count = least if most == least + 1 else least + int((most + 1 - least) * self._rng.random() ** 2)
         of = schema.get("items", {})
         meant = schema.get("format", "")
@@ -112,7 +112,7 @@ class PayloadMaker:
         return [self._value(of) for _ in range(count)]
 
     def _near(self, last: list[float] | None, other: list[float]) -> list[float]:
-        """What a payload's poses have in common: most are of one place, and what is asked of them is not refused."""
+        """Values that a payload's poses share: most are near one place, so that such a request is not refused."""
         if last is None or self._rng.random() < 0.4:
             return other
         spread = 10.0 ** self._rng.uniform(-6.0, -0.5)
@@ -127,7 +127,7 @@ class PayloadMaker:
             ] or [1e-9 if most is None else most]  # fmt: skip
             return float(self._one_of(inside))
         if (least is None or least < -NEAR) and (most is None or most > NEAR) and self._rng.random() < 0.95:
-            # of the sizes that a cell has, not of those that a number can have
+            # as large as values of a cell, not as any number can be
             return float(self._rng.choice((-1.0, 1.0)) * 10.0 ** self._rng.uniform(-6.0, math.log10(NEAR)))
         low, high = (-1.0 if least is None else least), (1.0 if most is None else most)
         return float(low + (max(high, low) - low or 1.0) * self._rng.uniform(1e-6, 1.0))
@@ -147,7 +147,7 @@ class PayloadMaker:
     # ------------------------------------------------------------------------------------------------ not fitting
 
     def _misfit(self, value: Any) -> Any:
-        """A value with one thing in it replaced, left out or added."""
+        """A value with one part of it replaced, left out or added."""
         strange = self._one_of(
             (None, True, -1, 10**4000, "", "\ud800", [], [[]], {}, {"a": {}}, float("nan"), float("inf"), "NaN", 1e308)
         )

@@ -18,7 +18,7 @@ IN_THE_CELL = frozenset([*NEEDED, "recorder"])
 
 @cache
 def drawn_by() -> str:
-    """Sixteen hex digits over what draws the payloads: other payloads are other results."""
+    """Sixteen hex digits over the code that draws the payloads: other payloads are other results."""
     return _read_by(payloads.__file__, decoding.__file__)
 
 
@@ -32,8 +32,9 @@ def _read_by(*files: str | None) -> str:
 
 
 def services_behind(part: str) -> frozenset[str]:
-    """The services of the cell that have a say in what becomes of a command's or topic's payloads: who serves the
-    command with those that it asks in turn, or who reads the topic. All of them for the assembly afterwards."""
+    """The services that affect the answers to a command's or topic's payloads: the command's server with those that it
+    calls in turn, or the topic's readers. All of them for the assembly afterwards.
+    """
     for command in commands():
         if command.path == part:
             return _asked_by(command.server)
@@ -44,7 +45,9 @@ def services_behind(part: str) -> frozenset[str]:
 
 
 def _asked_by(server: str) -> frozenset[str]:
-    """A service, and all behind it: everybody asks for the time, on which nothing here rests."""
+    """A service, and all behind it. Requests for the time are left out: every service makes them, and nothing here
+    depends on them.
+    """
     found, new = {server}, {server}
     while new:
         new = {one.server for one in commands() if one is not WALL_CLOCK and new & {*one.callers}} - found
@@ -53,7 +56,7 @@ def _asked_by(server: str) -> frozenset[str]:
 
 
 def part_key(part: str, count: int, seed: int, cell: dict[str, Any]) -> str:
-    """Under which what was answered to `count` payloads of a part is kept, in a cell with this content."""
+    """The key under which the answers to `count` payloads of a part are stored, in a cell with this content."""
     folders = ("crosspih_common", *(f"services/{name}" for name in sorted(services_behind(part))))
     code = [code_version()] if part == attacking.AFTERWARDS else [folder_version(folder) for folder in folders]
     drawn = [drawn_by(), _judged_by()]

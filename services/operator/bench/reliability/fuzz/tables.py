@@ -1,4 +1,4 @@
-"""What `crosspih bench fuzz` counted, as tables for a terminal and as a page in Markdown."""
+"""The counts of `crosspih bench fuzz`, as tables for a terminal and as a page in Markdown."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ ASKED = ("command or topic", "sent", "accepted", "refused by name", "internal", 
 
 @dataclass
 class Attacked:
-    """The parts of an attack that were done, and those whose cell was lost."""
+    """The finished parts of an attack, and those whose cell was lost."""
 
     parts: list[AttackedPart] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
 
     @property
     def defects(self) -> list[str]:
-        """What speaks against the cell, in words."""
+        """The defects of the cell, in words."""
         return [line for part in self.parts for line in part.told] + self.lost
 
     @property
     def grown_mb(self) -> dict[str, float]:
-        """What each service's memory grew by between the end of the first part and that of the last."""
+        """How much each service's memory grew between the end of the first part and that of the last."""
         if not self.parts:
             return {}
         first, last = self.parts[0].memory_mb, self.parts[-1].memory_mb
@@ -76,7 +76,7 @@ def parts_table(attacked: Attacked) -> Table:
 
 
 def summary(decoded: AllDecoded, attacked: Attacked, defects: int) -> str:
-    """One line of it all."""
+    """A summary in one line."""
     keys = len(decoded_rows(decoded))
     sent = sum(row[1] for row in part_rows(attacked))
     after = next((part for part in attacked.parts if part.what == AFTERWARDS), None)

@@ -38,7 +38,7 @@ def _ahead(row: HostTrial) -> str:
 
 
 def table_of(rows: list[HostTrial]) -> Table:
-    """A line a trial."""
+    """One line per trial."""
     table = Table(title="the stack on hosts of its own, the cell in real time")
     for name in ("", "ends as", "vision"):
         table.add_column(name)

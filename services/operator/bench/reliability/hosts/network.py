@@ -1,7 +1,7 @@
-"""Hosts of this machine: network namespaces, each with one address, and the switch between them.
+"""Simulated hosts on this machine: network namespaces, each with one address, and the switch between them.
 
 It needs Linux, /dev/net/tun and the right to make namespaces (root, or CAP_NET_ADMIN with CAP_SYS_ADMIN). Nothing of
-this machine's own network is changed, and all of it is gone afterwards; what a killed run left is removed by the next.
+this machine's own network is changed, and all of it is removed afterwards; the next run removes what a killed one left.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NAMESPACES = Path("/run/netns")
 
 
 class NoNetwork(CrosspihError):
-    """Hosts cannot be made here; the message says why."""
+    """Hosts cannot be made here; the message gives the reason."""
 
 
 def _ip(*words: str) -> None:
@@ -64,7 +64,7 @@ def _namespace(stack: ExitStack, host: str) -> str:
 
 
 def _remove_what_was_left() -> None:
-    """Namespaces of runs whose process is gone."""
+    """Remove namespaces of runs whose process is gone."""
     for path in NAMESPACES.glob(f"{PREFIX}-*-*") if NAMESPACES.is_dir() else ():
         pid = path.name.split("-")[1]
         if pid.isdigit() and not Path("/proc", pid).exists():
@@ -103,10 +103,10 @@ class Network:
         self._stack.callback(_end, switch)
         for fd in ends.values():
             os.close(fd)
-        self.become()  # it answers: it runs
+        self.become()  # an answer shows that it runs
 
     def _host(self, index: int, host: str, address: str) -> int:
-        """Make it; the file descriptor of its cable's other end."""
+        """Make the host; returns the file descriptor of its cable's other end."""
         name = _namespace(self._stack, host)
         device = f"cp{os.getpid()}h{index}"
         try:
@@ -121,12 +121,13 @@ class Network:
         return fd
 
     def on(self, host: str, command: Sequence[str]) -> list[str]:
-        """The command to run so that it runs on that host, under its name."""
+        """The command that runs this command on that host, under its name."""
         named = ["unshare", "--uts", "sh", "-c", 'hostname "$0" && exec "$@"', host]
         return ["ip", "netns", "exec", _name(host), *named, *command]
 
     def become(self, delay_s: float = 0.0, loss: float = 0.0, out: Sequence[str] = ()) -> dict[str, int]:
-        """Each packet takes `delay_s` longer, a share `loss` of them is lost, the hosts `out` have no cable.
+        """From now on each packet takes `delay_s` longer, a share `loss` of them is lost, and the hosts `out` have no
+        cable.
 
         Returns the packets passed, lost and cut so far.
         """

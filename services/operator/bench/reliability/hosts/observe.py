@@ -1,7 +1,7 @@
-"""One assembly asked for on a host, and what it saw: `python -m ...bench.reliability.hosts.observe SEED`.
+"""One assembly requested on a host, and what that host observed: `python -m ...bench.reliability.hosts.observe SEED`.
 
-Prints a JSON object a line: {"step": phase} as the planner goes on, and in the end {"seen": Seen}. A light command goes
-to and fro all the while, so that its latency is measured as it is during an assembly.
+Prints a JSON object a line: {"step": phase} for each phase of the planner, and at the end {"seen": Seen}. Meanwhile it
+calls a light command again and again, so that the latency is measured during an assembly.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ SERVICES_S = 120.0
 ASK_EVERY_S = 0.1
 ASK_DEADLINE_S = 10.0
 CALIBRATION_SEED, CALIBRATION_DWELL_S = 0, 0.25
-CALIBRATED_S = 1.0  # a calibration of before is told to whoever comes late within this
+CALIBRATED_S = 1.0  # a late subscriber gets the state of an earlier calibration within this time
 
 
 class HostObservation(BaseModel):
-    """What an assembly came to, as seen from the host that asked for it. Latencies in s."""
+    """The result of an assembly, as seen from the host that requested it. Latencies in s."""
 
     inserted: bool = False
     failure: str = ""
@@ -42,15 +42,15 @@ class HostObservation(BaseModel):
     latencies_s: list[float] = []
     unanswered: int = 0
     events: dict[str, int] = {}  # code: how often
-    texts: dict[str, str] = {}  # code: what was said first
+    texts: dict[str, str] = {}  # code: the first text
     recording: str | None = None
     warnings: list[str] = []  # of the recording
-    wall_ahead_s: float | None = None  # this host's wall clock, of the cell's
+    wall_ahead_s: float | None = None  # this host's wall clock relative to the cell's
     wall_bound_s: float | None = None
 
 
 class Asking:
-    """Asks the cell again and again for its wall clock, the lightest command there is; counts what is not answered."""
+    """Calls the lightest command, the cell's wall clock, again and again; counts the calls without an answer."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus, self._stop = bus, threading.Event()
@@ -69,13 +69,13 @@ class Asking:
                 self.unanswered += 1
 
     def close(self) -> None:
-        """No more questions; what is asked now is waited for."""
+        """Stop calling, and wait for the call under way."""
         self._stop.set()
         self._thread.join()
 
 
 def observe(seed: int) -> HostObservation:
-    """Reset, assemble, record, ask. What fails is in what was seen."""
+    """Reset, assemble, record, call. Failures are part of the observation."""
     events: Counter[str] = Counter()
     texts: dict[str, str] = {}
 
@@ -123,7 +123,7 @@ def observe(seed: int) -> HostObservation:
 
 
 def main(seed: int) -> int:
-    """Print what was seen; the exit status is that of an assembly."""
+    """Print the observation; the exit status is that of an assembly."""
     try:
         seen = observe(seed)
     except CrosspihError as error:  # it did not even begin

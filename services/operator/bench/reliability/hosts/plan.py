@@ -1,4 +1,4 @@
-"""What is tried on one host, in plain TCP, and on three with mTLS."""
+"""The trials on one host, in plain TCP, and on three with mTLS."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ CUT_AT, CUT_AFTER_S = "pushing", 2.0  # in the middle of a motion
 
 @dataclass(frozen=True)
 class Trial:
-    """One assembly. `cut_s`: the cable of the planner's host is out for so long, from CUT_AFTER_S after the step CUT_AT
-    on; the assembly after it, with the cable in, is a trial of its own."""
+    """One assembly. `cut_s`: the cable of the planner's host is out for this time, from CUT_AFTER_S after the step
+    CUT_AT; the assembly after it, with the cable in, is a separate trial.
+    """
 
     name: str
     hosts: Sequence[Host]
@@ -51,7 +52,7 @@ TRIALS: dict[str, Trial] = {
 
 @dataclass
 class Chosen:
-    """The trials to make, those of one stack together."""
+    """The trials to make, grouped by stack."""
 
     trials: list[Trial] = field(default_factory=list)
 

@@ -1,4 +1,4 @@
-"""What the recording on the third host tells of an assembly: what is missing from it, and how the arm stopped."""
+"""Figures of an assembly from the recording on the third host: its missing samples, and how the arm stopped."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ HOLDER = "planning"
 
 
 class RecordingFigures(BaseModel):
-    """Of one recording. `rest_s`: from the last beat of the holder before the arm let go of it to the arm at rest, by
-    log times; None where the holder was not lost."""
+    """Of one recording. `rest_s`: from the last beat of the holder before the arm dropped it to the arm at rest, by log
+    times; None where the holder was not lost.
+    """
 
     samples: int = 0
     missing: int = 0
     rest_s: float | None = None
-    wall_ahead_s: float | None = None  # the recorder's wall clock, of the cell's
+    wall_ahead_s: float | None = None  # the recorder's wall clock relative to the cell's
 
 
 def kept(path: str | None) -> RecordingFigures:
-    """Nothing where there is no recording that can be read."""
+    """The figures; empty where there is no readable recording."""
     if path is None or not Path(path).exists():
         return RecordingFigures()
     try:

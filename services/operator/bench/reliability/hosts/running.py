@@ -1,4 +1,6 @@
-"""Trials on hosts: the stack up, each assembly asked for on the planner's host, the network as the trial wants it."""
+"""Trials on hosts: starts the stack, requests each assembly on the planner's host, and sets the network
+for each trial.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ OBSERVE = "services.operator.bench.reliability.hosts.observe"
 
 
 class HostTrial(BaseModel):
-    """One trial: what was seen of it, what its recording tells, and packets passed, lost and cut off meanwhile."""
+    """One trial: its observation, the figures of its recording, and packets passed, lost and cut meanwhile."""
 
     trial: str
     hosts: int
@@ -36,7 +38,9 @@ class HostTrial(BaseModel):
 
 
 def cell_text(holder_timeout_s: float | None, folder: Path) -> str:
-    """The cell's file, with the arm's patience where it is to have another, and all that is kept in the folder."""
+    """The cell's file, with another holder time-out of the arm where one is set, and with all its files
+    in the folder.
+    """
     overrides: dict[str, Any] = {"recorder": {"directory": str(folder / "recordings")}}
     if holder_timeout_s is not None:
         overrides["hardware"] = {"limits": {"holder_timeout_s": holder_timeout_s}}
@@ -52,7 +56,7 @@ def run_on_one_stack(
     say: Callable[[str], None],
     done: Callable[[HostTrial], None],
 ) -> None:
-    """Each trial's row to `done`. Raises NoNetwork, NoService."""
+    """Calls `done` with each trial's row. Raises NoNetwork, NoService."""
     hosts = trials[0].hosts
     cell = folder / "cell.yaml"
     cell.write_text(cell_text(trials[0].holder_timeout_s, folder), encoding="utf-8")
@@ -78,7 +82,7 @@ def _run(trial: Trial, network: Network, stacks: Stacks, seed: int) -> HostTrial
     seen: HostObservation | None = None
     cutting: threading.Thread | None = None
     assert process.stdout is not None and process.stderr is not None
-    # read on a thread of its own: a full pipe would hold the process up
+    # read on a thread of its own: a full pipe would block the process
     wrong: list[str] = []
     reader = threading.Thread(target=lambda: wrong.append(process.stderr.read()), daemon=True)  # type: ignore[union-attr]
     reader.start()

@@ -1,4 +1,4 @@
-"""The stack split over hosts by the one compose file: on each host `crosspih up` with the services that run there."""
+"""The stack split over hosts by the one compose file: on each host `crosspih up` with the services of that host."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from services.operator.bench.reliability.hosts.network import Network
 from services.operator.security.issuing import issue_all
 
 LOOPBACK = "127.0.0.1"
-LOCAL_ENDPOINT = f"tcp/{LOOPBACK}:7447"  # of each host's own router, for the services on it
+LOCAL_ENDPOINT = f"tcp/{LOOPBACK}:7447"  # address of each host's own router, for the services on it
 PORT = 7448  # for other hosts' routers
 UP_S = 180.0
 CLOCK_AHEAD = Path(__file__).with_name("clock_ahead.c")
@@ -28,7 +28,7 @@ CLOCK_AHEAD = Path(__file__).with_name("clock_ahead.c")
 
 @dataclass(frozen=True)
 class Host:
-    """One machine: its address, what runs on it, and how far its wall clock is ahead of the others'."""
+    """One machine: its address, its services, and how far its wall clock is ahead of the others'."""
 
     name: str
     address: str
@@ -54,7 +54,7 @@ class Stacks:
         self._certificates: dict[str, Path] = {}
 
     def issue_certificates(self) -> None:
-        """One authority; to each host the certificates of its own services and of whoever operates there."""
+        """One authority; each host gets the certificates of its own services and of its operators."""
         everything = self._folder / "certificates"
         issue_all(everything, SERVICES, [LOOPBACK, *(host.address for host in self._hosts.values())], days=1.0)
         for host in self._hosts.values():
@@ -67,13 +67,13 @@ class Stacks:
             self._certificates[host.name] = own
 
     def folder(self, host: str) -> Path:
-        """Where what this host's services write is."""
+        """The folder in which this host's services write."""
         path = self._folder / host
         path.mkdir(exist_ok=True)
         return path
 
     def environment(self, host: Host) -> dict[str, str]:
-        """What a user would set there before `crosspih up`."""
+        """The environment that a user would set there before `crosspih up`."""
         told = {
             **os.environ,
             "CROSSPIH_CELL": str(self._cell),
@@ -101,7 +101,7 @@ class Stacks:
         return library
 
     def start(self, host: str, *words: str) -> subprocess.Popen[str]:
-        """`python -m <words>` on that host; whoever starts it waits for it."""
+        """Start `python -m <words>` on that host; the caller waits for it."""
         return subprocess.Popen(
             self._network.on(host, module_command(*words)),
             env=self.environment(self._hosts[host]), cwd=self.folder(host),
@@ -109,7 +109,7 @@ class Stacks:
         )  # fmt: skip
 
     def run(self, host: str, *words: str) -> subprocess.CompletedProcess[str]:
-        """As `start`, to its end."""
+        """As `start`, and wait for its end."""
         process = self.start(host, *words)
         out, err = process.communicate()
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
@@ -119,7 +119,7 @@ class Stacks:
         return self.run(host, "services.operator", *words)
 
     def logs(self, host: str) -> str:
-        """What its services wrote."""
+        """The logs of its services."""
         return self.crosspih(host, "logs").stdout
 
     def _down(self, host: str) -> None:
@@ -131,8 +131,9 @@ class Stacks:
 def stacks_up(
     network: Network, hosts: Sequence[Host], folder: Path, cell: Path, speed: str, secure: bool = False
 ) -> Iterator[Stacks]:
-    """`crosspih up` on every host at once, and `crosspih down` in the end. `secure`: every link is mTLS. Raises
-    NoService."""
+    """`crosspih up` on every host at once, and `crosspih down` at the end. `secure`: every link is mTLS. Raises
+    NoService.
+    """
     stacks = Stacks(network, hosts, folder, cell, speed)
     if secure:
         stacks.issue_certificates()

@@ -1,11 +1,11 @@
 """The network between the hosts: `python -m services.operator.bench.reliability.hosts.switch ADDRESS=FD...`.
 
-Each host has a TUN device, whose other end is the file descriptor FD here. Packets go from one to the other by their
-destination, late by a delay, some of them lost; a host whose cable is out gets and sends none. So the hosts' own
-kernels speak TCP over a link that is as bad as wanted.
+Each host has a TUN device, whose other end is the file descriptor FD here. Packets are forwarded by their destination
+after a delay, and some of them are lost; a host whose cable is out gets and sends none. So the hosts' own kernels speak
+TCP over a link of any chosen quality.
 
-One JSON object a line on standard input, {"delay_s": 0.05, "loss": 0.01, "out": ["10.77.0.1"]}, is answered by what was
-passed on and lost so far.
+Each line on standard input is one JSON object, {"delay_s": 0.05, "loss": 0.01, "out": ["10.77.0.1"]}; the answer is the
+number of packets passed on and lost so far.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SEED = 1
 
 @dataclass
 class Switch:
-    """Ports by IPv4 address; what is under way, by the time it is due."""
+    """Ports by IPv4 address; packets under way, ordered by the time at which they are due."""
 
     ports: dict[bytes, int]
     delay_s: float = 0.0
@@ -57,7 +57,7 @@ class Switch:
             heapq.heappush(self._under_way, (now_s + self.delay_s, self.passed, port, packet))
 
     def hand_on(self, now_s: float) -> float | None:
-        """Deliver what is due; how long until the next one is, None when none is under way."""
+        """Deliver the packets that are due; returns the time until the next one, None when none is under way."""
         while self._under_way and self._under_way[0][0] <= now_s:
             port, packet = heapq.heappop(self._under_way)[2:]
             with contextlib.suppress(OSError):  # that host's device is down
@@ -65,7 +65,7 @@ class Switch:
         return max(self._under_way[0][0] - now_s, 0.0) if self._under_way else None
 
     def told(self, wanted: dict[str, object]) -> dict[str, int]:
-        """Become as wanted; the counts."""
+        """Change the link as a command line says; returns the counts."""
         self.delay_s = float(str(wanted.get("delay_s", self.delay_s)))
         self.loss = float(str(wanted.get("loss", self.loss)))
         out = wanted.get("out")
@@ -75,12 +75,12 @@ class Switch:
 
 
 def packed(address: str) -> bytes:
-    """An IPv4 address as it stands in a packet."""
+    """An IPv4 address as 4 bytes, as in a packet."""
     return ipaddress.IPv4Address(address).packed
 
 
 def main(words: list[str]) -> int:
-    """Pass packets on until the standard input ends."""
+    """Forward packets until standard input ends."""
     ports = {packed(address): int(fd) for address, _, fd in (word.partition("=") for word in words)}
     switch = Switch(ports)
     be_urgent()

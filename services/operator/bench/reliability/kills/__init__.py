@@ -1,1 +1,1 @@
-"""`crosspih bench kills`: each service ended in each phase of an assembly, and what the cell makes of it."""
+"""`crosspih bench kills`: each service ended in each phase of an assembly, and how the cell reacts."""

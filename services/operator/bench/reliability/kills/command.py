@@ -29,7 +29,7 @@ WIDTH = 170
 
 
 class KillResult(BaseModel):
-    """One case, what was seen, and what is not as it must be."""
+    """One case, its observation, and everything that is wrong."""
 
     speed: str
     case: KillCase
@@ -66,7 +66,7 @@ def _peg(seen: Observed) -> str:
 
 
 def table_of(rows: Sequence[KillResult], speed: str) -> Table:
-    """A line a case."""
+    """One line per case."""
     table = Table(title=f"a service ended in the middle of an assembly; the cell at {speed}")
     for name, justify in (
         ("service", "left"), ("signal", "left"), ("phase", "left"), ("|F| then, N", "right"), ("motion then", "left"),

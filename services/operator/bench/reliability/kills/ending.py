@@ -1,4 +1,4 @@
-"""Ends one service in one phase of an assembly, in a worker's own cell, and observes what becomes of it."""
+"""Ends one service in one phase of an assembly, in a worker's own cell, and observes the effects."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from services.operator.bench.reliability.kills.watching import Watch
 
 RIPE_DEADLINE_S = 120.0
 END_DEADLINE_S = 240.0
-STOPPED_FOR_S = 6.0  # a planner that hangs goes on after so long, its link then cut, or once the arm let go of it
+STOPPED_FOR_S = 6.0  # when a stopped planner goes on: after its link is cut, or once the arm has dropped it
 RESTART_DEADLINE_S = 120.0
-NAMED_LATE_S = 1.0  # waited on, so that a late word is told from none
+NAMED_LATE_S = 1.0  # extra wait, to distinguish a late message from none
 
 
 def end_service(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """The work of a CellTask: `payload` is a Case, the result an Observed, both as plain data."""
     case = KillCase.model_validate(payload)
     session.new_trial(ResetCell(seed=case.seed))
-    # what is heard of this case, and of no other
+    # messages of this case alone
     with _hearing_in_time(), Session() as own:
         own.wait_for_services(RESTART_DEADLINE_S, (*NEEDED, "recorder"))
         return _Run(own, case).run().model_dump(mode="json")
@@ -38,8 +38,9 @@ def end_service(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _hearing_in_time() -> Iterator[None]:
-    """Ahead of all that computes, where the system grants it, for the calling thread and those that begin in it: how
-    late the cell's stamps are heard is in every time that is measured here."""
+    """Raises the priority of the calling thread and of those that begin in it, where the system grants it: the time at
+    which the cell's stamps are received is part of every time that is measured here.
+    """
     if not hasattr(os, "SCHED_RR"):
         yield
         return
@@ -51,7 +52,7 @@ def _hearing_in_time() -> Iterator[None]:
     try:
         yield
     finally:
-        # what this process starts later is a stack, and must not be so
+        # a stack that this process starts later must not inherit it
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
@@ -65,7 +66,7 @@ class _Run:
         self._ended = threading.Event()
 
     def run(self) -> Observed:
-        """End the service, and see to it that the cell is whole again afterwards."""
+        """End the service, and make sure that the cell is complete again afterwards."""
         if self._case.service == "recorder":
             self._session.bus.call(RECORD_START, StartRecording(name="kills"), RECORDER_DEADLINE_S)
         asker = threading.Thread(target=self._ask, name="asker", daemon=True)
@@ -83,12 +84,12 @@ class _Run:
                     victim.then(signal.SIGCONT)
             asker.join(END_DEADLINE_S)
             ended_s = watch.since_signal_s()
-            # one that hangs may be missed only after the assembly, which did not need it
+            # the loss of a hanging service may be noticed only after the assembly, which did not need it
             watch.wait(lambda: watch.named is not None, max(NAMED_S + NAMED_LATE_S - ended_s, 0.0))
             return self._observed(ended_s, moving, force_n)
         finally:
             if ending is ServiceEnding.STOP:
-                # the next case wants one that has nothing left to do
+                # the next case needs a service that is idle
                 victim.then(signal.SIGKILL)
             if not victim.wait_healthy(RESTART_DEADLINE_S):
                 raise NoService(f"{self._case.service}: not started again within {RESTART_DEADLINE_S:g} s")

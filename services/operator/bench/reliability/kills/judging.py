@@ -1,4 +1,4 @@
-"""What was observed when a service was ended, and whether that is as it must be. Pure."""
+"""The observation when a service was ended, and its judgement. Pure."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from services.operator.bench.reliability.kills.plan import COMPUTING, KillCase, 
 
 LOOK_BACK_S = 0.02
 AT_END_RAD = 2e-5
-STOP_S = 0.2  # of the cell's clock, from the instant in which the holder counts as gone
-NAMED_S = 1.0  # of the wall's clock
+STOP_S = 0.2  # by the cell's clock, from the moment in which the holder counts as gone
+NAMED_S = 1.0  # by the wall clock
 ALLOWED = 1.1  # times the cap
 
 
 class Limits(BaseModel):
-    """What the cell's file promises."""
+    """The limits that the cell's file promises."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -26,12 +26,11 @@ class Limits(BaseModel):
 
 
 class Observed(BaseModel):
-    """One case. `_s` of the cell's clock for `stop_s` and `beats_s`, of the wall's for the others, all from the signal
-    on.
+    """One case. `stop_s` and `beats_s` are by the cell's clock, other `_s` by the wall clock, all from the signal.
 
-    `beats_s` is when the last beat of the holder was heard: one that is killed takes a while to be gone. Both are told
-    for the planner alone: what the others lose does not stop a motion under way. `tip_before_m` is how far the
-    peg's tip stands before the hole's face in the end, negative in the hole; None where the cell began anew.
+    `beats_s` is when the last beat of the holder was received: a killed process takes a while to be gone. Both are
+    given for the planner alone: losing another service does not stop a motion under way. `tip_before_m` is how far the
+    peg's tip is before the hole's face at the end, negative in the hole; None where the cell was started again.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -56,9 +55,10 @@ class Observed(BaseModel):
 
 
 def stopped_after_s(stamps_ns: Array, joints_rad: Array, signal_ns: int) -> float | None:
-    """When the joints (k, n), told at stamps (k,), went no farther the way they went at the signal, s after it.
+    """When the joints (k, n), with stamps (k,), stopped moving on in the direction that they had at the signal, s after
+    it.
 
-    They may hold there or turn back. None where they did not move at the signal.
+    They may stand still there or turn back. None where they did not move at the signal.
     """
     seconds = (np.asarray(stamps_ns, dtype=float) - signal_ns) * 1e-9
     before = joints_rad[(seconds >= -LOOK_BACK_S) & (seconds <= 0.0)]
@@ -77,7 +77,7 @@ def stopped_after_s(stamps_ns: Array, joints_rad: Array, signal_ns: int) -> floa
 
 
 def complaints(case: KillCase, seen: Observed, limits: Limits) -> list[str]:
-    """What is not as it must be; nothing when all holds."""
+    """Everything that is wrong; empty when all limits hold."""
     if not seen.signalled:
         return [f"the assembly never came to where {case.service} was to be ended: {seen.detail or seen.asker_told}"]
     found = []
@@ -110,7 +110,7 @@ def _planner_gone(case: KillCase, seen: Observed, limits: Limits) -> list[str]:
         if not seen.asker_told:
             found.append("whoever asked for the assembly was not told")
     elif not seen.inserted and not seen.asker_told:
-        # it came back before its link was cut, and has to deal with an arm that let go of it
+        # it came back before its link was cut, and finds that the arm has dropped it
         found += _orderly_end(seen, needs_peg_out=True, want=(Failure.ARM_STOPPED, Failure.SERVICE_LOST))
     return found
 

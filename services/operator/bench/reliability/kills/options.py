@@ -18,7 +18,7 @@ Seed = Annotated[int, typer.Option(min=0, help="Draws the hole.")]
 
 
 def chosen(option: str, asked: Iterable[str] | None, known: Iterable[ChoiceT]) -> tuple[ChoiceT, ...]:
-    """Those of the known that were asked for, in the order of the known; all where none was. Raises ConfigError."""
+    """The known names that were asked for, in the known order; all where none was. Raises ConfigError."""
     every, wanted = tuple(known), set(asked or ())
     if unknown := sorted(wanted - set(every)):
         raise ConfigError(f"{option} {', '.join(unknown)}: want one of {', '.join(every)}")

@@ -1,4 +1,4 @@
-"""Which service is ended when and how, and the cells in which that is done. Pure."""
+"""Which service is ended when and how, and the cells in which this is done. Pure."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ PHASES = (Phase.LOCATING, Phase.APPROACHING, Phase.PUSHING, Phase.TOUCHING, Phas
 # the hole is seen some millimetres off: the first push presses on the rim
 SEEN_OFF: dict[str, Any] = {"vision": {"extra_noise": {"lateral_m": 0.004}}}
 MOVING_RAD_S = 0.05
-# |F| of contact, N, that is waited for before the signal is sent
+# |F| of contact, N, to wait for before the signal is sent
 CONTACT_N = {Phase.PUSHING: 5.0, Phase.TOUCHING: 2.0, Phase.SEATED: 2.0}
 
 
 class ServiceEnding(str, Enum):
     """How a service is ended."""
 
-    KILL = "SIGKILL"  # it is gone; the launcher starts it again, as it always does
-    STOP = "SIGSTOP"  # it hangs: nobody starts it again
+    KILL = "SIGKILL"  # killed; the launcher starts it again, as always
+    STOP = "SIGSTOP"  # stopped: it hangs, and nobody starts it again
 
     @property
     def number(self) -> signal.Signals:
@@ -51,12 +51,12 @@ class KillCase(BaseModel):
 
     @property
     def strategy(self) -> Strategy:
-        """One that comes to that phase: without vision the hole is always touched."""
+        """A strategy that reaches that phase: without vision the hole is always touched."""
         return Strategy.FORCE_ALONE if self.phase is Phase.TOUCHING else Strategy.FUSED
 
     @property
     def overrides(self) -> dict[str, Any]:
-        """What the cell's file is to say, beside what it says."""
+        """Overrides of the cell's file."""
         off = SEEN_OFF if self.phase is Phase.PUSHING else {}
         return {**off, "hardware": {"simulated": {"watch_contact": True}}}
 
@@ -86,7 +86,7 @@ def begins(case: KillCase, told: AssemblyPhase) -> bool:
 
 
 def ripe(case: KillCase, speed_rad_s: float, force_n: float) -> bool:
-    """Whether the moment has come: the arm moves, or presses, as the phase has it."""
+    """Whether the moment has come: the arm moves, or presses, as the phase requires."""
     if case.phase is Phase.LOCATING:
         return True
     if case.phase is Phase.APPROACHING:

@@ -1,4 +1,4 @@
-"""One process of a running cell that a signal ends in the middle of an assembly, and what follows of it."""
+"""One process of a running cell that a signal ends during an assembly, and its recovery."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ class Victim:
         self._pid: int | None = None
 
     def wait_ripe(self, moment: KillCase, over: Callable[[], bool], deadline_s: float) -> bool:
-        """Whether the moment of a case comes, within the deadline and before the assembly is `over`."""
+        """Wait for the moment of a case; returns whether it comes within the deadline and before the assembly is
+        `over`.
+        """
         watch = self._watch
 
         def now() -> bool:
@@ -47,7 +49,8 @@ class Victim:
         return next(row for row in state.services if row.service == self.name)
 
     def end(self, number: signal.Signals, pid: int | None = None) -> None:
-        """Send it the signal: the watch's times count from here. `pid` is that of a process that no launcher keeps.
+        """Send it the signal: the watch's times count from here. `pid` is that of a process that the launcher does not
+        know.
 
         Raises NoService where it does not run.
         """
@@ -58,18 +61,21 @@ class Victim:
         os.kill(self._pid, number)
 
     def then(self, number: signal.Signals) -> None:
-        """A further signal to the same process: SIGCONT to a stopped one, or its end. One that is gone gets none."""
+        """Another signal to the same process: SIGCONT to a stopped one, or its end. A process that is
+        gone gets none.
+        """
         if self._pid is not None:
             with suppress(ProcessLookupError):
                 os.kill(self._pid, number)
 
     def wait_healthy(self, deadline_s: float, same_process: bool = False) -> bool:
-        """Whether the launcher has it healthy again in time, and its token is there: as another process than the one
-        that was ended, or, with `same_process`, also as that one. Raises NoService without a stack."""
+        """Whether in time the launcher has it healthy again and its token is there: as a process other than the ended
+        one or, with `same_process`, also as that one. Raises NoService without a stack.
+        """
         until = time.monotonic() + deadline_s
         while time.monotonic() < until:
             row = self._row()
-            # the router has no token: without it nobody has
+            # the router has no token, but without a router nobody has one
             alive = self.name == ROUTER or self.name in self._session.alive()
             if alive and row.health is Health.HEALTHY and (same_process or row.pid not in (None, self._pid)):
                 return True
@@ -77,8 +83,9 @@ class Victim:
         return False
 
     def tip_before_m(self) -> float | None:
-        """How far the peg's tip stands before the hole's face by the last truth heard, negative in the hole; None where
-        it is a new cell's, whose arm was ended."""
+        """How far the peg's tip is before the hole's face by the latest truth, negative in the hole; None where the
+        truth is of a new cell, whose arm was ended.
+        """
         truth = self._watch.last_truth()
         if truth is None or self.name == "hardware":
             return None

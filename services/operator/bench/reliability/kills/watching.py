@@ -1,4 +1,6 @@
-"""Hears all that a case is judged by: joints, true contact, steps, events, tokens, the lease, the outcomes."""
+"""Records everything by which a case is judged: joints, true contact, steps, events, tokens, the lease,
+the outcomes.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ MOTIONS: tuple[Command[Any, Any], ...] = (FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADM
 
 
 class Watch:
-    """From its making to the session's end."""
+    """Records from its creation to the session's end."""
 
     def __init__(self, session: Session) -> None:
         self._changed = threading.Condition()
@@ -124,12 +126,12 @@ class Watch:
     # --------------------------------------------------------------------------------------------------------- asking
 
     def wait(self, condition: Callable[[], bool], deadline_s: float) -> bool:
-        """Until it holds, or the deadline; whether it does. Asked anew with everything that is heard."""
+        """Wait until a condition holds, or the deadline; returns whether it holds. Checked again with each message."""
         with self._changed:
             return self._changed.wait_for(condition, deadline_s)
 
     def signalled(self, service: str) -> None:
-        """The signal is about to be sent: times count from here, the cell's from the newest stamp heard."""
+        """The signal is about to be sent: times count from here, the cell's from the newest stamp received."""
         with self._changed:
             self._service, self._at_s = service, time.monotonic()
             self._signal_ns = max((state.stamp_ns for state in self._joints[-1:]), default=0)
@@ -137,17 +139,17 @@ class Watch:
             self._phases_before, self._truths_before = len(self.phases), len(self._truths)
 
     def reported_by_asker(self) -> None:
-        """The one who asked for the assembly was told that the service is gone."""
+        """Whether the client that requested the assembly was told that the service is gone."""
         self._name("the answer")
 
     def since(self) -> list[AssemblyPhase]:
-        """The steps told since the signal."""
+        """The steps published since the signal."""
         with self._changed:
             return self.phases[self._phases_before :]
 
     @property
     def named(self) -> tuple[float, str] | None:
-        """After how long on the wall's clock the loss was named, s, and by whom."""
+        """The wall time until the loss was named, s, and by whom."""
         return self._named
 
     @property
@@ -157,7 +159,7 @@ class Watch:
 
     @property
     def gone_ns(self) -> int:
-        """The cell's time at the last beat of the holder: a process that is killed takes a while to be gone."""
+        """The cell's time at the last beat of the holder: a killed process takes a while to be gone."""
         return self._gone_ns
 
     def since_signal_s(self) -> float:
@@ -171,7 +173,7 @@ class Watch:
         return np.array([state.stamp_ns for state in kept]), np.array([state.joints_rad for state in kept])
 
     def peak_n(self) -> float:
-        """The largest true force since the signal: of each tick, and of every step where the largest grew."""
+        """The largest true force since the signal: of each tick, and of every step that set a new maximum."""
         with self._changed:
             before, after = self._truths[: self._truths_before], self._truths[self._truths_before :]
         peak = max((float(np.linalg.norm(truth.wrench_contact[:3])) for truth in after), default=0.0)
@@ -180,12 +182,12 @@ class Watch:
         return max(peak, grown) if grown > known else peak
 
     def last_truth(self) -> SimulationTruth | None:
-        """The newest."""
+        """The latest truth."""
         with self._changed:
             return self._truths[-1] if self._truths else None
 
     def done_reported(self) -> bool:
-        """Whether the assembly said that it is over, after the signal."""
+        """Whether the assembly reported its end after the signal."""
         with self._changed:
             return any(phase.phase is Phase.DONE for phase in self.phases[self._phases_before :])
 
@@ -197,7 +199,7 @@ class Watch:
         return outcome.stop_reason.value
 
     def broken_off_ns(self) -> int | None:
-        """When the motion that lost its holder had ended, its way back included, cell time."""
+        """When the motion that lost its holder had ended, including its way back, cell time."""
         outcome = self.outcome
         if outcome is None or outcome.stop_reason is not StopReason.HOLDER_LOST:
             return None

@@ -28,12 +28,12 @@ from services.operator.bench.reliability.matrix.page import COLUMNS, MatrixResul
 from services.operator.bench.reliability.matrix.plan import PHASES, VICTIMS, MatrixCase, ProcessEnding, cases
 
 WIDTH = 170
-# a death concerns who starts services, records and asks, beside the cell's own code
+# the launcher, the recorder and the operator also react to an ended process, besides the cell's own code
 MADE_BY = ("services", "deploy")
 
 
 def case_key(case: MatrixCase, speed: str) -> str:
-    """Under what a case is kept: itself, the cell and the code."""
+    """The key under which a case is stored: the case, the cell and the code."""
     cell = cell_identity(cell_content(base_cell_text(), Condition()))
     identity = {"case": case.model_dump(mode="json"), "speed": speed, "cell": cell, "code": code_version(*MADE_BY)}
     return result_key(identity)
@@ -121,7 +121,7 @@ def matrix(
 
 
 def table_of(rows: Sequence[MatrixResult]) -> Table:
-    """A line a case."""
+    """One line per case."""
     table = Table()
     for name in COLUMNS:
         table.add_column(name, justify="right" if name.endswith(", s") else "left")

@@ -1,4 +1,4 @@
-"""Ends one process in one phase of `crosspih assemble`, in a worker's own cell, and sees what becomes of it."""
+"""Ends one process in one phase of `crosspih assemble`, in a worker's own cell, and observes the effects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _POLL_S = 0.05
 def end_process(session: Session, payload: dict[str, Any]) -> dict[str, Any]:
     """The work of a CellTask: `payload` is a Case and the recordings' folder, the result a Seen, as plain data."""
     case, folder = MatrixCase.model_validate(payload["case"]), Path(payload["folder"])
-    with Session() as own:  # what is heard of this case, and of no other
+    with Session() as own:  # messages of this case alone
         own.wait_for_services(WHOLE_DEADLINE_S, (*NEEDED, "recorder"))
         run = _Run(own, case, folder)
         try:
@@ -90,7 +90,7 @@ class _Run:
         self._said = operator.communicate()
 
     def _recover(self) -> None:
-        """Let one that was stopped go on, and see when it is healthy again."""
+        """Continue a process that was stopped, and wait until it is healthy again."""
         stopped = self._case.ending is ProcessEnding.STOP
         if stopped:
             time.sleep(STOPPED_S)
@@ -123,7 +123,7 @@ class _Run:
 
     def _tape(self, warnings: tuple[str, ...]) -> TapeFigures | None:
         if gone(self._case):
-            with suppress(CrosspihError):  # nobody else ends it
+            with suppress(CrosspihError):  # nobody else ends this process
                 self._session.bus.call(RECORD_STOP, StopRecording(), RECORDER_DEADLINE_S)
         new = sorted(set(self._folder.glob("*.mcap")) - self._before)
         recording = trouble = None
@@ -133,7 +133,7 @@ class _Run:
             except RecordingError as error:
                 trouble = str(error)
                 continue
-            if found.cell == self._session.cell.workcell.name:  # cells beside each other share the folder
+            if found.cell == self._session.cell.workcell.name:  # cells side by side share the folder
                 recording = found
         if recording is None:
             said = () if trouble is None else (trouble,)
@@ -142,7 +142,7 @@ class _Run:
                 if said
                 else None
             )
-        # without the states that were there already: each comes once more at the recording's begin, as old as it is
+        # without the states that were there before: each is repeated when the recording begins, with its old stamp
         stamps = np.sort([sample.wall_ns for samples in recording.samples.values() for sample in samples])
         stamps = stamps[stamps >= self._begun_wall_ns]
         return TapeFigures(
@@ -154,7 +154,7 @@ class _Run:
         )
 
     def make_whole(self) -> None:
-        """Nothing runs and nothing is recorded any more, for the next case."""
+        """Wait until nothing runs and nothing is recorded any more, for the next case."""
         operator = self._operator
         if operator is not None and operator.poll() is None:
             with suppress(ProcessLookupError):

@@ -1,4 +1,4 @@
-"""What was seen of a case, in words, and what is not as it must be. Pure."""
+"""The observation of a case, in words, and its judgement. Pure."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from pydantic import BaseModel, ConfigDict
 
 from services.operator.bench.reliability.matrix.plan import OPERATOR, RECORDER, MatrixCase, ProcessEnding
 
-RESULT_S = 300.0  # a named result comes at all within this, wall time
+RESULT_S = 300.0  # the latest time for a named result, wall time
 HEALTHY_S = 120.0
-SILENT_S = 0.5  # more than a recorder's flush, and nothing said of it, is a loss in silence
+SILENT_S = 0.5  # a longer gap than a recorder's flush, without a warning, is a silent loss
 
 
 class TapeFigures(BaseModel):
-    """What is in the recording: `gap_s` is the longest wall time in which nothing at all was recorded, `missing` how
-    many samples never came, without those that a stream drops now and then."""
+    """The content of the recording: `gap_s` is the longest wall time in which nothing at all was recorded, `missing`
+    how many samples never came, without those that a stream drops now and then.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -25,11 +26,11 @@ class TapeFigures(BaseModel):
 
 
 class MatrixObservation(BaseModel):
-    """One case, times in s of the wall's clock from the signal on.
+    """One case, times in s of the wall clock from the signal.
 
-    `result_s` is when the operator's command had printed its result, or, where the operator itself was ended for good,
-    when the planner was done. `healthy_s` is when the launcher had the process healthy again, and its liveliness token
-    was there. `tip_before_m` is how far the peg's tip stands before the hole's face in the end, negative in the hole.
+    `result_s` is when the operator's command had printed its result or, where the operator itself was ended for good,
+    when the planner was done. `healthy_s` is when the launcher had the process healthy again and its liveliness token
+    was there. `tip_before_m` is how far the peg's tip is before the hole's face at the end, negative in the hole.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -62,12 +63,12 @@ def outcome(case: MatrixCase, seen: MatrixObservation) -> str:
 
 
 def gone(case: MatrixCase) -> bool:
-    """Whether nobody is left to be told."""
+    """Whether no process is left to get a result."""
     return case.victim == OPERATOR and case.ending is not ProcessEnding.STOP
 
 
 def lost(seen: MatrixObservation) -> str:
-    """What the recording misses."""
+    """The losses in the recording."""
     tape = seen.tape
     if tape is None:
         return "no recording" if seen.signalled else ""
@@ -84,13 +85,14 @@ def lost(seen: MatrixObservation) -> str:
 
 
 def _misses(case: MatrixCase, tape: TapeFigures) -> bool:
-    """Numbers tell what never came. A time without any sample is a loss only of a recorder that was away: the others'
-    samples may come late on a busy machine, and come whole."""
+    """Sequence numbers show which samples never came. A time without any sample is a loss only if the recorder was
+    away: others' samples may come late on a busy machine, but complete.
+    """
     return tape.missing > 0 or (case.victim == RECORDER and tape.gap_s > SILENT_S)
 
 
 def complaints(case: MatrixCase, seen: MatrixObservation) -> list[str]:
-    """What is not as it must be; nothing when all holds."""
+    """Everything that is wrong; empty when all holds."""
     if not seen.signalled:
         return [f"the assembly never came to where {case.victim} was to be ended: {seen.detail}"]
     found = []

@@ -16,7 +16,7 @@ COLUMNS = ("ended", "by", "in", "outcome", "result, s", "healthy, s", "recording
 
 
 class MatrixResult(BaseModel):
-    """One case, what was seen, and what is not as it must be."""
+    """One case, its observation, and everything that is wrong."""
 
     case: MatrixCase
     seen: MatrixObservation
@@ -46,7 +46,7 @@ def _figure(value: float | None) -> str:
 
 
 def section(rows: Sequence[MatrixResult], command: str, planned: int) -> str:
-    """Markdown: what was run, how much of it holds, and a line a case."""
+    """Markdown: the cases that were run, how many of them hold, and a line per case."""
     held = sum(1 for row in rows if not row.complaints)
     lines = [f"`{command}`: {held} of {len(rows)} cases hold; {planned} are planned, {len(rows)} were run.", ""]
     lines.append("| " + " | ".join(COLUMNS) + " |")
@@ -57,7 +57,7 @@ def section(rows: Sequence[MatrixResult], command: str, planned: int) -> str:
 
 
 def write_section(page: Path, text: str) -> None:
-    """Put the text between the page's two marks. Raises ConfigError for a page without them, or that is not there."""
+    """Put the text between the page's two marks. Raises ConfigError for a missing page, or one without the marks."""
     try:
         content = page.read_text(encoding="utf-8")
     except OSError as error:

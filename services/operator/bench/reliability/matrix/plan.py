@@ -21,9 +21,9 @@ STOPPED_S = 7.0
 class ProcessEnding(str, Enum):
     """How a process is ended."""
 
-    KILL = "SIGKILL"  # it is gone
-    STOP = "SIGSTOP"  # it hangs for STOPPED_S, and goes on
-    TERM = "SIGTERM"  # it ends in order, though nobody of this system asked it to
+    KILL = "SIGKILL"  # killed
+    STOP = "SIGSTOP"  # stopped: it hangs for STOPPED_S, and continues
+    TERM = "SIGTERM"  # terminated: it ends in order, though no part of this system asked it to
 
     @property
     def number(self) -> signal.Signals:
@@ -58,7 +58,7 @@ class MatrixCase(BaseModel):
 
     @property
     def overrides(self) -> dict[str, Any]:
-        """What the cell's file is to say, beside what it says."""
+        """Overrides of the cell's file."""
         return self.moment.overrides
 
 

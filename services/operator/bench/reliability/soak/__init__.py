@@ -1,1 +1,1 @@
-"""`crosspih bench soak`: assemblies for an hour, and whether memory, latency and disk stay where they are."""
+"""`crosspih bench soak`: assemblies for an hour, and whether memory, latency and disk use stay constant."""

@@ -42,7 +42,7 @@ class SoakResult(BaseModel):
 
 
 def table_of(result: SoakResult) -> Table:
-    """A line a figure."""
+    """One line per figure."""
     table = Table(
         title=f"{result.assemblies} assemblies in {result.minutes:.0f} minutes at {result.speed}, {result.inserted} "
         f"inserted, {result.recorded_mb:.0f} MB recorded"

@@ -1,4 +1,4 @@
-"""What is taken after each assembly of a soak, and what speaks against the stack in the end."""
+"""The figures after each assembly of a soak, and the complaints about the stack at the end."""
 
 from __future__ import annotations
 
@@ -21,17 +21,19 @@ from services.operator.bench.reliability.soak.trend import WARM_UP_SHARE, Growth
 from services.operator.scoring.score import seen_in_words
 
 ASKED, ASK_DEADLINE_S = 40, 10.0
-# what a process may grow by in a soak before it counts as growing
+# growth of a process in a soak that is still allowed
 DESCRIPTORS, THREADS, DISK_MB = 2.0, 2.0, 2.0
-# Memory is judged by the second half. An allocator keeps what a process once needed at most, and the rarest need of the
-# first half hour comes late: resident memory goes up in steps that become rarer, though nobody holds it
-# (tests/vision/measure_memory.py). Who holds more and more goes on in the second half. Half the time, half the limit.
+# Memory is judged by the second half. An allocator keeps the most that a process ever needed, and the rarest need may
+# come late in the first half hour: resident memory rises in steps that become rarer, though nothing leaks
+# (tests/vision/measure_memory.py). A real leak continues in the second half. Half the time, half the limit.
 MEMORY_MB, MEMORY_WARM_UP = 2.0, 0.5
 LATENCY_SHARE = 0.5
 
 
 class Figures(BaseModel):
-    """After one assembly. `dropped` and `rejected` are the sums that each service counts itself since it started."""
+    """The figures after one assembly. `dropped` and `rejected` are the sums that each service counts itself since it
+    started.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -41,18 +43,18 @@ class Figures(BaseModel):
     ended_as: str
     vision: str = ""  # what it had to do with it
     wall_s: float
-    latency_ms: tuple[float, float]  # of a command that does nothing: median, 95 %
+    latency_ms: tuple[float, float]  # latency of a command that does nothing: median, 95 %
     services: dict[str, ProcessResources]
     restarts: dict[str, int]
     dropped: dict[str, int]
     rejected: dict[str, int]
     recorded_mb: float
     kept_mb: float  # state and logs of the stack, without recordings
-    missing: tuple[str, ...]  # what the recording warns of
+    missing: tuple[str, ...]  # the warnings in the recording
 
 
 def latency_ms(session: Session) -> tuple[float, float]:
-    """From a question to its answer through the router: median and 95 %."""
+    """From a request to its answer through the router: median and 95 %."""
     took = []
     for _ in range(ASKED):
         began = time.perf_counter()
@@ -62,7 +64,7 @@ def latency_ms(session: Session) -> tuple[float, float]:
 
 
 def size_mb(folder: Path) -> float:
-    """Of all files below a folder; one that goes away meanwhile counts nothing."""
+    """The size of all files below a folder; a file that disappears meanwhile counts nothing."""
     total = 0
     for file in folder.rglob("*"):
         try:
@@ -75,7 +77,7 @@ def size_mb(folder: Path) -> float:
 def assembled(
     session: Session, statuses: Latest[ServiceStatus], seed: int, run: Path, keep: bool, began_s: float
 ) -> Figures:
-    """One assembly, recorded, and what the stack holds after it. Its recording is removed unless it is to be kept."""
+    """One assembly, recorded, and the stack's resources after it. Its recording is removed unless it is to be kept."""
     started = time.monotonic()
     try:
         trial, _ = session.trial(seed, Strategy.FUSED, record=True)
@@ -102,7 +104,7 @@ def assembled(
 
 
 def statuses_of(session: Session) -> Latest[ServiceStatus]:
-    """The newest statuses, enough for each service's own."""
+    """The newest statuses, enough to have each service's own."""
     return session.bus.latest(STATUS, 64)
 
 
@@ -123,7 +125,7 @@ class Grown(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class _Figure:
-    """What is judged: how it is read, by how much it may grow, and the share of the begin that does not count."""
+    """A figure to judge: how to read it, how much it may grow, and the share at the beginning that does not count."""
 
     what: str
     unit: str
@@ -133,7 +135,7 @@ class _Figure:
 
 
 def grown(taken: Sequence[Figures]) -> list[Grown]:
-    """Of each service's memory, descriptors and threads, the latency, and the disk; empty for too few assemblies."""
+    """For each service's memory, descriptors and threads, the latency, and the disk; empty for too few assemblies."""
     at_s = [one.at_s for one in taken]
     names = [name for name in taken[-1].services if all(name in one.services for one in taken)] if taken else []
     rows: list[_Figure] = []
@@ -151,7 +153,7 @@ def grown(taken: Sequence[Figures]) -> list[Grown]:
 
 
 def _of(service: str, held: str) -> Callable[[Figures], float]:
-    """Reads what a service held."""
+    """Reads the resources of a service."""
     return lambda one: float(getattr(one.services[service], held))
 
 
@@ -166,7 +168,7 @@ def _judged(at_s: Sequence[float], taken: Sequence[Figures], rows: Sequence[_Fig
 
 
 def complaints(taken: Sequence[Figures], rows: Sequence[Grown]) -> list[str]:
-    """What speaks against the stack, in words; empty where nothing does."""
+    """The complaints about the stack, in words; empty where there are none."""
     found = [f"{row.what} grows: {row.grown:+.1f} {row.unit} ({row.low:+.1f} to {row.high:+.1f})".replace("  ", " ")
              for row in rows if not row.flat]  # fmt: skip
     found += [f"seed {one.seed}: {one.ended_as}" for one in taken if not one.inserted]

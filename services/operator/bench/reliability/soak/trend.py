@@ -1,4 +1,4 @@
-"""Whether a figure that was taken again and again grows. Pure."""
+"""Whether a repeatedly measured figure grows. Pure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WARM_UP_SHARE = 0.2  # of the figures, the first: what is loaded and allocated once is no leak
-MIN_FIGURES = 6  # below that nothing can be said
+WARM_UP_SHARE = 0.2  # the first share of the figures: what is loaded and allocated once is no leak
+MIN_FIGURES = 6  # with fewer figures no trend can be computed
 
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """From the first figure after the warm-up to the last: by how much it grew, and the 95 % interval of that."""
+    """From the first figure after the warm-up to the last: the growth, and its 95 % interval."""
 
     first: float
     last: float
@@ -22,17 +22,17 @@ class Growth:
     high: float
 
     def is_more_than(self, allowed: float) -> bool:
-        """Whether it surely grew by more than is allowed: the whole interval lies above."""
+        """Whether it certainly grew by more than is allowed: the whole interval is above."""
         return self.low > allowed
 
 
 def growth(at_s: Sequence[float], figures: Sequence[float], warm_up: float = WARM_UP_SHARE) -> Growth | None:
-    """Theil and Sen's slope, which single outliers do not move, times the time spanned; None for too few figures.
+    """Theil and Sen's slope, which single outliers do not change, times the duration; None for too few figures.
 
-    `at_s` and `figures` (n,), in any unit of the latter; `warm_up` is the share of them that is left out at the begin.
-    Source: Sen, J. Am. Stat. Assoc. 63 (1968) 1379.
+    `at_s` and `figures` (n,), in any unit of the latter; `warm_up` is the share of them that is left out at the
+    beginning. Source: Sen, J. Am. Stat. Assoc. 63 (1968) 1379.
     """
-    from scipy.stats import theilslopes  # loaded where it is used: it takes half a second
+    from scipy.stats import theilslopes  # imported where it is used: it takes half a second
 
     skipped = int(len(figures) * warm_up)
     times, values = np.asarray(at_s, float)[skipped:], np.asarray(figures, float)[skipped:]

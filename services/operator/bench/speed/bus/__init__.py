@@ -1,1 +1,1 @@
-"""`crosspih bench bus`: the typed bus beside what carries it, in the same processes, in turn."""
+"""`crosspih bench bus`: the typed bus compared with its transport, in the same processes, in turn."""

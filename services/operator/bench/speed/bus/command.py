@@ -1,4 +1,6 @@
-"""`crosspih bench bus`: what the typed bus costs beside raw Zenoh on the same route, and others on the same work."""
+"""`crosspih bench bus`: the cost of the typed bus compared with raw Zenoh on the same route, and other buses for the
+same work.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,7 @@ def measured(rounds: int, steady: int, burst: int, rate_hz: float, console: Cons
 
 
 def table_of(result: BusResult) -> Table:
-    """A row a way."""
+    """One row per way."""
     table = Table(title=f"{result.payload_bytes} bytes a sample, two processes; delays at {result.rate_hz:g} Hz")
     for name in ("", "p50 µs", "p95 µs", "p50 / raw", "messages/s", "/ raw", "/ pydantic", "CPU µs", "lost"):
         table.add_column(name, justify="left" if name == "" else "right")

@@ -1,4 +1,4 @@
-"""What was heard of what was sent, as figures. Pure."""
+"""Figures from the samples sent and received. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class BusRound(BaseModel):
-    """One way's turn of one round: delays at a steady rate, and a burst as fast as it goes."""
+    """One way's turn of one round: delays at a steady rate, and a burst at full speed."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -39,7 +39,7 @@ class WayFigures(BaseModel):
 
 
 def delays_us(sent_ns: Mapping[int, int], heard_ns: Mapping[int, int]) -> tuple[float, ...]:
-    """From publish to callback, of those that were heard, in the order of their numbers."""
+    """From publish to callback, for the samples received, in the order of their numbers."""
     return tuple((heard_ns[number] - sent_ns[number]) * 1e-3 for number in sent_ns if number in heard_ns)
 
 
@@ -47,7 +47,7 @@ def turn_of(
     steady_sent_ns: Mapping[int, int], burst_sent_ns: Mapping[int, int], heard_ns: Mapping[int, int],
     cpu_s: tuple[float, float],
 ) -> BusRound:  # fmt: skip
-    """A turn from the times of all its samples, by number; the burst lasts from its first sending to its last hearing.
+    """A turn from the times of all its samples, by number; the burst lasts from its first send to its last receipt.
 
     `cpu_s`: of the sending and of the listening process, in the burst.
     """
@@ -68,7 +68,9 @@ def _p50(turn: BusRound) -> float:
 
 
 def figures_of(rounds: Sequence[Mapping[str, BusRound]], bare: str, dumped: str) -> list[WayFigures]:
-    """A row a way; `bare` is the way that ratios are against, `dumped` the bare one with pydantic-core's own work."""
+    """One row per way; `bare` is the way to which ratios refer, `dumped` is the bare one plus
+    pydantic-core's own work.
+    """
     rows = []
     for way in rounds[0]:
         turns = [one[way] for one in rounds]

@@ -41,7 +41,7 @@ def installed(number_of: NumberOf) -> list[tuple[str, Listen, Send]]:
 
 
 def missing() -> list[str]:
-    """The names of those that are not."""
+    """The names of those that are not installed."""
     return [name for name, package in PACKAGES.items() if importlib.util.find_spec(package) is None]
 
 

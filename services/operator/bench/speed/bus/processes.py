@@ -1,4 +1,6 @@
-"""The two processes that samples go between: this one sends, its child listens and tells what it heard when."""
+"""The two processes of the bench: this one sends, and its child listens and returns the samples received with their
+times.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,15 @@ from services.operator.bench.speed.bus import others
 from services.operator.bench.speed.bus.figures import BusRound, turn_of
 from services.operator.bench.speed.bus.ways import BusWay, installed_ways
 
-READY_S = 120.0  # it reads its imports for half a minute on a busy machine
+READY_S = 120.0  # its imports take half a minute on a busy machine
 PROBE_S = 0.01
-QUIET_S = 3.0  # after the last that was heard, no more is waited for; a listener that waits for a core is no loss
+QUIET_S = 3.0  # waiting time after the last sample received; a listener that waits for a core has lost nothing
 
 
 def listen(endpoint: str, asked: Connection) -> None:
-    """The child: listens by every way, and answers each `(way, last number)` with what it heard, number and time, ns,
-    and with the CPU time that it has used so far, s."""
+    """The child: listens by every way, and answers each `(way, last number)` with the samples received, number and
+    time, ns, and with the CPU time that it has used so far, s.
+    """
     end_with_parent()
     with ExitStack() as stack:
         heard: dict[str, dict[int, int]] = {}
@@ -46,7 +49,7 @@ def listen(endpoint: str, asked: Connection) -> None:
                     known, quiet_at = len(times), time.monotonic() + QUIET_S
                 pause.wait(PROBE_S)
             cpu_s, told = time.process_time(), dict(times)
-            times.clear()  # before the answer: at once upon it the next samples come
+            times.clear()  # before the answer: the next samples come immediately after it
             asked.send((told, cpu_s))
 
 
@@ -123,7 +126,7 @@ def _take_turn(
         send(sample)
     ours.send((way.name, steady))
     heard: dict[int, int] = ours.recv()[0]
-    ours.send((way.name, 0))  # what is spent on answering is no part of the burst
+    ours.send((way.name, 0))  # the CPU time for answering is not part of the burst
     _, heard_before_s = ours.recv()
     samples = [(number, way.sample(number)) for number in range(steady + 1, steady + burst + 1)]
     burst_ns: dict[int, int] = {}

@@ -1,6 +1,6 @@
-"""The ways by which samples go from one process to another, each with the same numbered payload size.
+"""The ways to send samples from one process to another, with the same payload size.
 
-A sample's number travels in it: as its stamp where it is a message, as the first eight bytes where it is bytes alone.
+Each sample contains its number: as its stamp where it is a message, as the first eight bytes where it is plain bytes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from crosspih_common.messages import JointState
 from services.operator.bench.speed.bus import others
 
 CELL = "bench-bus"
-TOPIC = JOINT_STATE  # on a bus of this bench's own
+TOPIC = JOINT_STATE  # the key on a bus of this bench's own
 NUMBER = struct.Struct("<q")
 SPEEDS = (0.011, -0.022, 0.033, -0.044, 0.055, -0.066)
 
@@ -30,8 +30,9 @@ Heard = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BusWay:
-    """`listen(endpoint, heard, stack)` calls `heard` with each sample's number; `send(endpoint, stack)` gives what
-    sends one sample, and `sample(number)` makes it. `heard` is called on the transport's own thread."""
+    """`listen(endpoint, heard, stack)` calls `heard` with each sample's number; `send(endpoint, stack)` gives a
+    function that sends one sample, and `sample(number)` makes it. `heard` is called on the transport's own thread.
+    """
 
     name: str
     listen: Callable[[str, Heard, ExitStack], None]
@@ -54,7 +55,7 @@ def plain(number: int) -> bytes:
 
 
 def number_of(payload: bytes) -> int:
-    """Of bytes made by `plain`."""
+    """The number in bytes made by `plain`."""
     return int(NUMBER.unpack_from(payload)[0])
 
 

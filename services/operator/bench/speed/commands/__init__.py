@@ -1,1 +1,1 @@
-"""The commands of what is measured here, one a file."""
+"""The commands of the speed benches, one a file."""

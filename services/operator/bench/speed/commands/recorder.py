@@ -19,7 +19,7 @@ from services.operator.bench.speed.recorder import PROGRAM, result_of, table_of
 
 
 def _started(stack: ExitStack, *words: str) -> subprocess.Popen[str]:
-    """It ends with the stack, if not before."""
+    """Start a process that ends with the stack, if not before."""
     process = subprocess.Popen(
         module_command(PROGRAM, *words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

@@ -36,8 +36,9 @@ class _Timed(CellsProgress):
         self.slowest_start_s = max(self.slowest_start_s, outcome.start_s)
 
     def steady(self) -> tuple[int, float]:
-        """Trials, and seconds, between the moment when the last cell had its first trial behind it and the moment when
-        the first cell ran out of work: between them all cells are busy."""
+        """The number of trials, and the seconds, from the moment when the last cell has done its first trial to the
+        moment when the first cell runs out of work: in between all cells are busy.
+        """
         begin = max(ends[0] for ends in self.ends_s.values())
         end = min(ends[-1] for ends in self.ends_s.values())
         trials = sum(begin < moment <= end for ends in self.ends_s.values() for moment in ends)
@@ -59,7 +60,7 @@ def scaling(
         rates: list[Rate] = []
         for count in range(1, (cells or usable_cores()) + 1):
             watcher = _Timed(console, f"{count} cells")
-            # no store: what is known from before takes no time
+            # no store: a result taken from it would take no time
             jobs = [TrialJob(seed=seed + index, strategy=strategy) for index in range(trials * count)]
             run_trials(
                 jobs, cells=count, executor=executor, ray_address=ray_address, progress=watcher, one_core_each=True
