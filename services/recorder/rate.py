@@ -196,7 +196,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=20_000, help="samples a round, or in all")
-    parser.add_argument("--paced", type=float, help="at so many a second")
+    parser.add_argument("--paced", type=float, help="samples a second")
     given = parser.parse_args()
     print(json.dumps(measure(given.steps) if given.paced is None else paced(given.steps, given.paced)))
 

@@ -62,7 +62,7 @@ def main() -> int:
     )  # fmt: skip
     parser.add_argument(
         "--cell", default=os.environ.get("CROSSPIH_CELL"),
-        help="the cell's YAML file: on whose bus refusals are told, where there are certificates",
+        help="the cell's YAML file: refusals are reported on its bus, where there are certificates",
     )  # fmt: skip
     given = parser.parse_args()
     endpoint, listen, routers = given.endpoint, _endpoints(given.listen), _endpoints(given.routers)

@@ -13,7 +13,7 @@ class ViewerConfig(Section):
     host: str = Field(
         default="127.0.0.1",
         min_length=1,
-        description="the address to listen on; any but this machine's own asks whoever opens the page for a token",
+        description="the address to listen on; with any but this machine's own the page needs a token",
     )
     port: int | None = Field(default=None, ge=1, le=65535, description="8080, or the next free one, where not given")
     scene_hz: float = Field(default=20.0, gt=0.0, le=60.0, description="how often the arm on the page moves")

@@ -26,7 +26,7 @@ RayAddress = Annotated[
     str | None, typer.Option(help="A running cluster's, such as 10.0.0.1:6379 or auto; else Ray is started here.")
 ]
 Store = Annotated[
-    Path | None, typer.Option(help="Results as JSON lines: what is there is not done again, what is new is added.")
+    Path | None, typer.Option(help="Results as JSON lines: results in it are not made again, new ones are added.")
 ]
 
 

@@ -86,7 +86,7 @@ def locate(
         Path | None, typer.Option(help="Folder for left.png and right.png with what was seen; it is made.")
     ] = None,
     gamma: Annotated[
-        Gamma | None, typer.Option(help="Of both cameras, before what the calibration says; srgb for photos.")
+        Gamma | None, typer.Option(help="Of both cameras, instead of that in the calibration; srgb for photos.")
     ] = None,
     method: Annotated[LocateMethod, typer.Option(help="rim: six degrees of freedom; paper: the position alone.")] = (
         LocateMethod.RIM

@@ -45,7 +45,7 @@ def documents(path: Path) -> list[dict[str, Any]]:
         raise CameraFileError(f"calibration: {path} is neither YAML nor JSON: {told[:200]}") from None
     found = [document for document in found if document is not None]
     if not found or not all(isinstance(document, dict) for document in found):
-        raise CameraFileError(f"calibration: {path} holds no fields; see docs/locate.md for what it may be")
+        raise CameraFileError(f"calibration: {path} holds no fields; docs/locate.md lists the formats")
     return found
 
 
@@ -59,7 +59,7 @@ def numbers(value: Any, field: str, *shapes: tuple[int, ...]) -> Array:
     except (TypeError, ValueError):
         raise CameraFileError(f"calibration: {field} is not a list of numbers") from None
     if not np.isfinite(flat).all():
-        raise CameraFileError(f"calibration: {field} holds a number that is none: {flat.tolist()}")
+        raise CameraFileError(f"calibration: {field} holds a value that is not a finite number: {flat.tolist()}")
     for shape in shapes:
         if int(np.prod(shape)) == flat.size:
             return flat.reshape(shape)

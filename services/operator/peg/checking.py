@@ -25,7 +25,7 @@ class PegReport(BaseModel):
     height_mm: float | None = Field(default=None, description="of the contour, along y")
     corners: int | None = Field(default=None, description="of the contour; chords of a curve have none between them")
     symmetry: int | None = Field(default=None, description="turns that look the same; 0 for a round")
-    left_out: list[str] = Field(default_factory=list, description="what is in the file and no part of the outline")
+    left_out: list[str] = Field(default_factory=list, description="parts of the file that are not part of the outline")
     refusal: str | None = Field(default=None, description="why it cannot be a peg and a hole, and the mend")
 
 

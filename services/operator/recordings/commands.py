@@ -133,7 +133,7 @@ def _told(console: Console, as_json: bool, made: MadeRecording, out: Path) -> No
     for name, text in damage:
         console.print(f"{name}: {text}", highlight=False, markup=False, soft_wrap=True)
     if nameless:
-        console.print(f"{nameless} messages are whole, but their key lay in what is damaged: left out", highlight=False)
+        console.print(f"{nameless} undamaged messages are left out: their key was in a damaged part", highlight=False)
     if made.repeated:
         console.print(f"{made.repeated} messages were there more than once", highlight=False)
     console.print(f"{out}: {made.messages} messages", highlight=False, soft_wrap=True)

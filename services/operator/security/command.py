@@ -34,7 +34,7 @@ def init(
         typer.Option("--host", help="A name or address at which the router is reached; several are possible."),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Make all anew, also where there are some: the old ones end.")
+        bool, typer.Option("--overwrite", help="Make all anew, also where some exist: the old ones become invalid.")
     ] = False,
 ) -> None:
     """Make an authority, and a certificate and a key for each service."""

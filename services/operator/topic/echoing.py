@@ -20,7 +20,7 @@ PARTED = "---\n"
 
 def echo(
     name: TopicName,
-    count: Annotated[int | None, typer.Option("--count", "-n", min=1, help="End after so many messages.")] = None,
+    count: Annotated[int | None, typer.Option("--count", "-n", min=1, help="End after this many messages.")] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, help="End after so long; status 1 where nothing came meanwhile.")
     ] = None,

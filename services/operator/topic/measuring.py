@@ -24,11 +24,11 @@ from services.operator.topic.running import Arrivals, CellTimeOffset, Newest, Sp
 from services.operator.topic.values import as_json_line
 
 EVERY_S = 1.0
-Window = Annotated[int, typer.Option(min=2, max=100_000, help="Of so many of the newest messages.")]
+Window = Annotated[int, typer.Option(min=2, max=100_000, help="Over this many of the newest messages.")]
 Seconds = Annotated[
     float | None, typer.Option(min=0.1, help="End after so long; status 1 where nothing came. Else Ctrl-C ends it.")
 ]
-Count = Annotated[int | None, typer.Option("--count", "-n", min=2, help="End after so many messages.")]
+Count = Annotated[int | None, typer.Option("--count", "-n", min=2, help="End after this many messages.")]
 Lines = Annotated[bool, typer.Option("--json", help="One line of JSON a second.")]
 
 

@@ -80,7 +80,7 @@ def assembly(
         ),
     ] = None,
     rows: Annotated[str | None, typer.Option(help="With --pictures: these rows, with commas.")] = None,
-    record: Annotated[bool, typer.Option(help="Keep a recording of every trial, done anew for it.")] = False,
+    record: Annotated[bool, typer.Option(help="Record every trial; trials in the store are made again.")] = False,
     cells: Cells = None,
     executor: Where = ExecutorName.LOCAL,
     ray_address: RayAddress = None,

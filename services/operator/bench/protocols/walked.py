@@ -26,7 +26,7 @@ def check_walk(folder: Path, console: Console, **asked: int) -> None:
     they differ; prints a note where none are recorded.
     """
     if not (folder / ABOUT).is_file():
-        console.print(f"{folder}: does not say with what it was walked", style="yellow", highlight=False)
+        console.print(f"{folder}: does not record the settings of its walk", style="yellow", highlight=False)
         return
     there = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
     for name, number in asked.items():

@@ -189,7 +189,7 @@ def vision(
         str | None, typer.Option(help="Pairs with truth instead of the cell's own: rendered, or a folder of them.")
     ] = None,
     rows: Annotated[str | None, typer.Option(help="Of --pictures: only these rows, with commas.")] = None,
-    pairs: Annotated[int | None, typer.Option(min=1, help="Of --pictures: at most so many a row.")] = None,
+    pairs: Annotated[int | None, typer.Option(min=1, help="Of --pictures: at most this many per row.")] = None,
     annotated: Annotated[Path | None, typer.Option(help="Of --pictures: a folder for the annotated pictures.")] = None,
     beside: Annotated[
         bool, typer.Option("--beside/--alone", help="Of --pictures: ask solvePnP and the paper's method too.")

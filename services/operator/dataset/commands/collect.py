@@ -52,9 +52,9 @@ def version() -> str:
 
 def collect(
     poses: Poses = 600,
-    repeats: Annotated[int, typer.Option(min=1, max=1000, help="Contacts at each pose, noise drawn anew.")] = 1,
+    repeats: Annotated[int, typer.Option(min=1, max=1000, help="Contacts at each pose, each with new noise.")] = 1,
     seed: FirstSeed = 1,
-    out: Annotated[Path, typer.Option(help="The data set's folder; what is there is not done again.")] = Path(
+    out: Annotated[Path, typer.Option(help="The data set's folder; samples in it are not made again.")] = Path(
         "run/contacts"
     ),
     angle_rad: AngleRad = 0.1,

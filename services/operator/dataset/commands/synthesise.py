@@ -18,7 +18,7 @@ from services.operator.other_services.inference_process import run_tool
 def synthesise(
     poses: Poses = 20_000,
     seed: FirstSeed = 1,
-    out: Annotated[Path, typer.Option(help="The data set's folder; what is there is not made again.")] = Path(
+    out: Annotated[Path, typer.Option(help="The data set's folder; samples in it are not made again.")] = Path(
         "run/synthetic-contacts"
     ),
     angle_rad: AngleRad = 0.1,

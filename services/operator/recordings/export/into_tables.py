@@ -48,6 +48,8 @@ def _export(file: Path, out: Path, keys: list[str], suffix: str, write: Callable
         except OSError as error:
             raise ConfigError(f"{out}: cannot be written ({error.strerror})") from None
         if not recording.finished:
-            console.print(f"{file}: is not whole ({recording.tear}); what is whole is in the tables", highlight=False)
+            console.print(
+                f"{file}: is damaged ({recording.tear}); its undamaged messages are in the tables", highlight=False
+            )
         for line in recording.problems[:5]:
             console.print(f"left out: {line}", highlight=False, markup=False)

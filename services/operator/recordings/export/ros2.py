@@ -68,7 +68,9 @@ def ros2(
         read = read_recording(recording, [topic for topic, _ in HEARD])
         counts = write_bag(read, out, distro, tf_hz, cell_stamps)
         if not read.finished:
-            console.print(f"{recording}: is not whole ({read.tear}); what is whole is in the bag", highlight=False)
+            console.print(
+                f"{recording}: is damaged ({read.tear}); its undamaged messages are in the bag", highlight=False
+            )
         for line in read.problems:
             console.print(f"left out: {line}", highlight=False, markup=False)
         for name, count in counts.items():

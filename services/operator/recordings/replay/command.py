@@ -25,7 +25,7 @@ ROWS = 12  # at most this many of a core's differences are shown
 
 def replay(
     file: Annotated[Path, typer.Argument(help="A recording (.mcap), also one that was torn off.")],
-    from_s: Annotated[float, typer.Option("--from", min=0.0, help="Begin so many seconds into it.")] = 0.0,
+    from_s: Annotated[float, typer.Option("--from", min=0.0, help="Begin this many seconds after its start.")] = 0.0,
     service: Annotated[str | None, typer.Option(help=f"{', '.join(SERVICES)}; all when left out.")] = None,
     cell: Annotated[Path | None, typer.Option(help="Another cell's file than the one in the recording.")] = None,
     as_json: AsJson = False,
@@ -87,7 +87,9 @@ def _core_table(name: str, rows: list[dict[str, Any]]) -> Table:
 
 def _notes(recording: Recording) -> list[str]:
     """Possible reasons for a difference: a torn file, and other versions than in the recording."""
-    notes = [] if recording.finished else [f"{recording.path}: is not whole ({recording.tear}); what is whole is asked"]
+    notes = (
+        [] if recording.finished else [f"{recording.path}: is damaged ({recording.tear}); its undamaged part is used"]
+    )
     changed = []
     for name, then in recording.metadata.get("versions", {}).items():
         try:

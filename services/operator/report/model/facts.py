@@ -142,11 +142,11 @@ def _name_what_is_missing(facts: Facts) -> None:
     if facts.forces.main is None:
         say("The contact wrench: no sample of it lies within the assembly.")
     elif facts.forces.unfiltered is None:
-        say("The sensor's own samples, or what is needed to read them: forces are the filtered ones only.")
+        say("The sensor's own samples, or the calibration to read them: only filtered forces are shown.")
     if facts.joints is None:
         say("The encoders: no trajectory can be shown.")
     if not facts.spans:
-        say("The phases: planning told of none.")
+        say("The phases: planning published none.")
     asked = facts.figures is None or (facts.figures.looked and not facts.figures.vision_refused)
     if asked and (facts.left is None or facts.right is None):
         say("The annotated pictures: vision sent none, or only one of the two.")

@@ -25,9 +25,11 @@ from services.operator.bench.protocols.walked import check_walk, note_walk
 
 def day(
     folder: Annotated[Path, typer.Argument(help="Where it is walked: the cell's files, recordings, logs.")],
-    hidden: Annotated[int, typer.Option(min=0, help="Draws what the cell hides from its file.")] = 1,
+    hidden: Annotated[int, typer.Option(min=0, help="Draws the differences between the cell and its file.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Draws where the hole is.")] = HOLE_SEED,
-    first: Annotated[int, typer.Option(min=1, max=9, help="Section to begin with, in a folder of before.")] = 1,
+    first: Annotated[
+        int, typer.Option(min=1, max=9, help="Section to begin with, in the folder of an earlier walk.")
+    ] = 1,
     last: Annotated[int, typer.Option(min=1, max=9, help="Section to end with.")] = 9,
     page: Annotated[Path, typer.Option(help="What is walked.")] = PAGE,
     as_json: AsJson = False,

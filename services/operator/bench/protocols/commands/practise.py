@@ -47,7 +47,7 @@ def practise(
     command: Annotated[
         list[str] | None, typer.Argument(help="Run there, all ends with it; your shell when left out.")
     ] = None,
-    hidden: Annotated[int, typer.Option(min=0, help="Draws what the cell hides from its file.")] = 1,
+    hidden: Annotated[int, typer.Option(min=0, help="Draws the differences between the cell and its file.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Draws where the hole is.")] = HOLE_SEED,
     tell: Annotated[bool, typer.Option("--tell", help="At the end: what was hidden.")] = False,
 ) -> None:

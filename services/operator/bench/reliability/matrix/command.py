@@ -47,7 +47,7 @@ def matrix(
     ] = None,
     speed: Speed = "realtime",
     seed: Seed = 1000,
-    store: Annotated[Path, typer.Option(help="Results as JSON lines: what is there is not done again.")] = Path(
+    store: Annotated[Path, typer.Option(help="Results as JSON lines: cases in it are not run again.")] = Path(
         "matrix.jsonl"
     ),
     page: Annotated[

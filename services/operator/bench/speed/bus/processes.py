@@ -110,7 +110,7 @@ def _reaches(ours: Connection, way: BusWay, send: Callable[[Any], object]) -> No
         ours.send((way.name, 3))
         if ours.recv()[0]:
             return
-    raise CrosspihError(f"bench bus: nothing that {way.name} sends is heard within {READY_S:g} s")
+    raise CrosspihError(f"bench bus: no sample of {way.name} arrived within {READY_S:g} s")
 
 
 def _take_turn(

@@ -13,7 +13,7 @@ from services.operator.bench.speed.startup import measured, table_of
 
 
 def startup(
-    rounds: Annotated[int, typer.Option(min=1, help="All in turn, so many times; medians count.")] = 3,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds of all in turn; the result is their median.")] = 3,
     as_json: AsJson = False,
 ) -> None:
     """Measure how long a stack takes until all its services are ready beside the slowest single import, and the CPU
