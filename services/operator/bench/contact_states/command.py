@@ -1,4 +1,4 @@
-"""`crosspih bench states`: the 26 contact states made on purpose in the cell, and how well each is told."""
+"""`crosspih bench states`: the 26 contact states made on purpose in the cell, and how well each is recognised."""
 
 from __future__ import annotations
 
