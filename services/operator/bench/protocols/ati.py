@@ -1,13 +1,13 @@
 """`python -m services.operator.bench.protocols.ati`: a box that speaks ATI's Net F/T protocol, without a sensor.
 
-It serves netftapi2.xml by HTTP and RDT by UDP, as ATI's manuals 9620-05-NET FT and 9610-05-Ethernet Axia have them,
-and is written from these alone: it shares no line with the driver. It prints `ready rdt PORT http PORT feed PORT` when
-it serves.
+It serves netftapi2.xml by HTTP and RDT by UDP, as ATI's manuals 9620-05-NET FT and 9610-05-Ethernet Axia describe
+them. It is written from these manuals alone and shares no code with the driver. When it serves it prints
+`ready rdt PORT http PORT feed PORT`.
 
 The wrench that it measures is fed to it: UDP datagrams to the feed port of 48 bytes each, six little-endian doubles,
-Fx Fy Fz in N, Tx Ty Tz in Nm; the last one stands until the next. A simulated cell sends one a step (docs/examples/
-sensor_behind_protocol.py); `--wrench` is what it feels before. As the real box it samples that by its own clock, which
-is wrong by `--drift-ppm`, so that who feeds and who reads need not go at the same rate. Up to 7 kHz either way.
+Fx Fy Fz in N, Tx Ty Tz in Nm; the last one holds until the next. A simulated cell sends one a step (docs/examples/
+sensor_behind_protocol.py); before the first one the wrench is `--wrench`. Like the real box it samples the wrench by
+its own clock, which is wrong by `--drift-ppm`, so the feed and the reader may run at different rates, each up to 7 kHz.
 
 On standard input it takes one command a line:
 
@@ -16,7 +16,7 @@ On standard input it takes one command a line:
     twice, swap            send the next record twice; exchange the next two
     hold S                 keep all records back for S seconds, then send them at once: a busy network
     unplug S               nothing comes in or goes out for S seconds; the box runs on
-    off S                  without power for S seconds: then it counts from 0 and nobody has asked for a stream
+    off S                  without power for S seconds: then it counts from 0 and streams nothing until asked
     set FIELD VALUE        a field of its page, such as cfgcalsn
     quit
 """

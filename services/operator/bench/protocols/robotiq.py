@@ -3,10 +3,11 @@ without the sensor.
 
 Modbus is pymodbus' own server; registers and data stream are those of Robotiq's manual of the FT 300, section "Serial
 communication". `--tcp PORT` listens there; `--serial PATH` makes a serial line (a pseudo-terminal, Linux and macOS)
-with that name. What it feels is fed to it (feed.py), `--wrench` before. It prints `ready feed PORT` when it serves.
+with that name. Its wrench is fed to it (feed.py); before that it is `--wrench`. When it serves it prints
+`ready feed PORT`.
 
-On standard input it takes one command a line: `off S` (dead for S seconds, then nobody has asked for a stream),
-`garble N` (one wrong byte in each of the next N packets of the stream), `slow S` (each answer takes so long), `quit`.
+On standard input it takes one command a line: `off S` (dead for S seconds, then no stream until asked),
+`garble N` (one wrong byte in each of the next N packets of the stream), `slow S` (each answer takes S seconds), `quit`.
 """
 
 from __future__ import annotations
