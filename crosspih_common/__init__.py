@@ -1,1 +1,1 @@
-"""What every crosspih service shares: geometry, shapes, the arm, the messages, the bus, the service lifecycle."""
+"""The code that all services share: geometry, shapes, the arm, the messages, the bus, the service lifecycle."""

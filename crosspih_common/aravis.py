@@ -1,8 +1,8 @@
 """libaravis from Python by ctypes alone: the library speaks GenICam and GigE Vision, and is LGPL.
 
-The usual way in is PyGObject, which has no wheels and must be built on each machine. What is needed here is some forty
-functions of plain C types; ctypes calls them without holding Python's lock, on any Python, with the distribution's
-library (Debian: libaravis-0.8-0) or that in the wheel `aravis-python`, which is found without being imported.
+The usual binding is PyGObject, which has no wheels and must be built on each machine. This module needs only some forty
+functions with plain C types. ctypes calls them without holding the GIL, on any Python version, with the distribution's
+library (Debian: libaravis-0.8-0) or with the one in the wheel `aravis-python`, which is found without an import.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ POINTER = ctypes.c_void_p
 
 
 class AravisError(CrosspihError):
-    """A call of the library failed: `call` is its function's name, the text is the library's own."""
+    """A call of the library failed: `call` is the name of the C function, the text is the library's message."""
 
     def __init__(self, call: str, text: str) -> None:
         super().__init__(f"{call}: {text}")
@@ -60,7 +60,7 @@ class Library:
             return self._functions[name]
 
     def checked(self, name: str, returns: Any, *takes: Any) -> Callable[..., Any]:
-        """A C function whose last argument is a GError: that argument is left out here."""
+        """A C function whose last argument is a GError; callers leave that argument out."""
         plain = self.function(name, returns, *takes, ctypes.POINTER(_GErrorPointer))
         free = self.function("g_error_free", None, _GErrorPointer)
 
@@ -76,7 +76,7 @@ class Library:
         return call
 
     def set_uint(self, instance: int, name: str, value: int) -> None:
-        """Set a property of a GObject that is a 32 bit number without sign."""
+        """Set a property of a GObject that is an unsigned 32-bit number."""
         held = _GValue()
         self.function("g_value_init", POINTER, ctypes.POINTER(_GValue), ctypes.c_size_t)(
             ctypes.byref(held), G_TYPE_UINT
@@ -87,12 +87,12 @@ class Library:
         )
 
     def unref(self, instance: int) -> None:
-        """Let go of a GObject."""
+        """Release one reference to a GObject."""
         self.function("g_object_unref", None, POINTER)(instance)
 
 
 def candidates(given: str = "") -> list[str]:
-    """Where libaravis may be, the likeliest first: the given path alone, else the system's, then the wheel's."""
+    """Paths to try for libaravis, in order: the given path alone, or else the system's library, then the wheel's."""
     if given:
         return [given]
     found = [name for name in (ctypes.util.find_library(API),) if name]

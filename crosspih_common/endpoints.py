@@ -1,4 +1,4 @@
-"""The address of a router as it is written: `tcp/127.0.0.1:7447`. Cheap to import: for the launcher, too."""
+"""Parses the address of a router, such as `tcp/127.0.0.1:7447`. Cheap to import, because the launcher needs it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Endpoint:
 
 
 def parsed(endpoint: str) -> Endpoint | None:
-    """None where it is none."""
+    """The parsed address; None if the text is no address."""
     found = _ENDPOINT.fullmatch(endpoint)
     if found is None or not 0 < int(found["port"]) < 65536:
         return None
@@ -39,14 +39,14 @@ def parsed(endpoint: str) -> Endpoint | None:
 
 
 def fault_of(endpoint: str) -> tuple[str, str]:
-    """(what is wrong, what to write instead) of what is no router's address; two empty texts of one that is."""
+    """(what is wrong, what to write instead) for an invalid address; two empty texts for a valid one."""
     if parsed(endpoint) is not None:
         return "", ""
     return f"{endpoint[:200]!r} is no address of a router", f"write PROTOCOL/HOST:PORT, such as {EXAMPLE}"
 
 
 def checked(endpoint: str, field: str = ENDPOINT_VARIABLE) -> str:
-    """The endpoint as it is. Raises ConfigError, with the field that it stands in, where it is none."""
+    """The endpoint, unchanged. Raises ConfigError with the name of its field if it is no address."""
     problem, mend = fault_of(endpoint)
     if problem:
         raise ConfigError(f"{field}: {problem}; {mend}", field=field, mend=mend)

@@ -1,25 +1,25 @@
 """Every error that crosspih raises on purpose.
 
 CrosspihError
-├── ConfigError            a configuration file says something that cannot be
+├── ConfigError            a configuration file has an invalid setting
 ├── BusError
 │   ├── BusUnreachable     no router answers at the endpoint
 │   ├── ContractError      a sample is not what its key promises (type, version, fields)
-│   ├── NoService          nobody serves the command, or whoever did vanished without a word
-│   │   └── NotSent        nobody served it, so it was not even sent: it may be asked again
+│   ├── NoService          no service serves the command, or its server ended without an answer
+│   │   └── NotSent        no service served it, so it was not sent: it may be sent again
 │   ├── CommandTimeout     the service did not answer within the deadline
 │   └── BusClosed          the bus was closed while it was in use
-└── CommandRefused         the service answered: no, and why (`code` for programs, text for people)
-    └── DeviceLost         a device no longer answers, or says that it may not move
+└── CommandRefused         the service refused the command and says why (`code` for programs, text for people)
+    └── DeviceLost         a device no longer answers, or reports that it may not move
 """
 
 from __future__ import annotations
 
 
 class CrosspihError(Exception):
-    """Something crosspih expected might go wrong, did. `code` is how a service refuses that met it on its way.
+    """An error that crosspih foresees. `code` is the refusal code of a service that meets it during a command.
 
-    `field` and `mend` are what the text is about and what would mend it, for programs; empty where nobody said.
+    `field` and `mend` name the setting concerned and how to correct it, for programs; they may be empty.
     """
 
     code: str = "internal"
@@ -29,17 +29,17 @@ class CrosspihError(Exception):
         self.field, self.mend = field, mend
 
 
-CONFIG_STATUS = 78  # how a service ends that cannot read its settings (EX_CONFIG): another start would not mend it
+CONFIG_STATUS = 78  # exit status of a service with invalid settings (EX_CONFIG): a restart would not help
 
 
 class ConfigError(CrosspihError):
-    """A configuration file says something that cannot be; names the field and the mend."""
+    """A configuration file has an invalid setting; the text names the field and how to correct it."""
 
     code = "config"
 
 
 class BusError(CrosspihError):
-    """Something between two services went wrong."""
+    """An error of the communication between two services."""
 
 
 class BusUnreachable(BusError):
@@ -49,19 +49,19 @@ class BusUnreachable(BusError):
 
 
 class ContractError(BusError):
-    """A sample is not what its key promises: wrong type, wrong version, or fields that do not validate."""
+    """A sample does not match its key: wrong type, wrong version, or fields that do not validate."""
 
     code = "bad_answer"
 
 
 class NoService(BusError):
-    """Nobody serves the command, or whoever did vanished without a word."""
+    """No service serves the command, or its server ended without an answer."""
 
     code = "no_service"
 
 
 class NotSent(NoService):
-    """Nobody serves the command, also when waited for: it was not sent, and may be asked again."""
+    """No service served the command within the wait: it was not sent, and may be sent again."""
 
 
 class CommandTimeout(BusError):
@@ -74,11 +74,11 @@ class BusClosed(BusError):
     """The bus was closed while it was in use."""
 
 
-STOPPING = "stopping"  # the code of a refusal by a service that was ended in order while it carried the command out
+STOPPING = "stopping"  # the refusal code of a service that was stopped in order while it carried out the command
 
 
 class CommandRefused(CrosspihError):
-    """The service answered no. `code` is stable and for programs; the text says why and what would mend it."""
+    """The service refused the command. `code` is stable and for programs; the text says why and how to correct it."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(f"{code}: {text}")
@@ -87,9 +87,9 @@ class CommandRefused(CrosspihError):
 
 
 class DeviceLost(CommandRefused):
-    """A device no longer answers, or says that it may not move; the text says which, why, and what mends it.
+    """A device no longer answers, or reports that it may not move; the text says which, why, and what to do.
 
-    Raised by drivers. The arm's loop goes on asking; what was under way has ended, and nothing is remembered of it.
+    Raised by drivers. The arm's loop keeps polling the device; a motion under way has ended and is not resumed.
     """
 
     def __init__(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""What a key of the bus is: a topic with samples, or a command with a server. The keys themselves stand in keys.py."""
+"""The kinds of keys of the bus: a topic with samples, or a command with a server. The keys themselves are in keys.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crosspih_common.messages import Image, Message
 
 ROOT = "crosspih"
 RECORDED = ("recorder",)
-SHOWN = ("operator", *RECORDED)  # whoever looks at a cell through crosspih_common/client is an operator
+SHOWN = ("operator", *RECORDED)  # users of crosspih_common/client act as the operator
 
 Payload: TypeAlias = Message | Image
 PayloadT = TypeVar("PayloadT", bound=Payload)
@@ -19,7 +19,7 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 
 
 class Kind(str, Enum):
-    """What a topic's samples mean to a reader."""
+    """The kind of a topic: how long a sample stays valid, and whether a loss matters."""
 
     STREAM = "stream"  # a value that ages: the newest matters, a lost one is dropped
     STATE = "state"  # the last value stays true until the next: late readers get it
@@ -27,7 +27,7 @@ class Kind(str, Enum):
 
 
 class Qos(str, Enum):
-    """How hard the bus tries."""
+    """Quality of service: whether lost samples are recovered."""
 
     DROP = "drop"  # best for streams: a slow reader never holds up the publisher
     RECOVER = "recover"  # cached by the publisher, misses found by heartbeat and fetched again
@@ -37,8 +37,8 @@ class Qos(str, Enum):
 class Topic(Generic[PayloadT]):
     """A key with samples. `path` stands below `crosspih/<cell>/`; `{service}` is filled in by the sender's name.
 
-    `readers` are the services that subscribe to it; a test holds them to the code. Whoever reads it from a recording is
-    no reader.
+    `readers` are the services that subscribe to it; a test compares them with the code. Readers of recordings do not
+    count.
     """
 
     path: str
@@ -63,8 +63,8 @@ class Topic(Generic[PayloadT]):
 class Command(Generic[RequestT, ReplyT]):
     """A key with a server that answers each query once, or refuses with a reason.
 
-    `callers` are the services that ask; a test holds them to the code. One that changes a calibration answers nobody
-    else: whoever asks must have claimed the name of one of them (crosspih_common/bus/authors.py).
+    `callers` are the services that send it; a test compares them with the code. A command that changes a calibration
+    is answered to these only: its sender must have claimed one of their names (crosspih_common/bus/authors.py).
     """
 
     path: str
@@ -81,10 +81,10 @@ class Command(Generic[RequestT, ReplyT]):
 
     @property
     def request_echo(self) -> Topic[RequestT]:
-        """Where the server repeats what it was asked."""
+        """The topic on which the server repeats each request."""
         return Topic(f"{self.path}/request", self.request, Kind.EVENT, self.server, RECORDED, f"asked: {self.doc}")
 
     @property
     def reply_echo(self) -> Topic[ReplyT]:
-        """Where the server repeats what it answered."""
+        """The topic on which the server repeats each reply."""
         return Topic(f"{self.path}/reply", self.reply, Kind.EVENT, self.server, SHOWN, f"answered: {self.doc}")

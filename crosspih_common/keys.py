@@ -1,8 +1,8 @@
 """The key space: one table of every key below `crosspih/<cell>/`, from which recorder, CLI, docs and rules derive.
 
-No other module spells a key. Each row says what travels, who sends it, who may read it, how often, and how hard the bus
-tries. A command `c` is a query on key `c`; its server repeats what it was asked on `c/request` and what it answered on
-`c/reply`, so that a recording holds both.
+No other module writes out a key. Each row gives the message type, sender, readers, rate and quality of service. A
+command `c` is a query on key `c`; its server repeats the request on `c/request` and the reply on `c/reply`, so that a
+recording holds both.
 """
 
 from __future__ import annotations
@@ -369,7 +369,7 @@ REFUSAL = Topic(
 )
 ALIVE_PATH = "service/{service}/alive"  # a liveliness token, no samples
 AUTHOR_PATH = "service/{service}/author/{process}/{session}"  # a liveliness token too: who speaks for the service
-CAMERA_ALIVE = "camera"  # stands for the service in the token of whatever process serves the camera's keys
+CAMERA_ALIVE = "camera"  # the service name in the token of the process that serves the camera's keys
 
 
 def commands() -> Iterator[Command[Any, Any]]:
@@ -396,5 +396,5 @@ def author_key(cell: str, service: str = "*", process: str = "*", session: str =
 
 
 def router_key(session: str) -> str:
-    """Where a router that is linked to others answers whether it is there, by its session's name."""
+    """The key on which a router that is linked to others shows that it is present, by its session's name."""
     return f"{ROOT}/routers/{session}"

@@ -41,8 +41,8 @@ def on_demand(package: str, modules: Mapping[str, str]) -> Callable[[str], objec
 
 
 def data_folder() -> Path:
-    """Where recordings and calibrations land that are named by a relative path: $CROSSPIH_DATA, or the folder that the
-    stack is started from. Absolute."""
+    """The folder for recordings and calibrations with a relative path: $CROSSPIH_DATA, or the folder that the stack is
+    started from. Absolute."""
     return Path(os.path.abspath(os.environ.get(DATA_VARIABLE) or "."))
 
 
@@ -58,7 +58,7 @@ def run_folder() -> Path:
 
 
 def not_installed(error: ModuleNotFoundError) -> str:
-    """One line for a package that is not there, with the mend. Raises the error where the module is one of ours."""
+    """One line for a missing package that says how to install it. Raises the error again if the module is ours."""
     package = (error.name or "").split(".")[0]
     if not package or is_ours(package):
         raise error

@@ -1,7 +1,7 @@
-"""Code of one's own that a service loads by name: `my_lab.mine:Strategy`, or a name that a package declares.
+"""Loads a user's own code by name: `my_lab.mine:Strategy`, or a name that an installed package declares.
 
-Whoever may load code is the service's own process alone: what its Python can import (its environment, and PYTHONPATH as
-it was started with). The name comes from the cell's file, or is held to it (docs/security.md).
+A service loads only what its Python can import (its environment, and the PYTHONPATH that it was started with). The name
+comes from the cell's file, or the cell's file must allow it (docs/security.md).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from crosspih_common.errors import ConfigError
 
 
 def declared(group: str) -> list[EntryPoint]:
-    """What installed packages declare in a group of entry points, in the order of their names."""
+    """The entry points of a group that installed packages declare, sorted by name."""
     return sorted(entry_points(group=group), key=lambda one: (one.name, one.value))
 
 
@@ -51,13 +51,13 @@ def load(what: str, name: str, group: str = "") -> Any:
             f"{what} {name}: no module {error.name} where the service runs; install it there, or start the stack with "
             "its folder in PYTHONPATH"
         ) from None
-    except Exception as error:  # whatever another's module raises while it is loaded
+    except Exception as error:  # the user's module may raise anything while it is loaded
         raise ConfigError(f"{what} {name}: {module} cannot be loaded: {type(error).__name__}: {error}") from error
 
 
 def content_digest(what: str, name: str, group: str = "") -> str:
-    """Of the source that a name stands for: its module's file, or of a module in a package every file of the outermost
-    one. Sixteen hex digits; nothing is run but the packages' own `__init__`. Raises ConfigError."""
+    """A hash of the source behind a name: the module's file, or for a module in a package all files of the outermost
+    package. Sixteen hex digits; only the packages' `__init__` is run. Raises ConfigError."""
     module = target_of(what, name, group).partition(":")[0]
     try:
         spec = find_spec(module)

@@ -1,4 +1,4 @@
-"""Text that a stranger may have written, for a terminal or a log: one line, and nothing in it that a terminal obeys."""
+"""Makes untrusted text safe for a terminal or a log: one line without control characters."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from unicodedata import category
 
-# control characters, what turns the direction of writing or takes no place, halves of characters, ends of lines
+# control characters, changes of writing direction, zero-width characters, surrogates, line ends
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
 _LINES = "\n\r\t"
 
@@ -16,7 +16,7 @@ def _is_obeyed(character: str) -> bool:
 
 
 def plain(text: str, most: int) -> str:
-    r"""The text in one line of at most `most` characters; what a terminal would obey stands as its number: `\x1b`."""
+    r"""The text in one line of at most `most` characters; control characters are written as escapes, such as `\x1b`."""
     line = " ".join(text[: 4 * most].split())
     if not line.isprintable():
         line = "".join(one.encode("unicode_escape").decode() if _is_obeyed(one) else one for one in line)
@@ -24,16 +24,16 @@ def plain(text: str, most: int) -> str:
 
 
 def is_plain_json(payload: bytes) -> bool:
-    """Whether no string of a JSON text holds what a terminal would obey; ends of lines and tabs are none of these.
+    """Whether no string of a JSON text holds control characters for a terminal; line ends and tabs are allowed.
 
-    Nearly all messages are ASCII without an escape, and cost a look at the bytes.
+    Nearly all messages are ASCII without an escape; for these a scan of the bytes is enough.
     """
     escaped = b"\\" in payload and any(one in payload for one in (b"\\u", b"\\b", b"\\f"))
     if not escaped and payload.isascii() and b"\x7f" not in payload:
         return True
     try:
         return not any(_is_obeyed(one) and one not in _LINES for text in _texts(json.loads(payload)) for one in text)
-    except (RecursionError, ValueError):  # deeper or other than what Python reads, though a message may have been
+    except (RecursionError, ValueError):  # nested too deep, or not JSON for Python, although it may have been valid as a message
         return False
 
 

@@ -1,6 +1,6 @@
-"""YAML as a person means it. PyYAML's safe loader takes what nobody means: of a setting that is said twice the last one
-counts in silence, 010 is 8, 1:30 is 90, and ten lines of aliases stand for more than any memory holds. Here these are
-errors that name the line, and so is what the loader falls over.
+"""A strict YAML loader. PyYAML's safe loader accepts some likely mistakes: of a setting that is given twice the last one
+counts without a warning, 010 is 8, 1:30 is 90, and ten lines of aliases can expand beyond any memory. Here these are
+errors that name the line, and so are texts on which the loader itself fails.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MAX_VALUES = 200_000  # once all aliases are followed
 
 
 class NotMeant(yaml.MarkedYAMLError):
-    """YAML that is none, or that nobody can have meant; the text names the line, and is one."""
+    """Invalid YAML, or YAML that is surely a mistake; the text is one line and names the line in the file."""
 
     def __str__(self) -> str:
         mark = self.problem_mark
@@ -61,7 +61,7 @@ for _kind in ("int", "float"):
 
 
 def yaml_of(text: str) -> Any:
-    """What a text of one document says; None where it says nothing. Raises yaml.YAMLError naming the line."""
+    """The content of a text with one document; None if it is empty. Raises yaml.YAMLError that names the line."""
     try:
         loader = _Loader(text)
         try:
@@ -77,14 +77,14 @@ def yaml_of(text: str) -> Any:
     except NotMeant:
         raise
     except yaml.MarkedYAMLError as error:
-        # the whole of it draws the line and points below it: nothing for one line of a log
+        # the full message prints the line and a marker below it, which does not fit one line of a log
         raise NotMeant(problem=error.problem, problem_mark=error.problem_mark) from None
-    except ValueError as error:  # a date that is none, a number of 5,000 digits
+    except ValueError as error:  # an invalid date, a number of 5,000 digits
         raise NotMeant(problem=" ".join(str(error).split())) from None
 
 
 def require_regular(path: Path) -> os.stat_result:
-    """What there is to know of a regular file. Raises OSError: a pipe would be waited for, and a device has no end."""
+    """The stat result of a regular file. Raises OSError for others: a read would block on a pipe, and a device has no end."""
     about = path.stat()
     if stat.S_ISDIR(about.st_mode):
         raise IsADirectoryError(errno.EISDIR, "Is a directory", str(path))
@@ -94,7 +94,7 @@ def require_regular(path: Path) -> os.stat_result:
 
 
 def text_of_file(path: Path, most_bytes: int | None = None) -> str:
-    """The UTF-8 text of a regular file, of `most_bytes` at most. Raises OSError, also for what is no text."""
+    """The UTF-8 text of a regular file, of `most_bytes` at most. Raises OSError, also if it is not UTF-8."""
     about = require_regular(path)
     if most_bytes is not None and about.st_size > most_bytes:
         raise OSError(errno.EFBIG, f"has {about.st_size} bytes, {most_bytes} are allowed", str(path))
@@ -105,7 +105,7 @@ def text_of_file(path: Path, most_bytes: int | None = None) -> str:
 
 
 def _sized(root: yaml.Node) -> None:
-    """Raises NotMeant where more stands than anybody means once every alias is followed, or one holds itself."""
+    """Raises NotMeant if the document is too large after expanding all aliases, or an alias contains itself."""
     counts: dict[int, int] = {}
     under_way: set[int] = set()
 

@@ -1,12 +1,12 @@
-"""Every code with which a command is refused, and what it means; a test holds the table to the source.
+"""Every refusal code of commands and its meaning; a test compares the table with the source.
 
-A refusal travels as the error reply of a query: the code, a newline, a text for people that says what was wrong and
-what would mend it. Programs go by the code alone.
+A refusal is the error reply of a query: the code, a newline, and a text for people that says what is wrong and how to
+correct it. Programs use the code alone.
 """
 
 from __future__ import annotations
 
-# code: what it means to whoever asked
+# code: what it means for the caller
 REFUSALS: dict[str, str] = {
     # by the bus, from any service
     "contract": "the request is not what its key promises: no label, another type or version, or fields that do not "
@@ -84,7 +84,7 @@ REFUSALS: dict[str, str] = {
     "unwritable": "no recording can be made in the recorder's directory",
     # planning/abort
     "stop": "the arm could not be told to stop; it may still move",
-    # planning, by the names that an assembly's failure has
+    # planning, with the names of an assembly's failures
     "not_seen": "vision refused",
     "not_converged": "the attempts are used up",
     "overload": "the cell's force or moment cap stopped the arm once too often",

@@ -31,7 +31,7 @@ _LIMIT_SLACK_RAD = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class _Geometry:
-    """What the closed form needs of an arm, as plain floats."""
+    """The lengths, offsets and limits of an arm that the closed form uses, as plain floats."""
 
     offsets: Joints
     lower: Joints
@@ -83,7 +83,7 @@ def _rows(pose: Pose) -> tuple[list[list[float]], list[float]]:
         abs(a * b + d * e + g * h), abs(a * c + d * f + g * i), abs(b * c + e * f + h * i),
     )  # fmt: skip
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    # all nine are in the determinant: it is finite where they are
+    # the determinant uses all nine entries: it is finite only if they all are
     if not (isfinite(determinant) and isfinite(sum(position))):
         raise Unreachable("pose_base_flange holds a number that is not finite, or one beyond all reach")
     if crooked > 1e-6 or determinant < 0.0:
@@ -109,7 +109,7 @@ def _bend(geometry: _Geometry, along: float, down: float) -> float | None:
 
 
 def _arm(geometry: _Geometry, shoulder: Shoulder, elbow: float) -> tuple[float, float, float]:
-    """(t1, t2, t3), DH angles, offsets included, with the elbow bent so."""
+    """(t1, t2, t3), DH angles with offsets included, for this bend of the elbow."""
     t1, along, down = shoulder
     reach = geometry.forearm * sin(elbow)
     t2 = atan2(down, along) - atan2(reach, geometry.a2 + geometry.forearm * cos(elbow))
@@ -142,7 +142,7 @@ def _in_forearm(rows: list[list[float]], t1: float, t23: float) -> Hand:
 
 
 def _wrist(hand: Hand, t4: float) -> tuple[float, float, float]:
-    """(t4, t5, t6) with joint 4 there."""
+    """(t4, t5, t6) for a given angle of joint 4."""
     m00, m01, m02, m10, m11, m12, m22 = hand
     c4, s4 = cos(t4), sin(t4)
     t5 = atan2(-(c4 * m02 + s4 * m12), m22)
@@ -167,10 +167,10 @@ def _wrist_centre(geometry: _Geometry, rows: list[list[float]], position: list[f
 
 
 def _branch_of(geometry: _Geometry, pose: Pose, seed: Joints) -> list[float] | None:
-    """The joints (6,) of the branch that a seed is on; None where another may be nearer, or a joint is at its limits.
+    """The joints (6,) of the seed's own branch; None if another branch may be nearer, or a joint is at its limits.
 
-    Another shoulder or wrist has joint 1 or 4 half a turn from this one's, another elbow has joint 3 twice the bend
-    from it: within half of the least of these no other branch is as near.
+    Another shoulder or wrist differs by half a turn in joint 1 or 4; another elbow differs by twice the bend in joint
+    3. If the answer is within half of the smallest of these distances, no other branch can be nearer.
     """
     rows, position = _rows(pose)
     o1, o2, o3, o4, o5, o6 = geometry.offsets
@@ -232,7 +232,7 @@ def _out_of_reach(geometry: _Geometry, wrist: tuple[float, float, float]) -> str
 
 
 def _equivalents(value: float, low: float, high: float) -> list[float]:
-    """The angles a whole number of turns from a value that lie inside the limits, ascending."""
+    """All angles inside the limits that differ from a value by whole turns, ascending."""
     turns = -int((value - low + _LIMIT_SLACK_RAD) // _TURN)
     angle = value + turns * _TURN
     found = []
@@ -317,9 +317,9 @@ class ClosedForm:
         return np.array(best)
 
     def follow(self, pose_base_flange: Pose, seed_joints_rad: ArrayLike) -> Array:
-        """As `nearest`, and the same to the bit: where a pose is close to the seed's own one branch of eight is enough.
+        """The same result as `nearest`, bit for bit, but faster: near the seed's pose it computes one branch.
 
-        A controller asks for it every few milliseconds.
+        A controller calls this every few milliseconds.
         """
         seed = _checked_seed(seed_joints_rad)
         joints = _branch_of(self._geometry, pose_base_flange, seed)

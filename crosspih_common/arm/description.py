@@ -1,7 +1,7 @@
 """An arm as a URDF text, and the chain of a URDF text: names of joints and links, and where each link stands.
 
-For whoever shows or speaks of the arm by its parts (ROS 2). The arm's own kinematics are `ArmModel`'s; a text that
-`urdf_of` writes has exactly these.
+Used where the arm is shown or described by its parts, as in ROS 2. The kinematics are those of `ArmModel`; the URDF
+text that `urdf_of` writes has exactly the same.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def default_joint_names(model: ArmModel) -> tuple[str, ...]:
 
 
 def urdf_of(model: ArmModel, joint_names: Sequence[str], base_link: str, tip_link: str) -> str:
-    """The arm as URDF: each link the cylinder of its capsule, no masses. ValueError where the names are not as many."""
+    """The arm as URDF: each link is the cylinder of its capsule, no masses. ValueError for a wrong number of names."""
     if len(joint_names) != model.joints:
         raise ValueError(f"{len(joint_names)} joint names for the {model.joints} joints of the arm {model.name!r}")
     robot = ET.Element("robot", name=model.name)
@@ -92,7 +92,7 @@ def _cylinder(link: ET.Element, ends: Array, radius_m: float) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfJoint:
-    """One joint: `pose_parent_joint` at angle 0, and the axis (3,) that it turns about; None where it is fixed."""
+    """One joint: `pose_parent_joint` at angle 0, and its axis of rotation (3,); None for a fixed joint."""
 
     name: str
     parent: str
@@ -125,7 +125,10 @@ class UrdfChain:
 
     @classmethod
     def of(cls, text: str, base_link: str | None = None, tip_link: str | None = None) -> UrdfChain:
-        """From the root, or `base_link`, to the only last link, or `tip_link`. ValueError naming what is not there."""
+        """The chain from the root (or `base_link`) to the only leaf link (or `tip_link`).
+
+        Raises ValueError that names a missing link.
+        """
         try:
             root = ET.fromstring(text)
         except ET.ParseError as error:

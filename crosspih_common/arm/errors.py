@@ -1,4 +1,4 @@
-"""What inverse kinematics may answer instead of joint angles.
+"""Errors of the inverse kinematics.
 
 `InverseError` (ValueError)
     `Unreachable`  no joint angles inside the limits give this pose

@@ -1,4 +1,4 @@
-"""Inverse kinematics of any arm: joint angles for a flange pose, near where the joints are, inside their limits.
+"""Inverse kinematics of any arm: joint angles for a flange pose, near a seed and inside the limits.
 
 An arm with the XB4's structure (6R, spherical wrist) is solved in closed form, every other numerically.
 
@@ -24,7 +24,7 @@ from crosspih_common.geometry.pose import Array, Pose
 
 
 class InverseKinematics(Protocol):
-    """What answers for one arm."""
+    """The inverse kinematics of one arm (protocol)."""
 
     def nearest(self, pose_base_flange: Pose, seed_joints_rad: ArrayLike) -> Array:
         """Joint angles (n,), rad, inside the limits near a seed (n,), rad, for a flange pose. Raises `Unreachable`,
@@ -32,7 +32,7 @@ class InverseKinematics(Protocol):
         ...
 
     def follow(self, pose_base_flange: Pose, seed_joints_rad: ArrayLike) -> Array:
-        """As `nearest`, for a pose close to the seed's own: no other branch of the arm needs to be looked for."""
+        """As `nearest`, for a pose close to the seed's own pose: other branches of the arm are not searched."""
         ...
 
     def singular(self, joints_rad: ArrayLike) -> str:
@@ -47,7 +47,7 @@ def solver(arm: ArmModel) -> InverseKinematics:
         return ClosedForm(arm)
     except ValueError:
         pass
-    # pin is an extra: who only ever meets an XB4 runs without it
+    # pin is an optional extra: an installation that only uses an XB4 runs without it
     try:
         from crosspih_common.arm.numerical import Numerical
     except ImportError as error:

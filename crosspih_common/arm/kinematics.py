@@ -1,7 +1,7 @@
 """Forward kinematics, Jacobian and limits of an arm of revolute joints.
 
-The arm is a chain of fixed poses with a turn about z between each two of them: standard DH tables, modified DH tables
-and URDF chains can all be written like that, exactly.
+The arm is a chain of fixed poses with a rotation about z between each two of them. Standard DH tables, modified DH
+tables and URDF chains can all be written exactly in this form.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class JointLimits:
             raise ValueError("speed_rad_s and acceleration_rad_s2 want numbers above 0")
 
     def violations(self, joints_rad: ArrayLike, slack_rad: float = 1e-9) -> list[str]:
-        """One clear line a joint that is outside its range or not finite; empty when all are inside."""
+        """One line for each joint that is outside its range or not finite; empty when all are inside."""
         joints = np.asarray(joints_rad, float)
         if joints.shape != self.lower_rad.shape:
             return [f"joints_rad wants {len(self.lower_rad)} numbers, got shape {joints.shape}"]
@@ -60,7 +60,7 @@ class JointLimits:
 class ArmModel:
     """An arm of 6 or 7 revolute joints, from base {S} to flange.
 
-    `fixed` holds n + 1 poses, `zeros_rad` (n,) what each joint's angle is turned by at 0:
+    `fixed` holds n + 1 poses, `zeros_rad` (n,) the offset that is added to each joint's angle:
     ``pose_base_flange(q) = fixed[0] Rz(q[0] + zeros[0]) fixed[1] Rz(q[1] + zeros[1]) ... fixed[n]``. `table` is the
     standard DH table (n, 4) where the arm was made from one.
 
@@ -95,7 +95,7 @@ class ArmModel:
         radii = radii if radii.size else np.full(count, LINK_RADIUS_M)
         lines = np.asarray(self.link_lines_m, float)
         if not lines.size:
-            # before the turn of joint k the previous origin is the turned frame's own origin, so it stands still in it
+            # the previous origin lies on the axis of joint k, so it stays fixed in the rotated frame
             lines = np.array([[pose.inverse().translation_m, np.zeros(3)] for pose in self.fixed[1:]])
         if radii.shape != (count,) or not np.all(radii > 0.0):
             raise ValueError(f"link_radii_m wants {count} numbers above 0, got {radii}")
@@ -185,7 +185,7 @@ class ArmModel:
         return self.table
 
     def _turned(self, joints_rad: ArrayLike) -> tuple[Array, Array]:
-        """The turn of every joint (n, 3, 3), and of it and the fixed pose behind it (n, 3, 3)."""
+        """The rotation of every joint (n, 3, 3), and its product with the fixed rotation after it (n, 3, 3)."""
         angles = np.asarray(joints_rad, float) + self.zeros_rad
         if angles.shape != self.zeros_rad.shape:
             raise ValueError(f"joints_rad wants {self.joints} angles, got {angles.shape}")

@@ -20,8 +20,8 @@ from crosspih_common.geometry.pose import Pose
 class NamedArm:
     """An arm by its name, a home posture and the stiffness of its joints where a cell's file says nothing else.
 
-    `stiffness_nm_rad` is between the encoders and the links: an assumption, such that the tool gives way by 50 to 150
-    N/mm; no maker of these arms publishes it.
+    `stiffness_nm_rad` is the elasticity between the encoders and the links. It is an assumption that gives a stiffness
+    of 50 to 150 N/mm at the tool; no maker of these arms publishes a value.
     """
 
     make: Callable[[], ArmModel]
@@ -33,8 +33,8 @@ class NamedArm:
 def xb4() -> ArmModel:
     """The ROKAE XB4, build A (d1 = 0.342 m, d6 = 0.073 m); at zero the flange frame is [0 0 1; 0 -1 0; 1 0 0].
 
-    Lengths of build A and the axes, limits, speeds and accelerations of two public sources (an arm model with the
-    maker's meshes, and a controller written for the real arm); they are a third party's, not a data sheet.
+    The lengths of build A, the axes, limits, speeds and accelerations are from two public sources (an arm model with
+    the maker's meshes, and a controller written for the real arm). Both are from third parties, not from a data sheet.
     """
     quarter = np.pi / 2
     dh = [
@@ -134,7 +134,7 @@ NAMED_ARMS: dict[str, NamedArm] = {
 
 
 def named_arm(name: str) -> ArmModel:
-    """The arm of that name; ValueError naming those there are."""
+    """The arm with this name. Raises ValueError that lists the known names."""
     if name not in NAMED_ARMS:
         raise ValueError(f"no arm is named {name!r}; want one of {', '.join(NAMED_ARMS)}")
     return NAMED_ARMS[name].make()

@@ -1,9 +1,9 @@
-"""Inverse kinematics of any arm near where its joints are, by Newton's method on Pinocchio's kinematics.
+"""Inverse kinematics of any arm near a seed, by Newton's method on Pinocchio's kinematics.
 
-Each step solves for the twist that is still missing, damped by it (Levenberg-Marquardt with a damping that vanishes
-with the square of the error, so that the last steps are Newton's, also at a posture whose solutions are a whole line).
-What the pose leaves free, a seventh joint, goes to the posture nearest to the seed. A joint that would leave its range
-is held at the limit and the others solve without it.
+Each step solves for the remaining twist with a Levenberg-Marquardt damping. The damping falls with the square of the
+error, so that the last steps are Newton steps, also where the solutions form a line. A redundant (seventh) joint goes
+to the posture nearest to the seed. A joint that would leave its range is held at its limit, and the other joints solve
+without it.
 
 Pinocchio (`pin`): Carpentier et al., "The Pinocchio C++ library", SII 2019. Errors as in `crosspih_common.arm.inverse`.
 """
@@ -24,10 +24,10 @@ from crosspih_common.geometry.pose import Array, Pose
 
 _CONVERGED_SQUARED = 1e-22  # (1e-11 m and rad)^2
 _STEPS = 60
-_STEPS_NEAR_SEED = 40  # from then on the pose alone counts
+_STEPS_NEAR_SEED = 40  # after these steps only the pose counts, not the distance to the seed
 _LARGEST_STEP_RAD = 0.5
 _DAMPING = 1e-3
-_FAR_RAD = 1.0  # a posture that far from the seed: others may be nearer
+_FAR_RAD = 1.0  # when the posture found is farther than this from the seed, another may be nearer
 _STARTS = 24
 _SINGULAR = 0.02
 _AT_LIMIT_RAD = 1e-6
@@ -51,11 +51,11 @@ class Numerical:
         self._own = threading.local()
 
     def nearest(self, pose_base_flange: Pose, seed_joints_rad: ArrayLike) -> Array:
-        """Joint angles (n,), rad, inside the limits near a seed (n,), rad; where the way from the seed ends far from
-        it or nowhere, the nearest of those found from other starts (a fixed sequence of them).
+        """Joint angles (n,), rad, inside the limits near a seed (n,), rad. If the search from the seed fails or ends
+        far from it, this is the nearest of the solutions found from a fixed sequence of other starts.
 
-        Raises `Unreachable` naming what is left, joints at their limits and singular joints; ValueError for a seed
-        that is not n finite numbers.
+        Raises `Unreachable` that names the remaining error, joints at their limits and singular joints; ValueError for
+        a seed that is not n finite numbers.
         """
         seed, target = self._checked(seed_joints_rad), self._target(pose_base_flange)
         first, left = self._descend(target, seed, seed)
@@ -109,7 +109,7 @@ class Numerical:
         return pinocchio.SE3(rotation, pose.translation_m)
 
     def _missing(self, target: pinocchio.SE3, joints: Array) -> tuple[Array, Array]:
-        """The twist (6,) in the flange's frame that is left to the target, and the Jacobian (6, n) there."""
+        """The twist (6,) from the present pose to the target, in the flange's frame, and the Jacobian (6, n) there."""
         own = self._own
         if not hasattr(own, "data"):
             own.data = self._model.createData()
@@ -118,7 +118,7 @@ class Numerical:
         return pinocchio.log6(own.data.oMf[self._flange].actInv(target)).vector, jacobian
 
     def _descend(self, target: pinocchio.SE3, start: Array, seed: Array) -> tuple[Array, Array | None]:
-        """From joint angles (n,) to the target: where that ends, and the twist (6,) that is left, None where none."""
+        """Iterate from joint angles (n,) to the target: the last angles, and the remaining twist (6,), None if none."""
         joints, lower, upper = start, self._lower, self._upper
         for count in range(_STEPS):
             missing, jacobian = self._missing(target, joints)
@@ -140,8 +140,8 @@ class Numerical:
         return joints, self._missing(target, joints)[0]
 
     def _within_limits(self, target: pinocchio.SE3, seed: Array) -> Array | None:
-        """The target met by least squares between the limits: slower, but a pose in a corner of many of them, where
-        Newton's steps with held joints stop short, is found as well. None where there is none."""
+        """Bounded least squares: slower, but it also finds poses near several limits at once, where Newton's steps
+        with held joints stop early. None if it finds no solution."""
 
         def left(joints: Array) -> Array:
             return self._missing(target, joints)[0]
@@ -179,7 +179,7 @@ class Numerical:
     @cached_property
     def _spread(self) -> Array:
         """Where to start again (_STARTS, n), in -1..1, each farther from the seed than those before."""
-        from scipy.stats import qmc  # half a second to load, and only few targets want it
+        from scipy.stats import qmc  # half a second to load, and few targets need it
 
         unit = qmc.Halton(len(self._lower), scramble=False).random(_STARTS + 1)[1:]
         return (2.0 * unit - 1.0) * np.linspace(0.2, 1.0, _STARTS)[:, None]
@@ -217,7 +217,7 @@ def _se3(pose: Pose) -> pinocchio.SE3:
 
 
 def _solved(jacobian: Array, missing: Array, wish: Array | None, damping: float) -> Array:
-    """The step (m,) that makes up for a twist (6,), as near to `wish` (m,) as that allows."""
+    """The step (m,) that removes a remaining twist (6,) and is otherwise as near to `wish` (m,) as possible."""
     squared = jacobian @ jacobian.T + max(damping, 1e-15) * _EYE6
     if wish is None:
         return np.asarray(jacobian.T @ np.linalg.solve(squared, missing))
@@ -225,7 +225,7 @@ def _solved(jacobian: Array, missing: Array, wish: Array | None, damping: float)
 
 
 def _joints_of(direction: Array) -> str:
-    """The joints that a singular direction (n,) is made of."""
+    """The joints that contribute most to a singular direction (n,)."""
     share = np.abs(direction)
     names = [str(index + 1) for index in np.flatnonzero(share > 0.3 * share.max()).tolist()]
     return f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"

@@ -234,7 +234,7 @@ class JointTrajectory:
         return low.reshape(-1, self.joints).min(axis=0), high.reshape(-1, self.joints).max(axis=0)
 
     def violations(self, limits: JointLimits) -> list[str]:
-        """One clear line a limit that the motion crosses anywhere, also between knots; empty when all hold."""
+        """One line for each limit that the motion crosses anywhere, also between knots; empty when it crosses none."""
         low, high = self._range(0)
         lines = [*limits.violations(low), *limits.violations(high)]
         speed, acceleration = self.peaks()

@@ -66,7 +66,7 @@ def _link(path: Path, model: pinocchio.Model, links: list[str], field: str, name
 
 
 def _last_link(path: Path, model: pinocchio.Model) -> str:
-    """The one link on which nothing hangs."""
+    """The only link without a child link."""
     bodies = [index for index, frame in enumerate(model.frames) if frame.type == pinocchio.FrameType.BODY]
     parents = {model.frames[index].parentFrame for index in range(len(model.frames)) if index}
     last = [model.frames[index].name for index in bodies if index not in parents]

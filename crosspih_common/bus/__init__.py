@@ -21,8 +21,8 @@ else:
     }
 
     def __getattr__(name: str) -> object:
-        """Each when it is first asked for (PEP 562): the router wants the transport alone, and is back at once when
-        SciPy, which the messages load, need not be read first."""
+        """Import each name when it is first used (PEP 562): the router needs the transport alone, and restarts faster
+        without SciPy, which the messages load."""
         if name not in _MODULES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -1,8 +1,8 @@
 """Whether a service lives: `python -m crosspih_common.bus.alive NAME [ASKER]`, the health check of a container.
 
 Exit status 0 when the router at CROSSPIH_ENDPOINT knows the liveliness token of that service, or for `router` when it
-answers; else 1, and one line on standard error that says why. ASKER is with whose certificate it is asked, where there
-are some: the service's own when left out. It loads no more than it needs, for it is run often.
+answers; else 1, and one line on standard error that says why. In a cell with certificates, ASKER is the service whose
+certificate is used; the default is NAME itself. The module imports as little as possible, because it is run often.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from crosspih_common.bus.zenoh_transport import DEFAULT_ENDPOINT, open_zenoh
 from crosspih_common.errors import CrosspihError
 from crosspih_common.keys import alive_key
 
-ROUTER = "router"  # has no token: without it nobody has
+ROUTER = "router"  # it has no token of its own: tokens need a router
 CONNECT_S = 3.0
 ASK_S = 3.0
 AGAIN_S = 0.1
@@ -24,9 +24,9 @@ ANY_CELL = "*"
 
 
 def why_not_alive(service: str, endpoint: str, asker: str) -> str:
-    """Empty when it lives; else what is wrong, for people.
+    """Empty when the service lives; else one line that says what is wrong.
 
-    Asked until there is a yes: a session that was just opened may be answered by its own process alone.
+    It repeats the question until the answer is yes: at first only its own process may answer a newly opened session.
     """
     try:
         with open_zenoh(endpoint, CONNECT_S, asker) as transport:
@@ -44,7 +44,7 @@ def why_not_alive(service: str, endpoint: str, asker: str) -> str:
 
 
 def main(service: str, asker: str) -> int:
-    """Say why not, if not; the exit status."""
+    """Print what is wrong, if anything, and return the exit status."""
     why = why_not_alive(service, os.environ.get("CROSSPIH_ENDPOINT") or DEFAULT_ENDPOINT, asker)
     if why:
         print(f"{service}: {why}", file=sys.stderr)

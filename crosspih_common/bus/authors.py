@@ -1,10 +1,10 @@
-"""Who speaks for each service: a token on the bus claims a service's name for one process, and samples carry whose
-session they come from.
+"""Which process may publish as which service: a liveliness token claims a service's name for one process, and each
+sample carries the session that sent it.
 
 Every bus claims the name of its service by the liveliness token `service/<name>/author/<process>/<session>`, which the
-router takes back when the process ends. A name is its first claimant's for as long as that lives: what another session
-says in its name is thrown away and told. Samples that come before any claim are held, the newest of each subscription,
-until the name is claimed.
+router removes when the process ends. A name belongs to its first claimant while that process lives: samples that
+another session sends under this name are discarded and reported. Samples that arrive before any claim are held back,
+the newest of each subscription, until somebody claims the name.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from enum import Enum, auto
 from crosspih_common.bus.transport import Closeable, Transport
 from crosspih_common.keys import CAMERA_ALIVE, CLOCK, author_key
 
-# One for each process: its sessions, the arm's and the camera's own, speak for the same service.
+# One id for each process: all its sessions, such as those of the arm and the camera, belong to the same service.
 PROCESS = uuid.uuid4().hex
 NOBODY: frozenset[str] = frozenset()
-# Held by as many as there are: a person may look at the cell from two windows.
+# Names that several processes may claim at once: a person may look at the cell from two windows.
 SHARED_NAMES = frozenset(["operator"])
-# A claim and its first sample go through the router side by side.
+# A claim and the first sample after it travel separately, so the sample may arrive first.
 CLAIM_ARRIVES_S = 2.0
 HELD_TOO_LONG_S = 1.0
-# A session that was just opened may be answered by its own process alone, for some milliseconds, until the router has
-# taken it in (measured: one of 14 first questions while six sessions opened at once, none after the second).
+# For some milliseconds after a session was opened, until the router knows it, only its own process may answer it
+# (measured: one of 14 first questions while six sessions opened at once, none after the second).
 NOBODY_FOR_S = 0.3
-MAX_HELD = 8  # of a key; pictures are large
-MAX_HOLDING = 256  # keys and authors: whoever invents them costs no more
+MAX_HELD = 8  # samples of one key; pictures are large
+MAX_HOLDING = 256  # pairs of key and author: bounds the memory that invented names can take
 
 
 class SampleStanding(Enum):
-    """Whose sample it is."""
+    """Whether a sample's sender holds the service name that it used."""
 
     RIGHTFUL = auto()
     UNCLAIMED = auto()  # nobody holds the name, or not yet
@@ -44,9 +44,9 @@ class SampleStanding(Enum):
 
 
 def names_of(publisher: str, path: str) -> tuple[str, ...]:
-    """The names under which a topic may be published; empty where each service has a key of its own below it.
+    """The service names that may publish a topic; empty for a topic with one key per service.
 
-    A camera may be a process of its own, beside the one that has the arm.
+    The camera may run in another process than the arm.
     """
     if publisher == "{service}":
         return ()
@@ -72,7 +72,7 @@ class Authors:
     def __init__(self, transport: Transport, cell: str, on_forged: Callable[[str, str], None]) -> None:
         self._transport, self._cell, self._on_forged = transport, cell, on_forged
         self._changed = threading.Condition()
-        self._claims: dict[str, dict[str, set[str]]] = {}  # name: process: sessions, in the order of their coming
+        self._claims: dict[str, dict[str, set[str]]] = {}  # name: process: sessions, in the order of arrival
         # name: the sessions that speak for it; looked into at every sample, where a call would cost more than that
         self.rightful: dict[str, frozenset[str]] = {}
         self._held: dict[tuple[int, str, str], HeldBack] = {}
@@ -100,7 +100,7 @@ class Authors:
                         continue
                     for deliver in held.deliver:
                         deliver()
-            # only now: what comes meanwhile waits in `speaks`, and so is not overtaken by what was held
+            # last: samples that arrive meanwhile wait in `speaks`, so that they cannot overtake the held ones
             self.rightful[name] = holders
             self._changed.notify_all()
         for held in forged:
@@ -111,7 +111,7 @@ class Authors:
         return frozenset().union(*(processes if name in SHARED_NAMES else processes[:1]))
 
     def standing(self, names: tuple[str, ...], author: str) -> SampleStanding:
-        """Whether a session speaks for one of the names."""
+        """Whether a session is the holder of one of the names."""
         claimed = False
         for name in names:
             holders = self.rightful.get(name)
@@ -131,7 +131,7 @@ class Authors:
             return bool(author) and self._changed.wait_for(claims, deadline_s)
 
     def forged(self, key: str, names: tuple[str, ...], author: str) -> str:
-        """What people are told of a sample that is not its author's to send."""
+        """The text of the warning about a sample whose sender does not hold the name."""
         return f"{key}: session {author or 'without a name'} does not speak for {' or '.join(names)}; thrown away"
 
     # ------------------------------------------------------------------------------------------------ before a claim
@@ -139,10 +139,10 @@ class Authors:
     def speaks(
         self, names: tuple[str, ...], author: str, subscription: int, key: str, deliver: Callable[[], None]
     ) -> bool:
-        """Whether a sample is its author's to send.
+        """Whether a sample's author holds one of the names.
 
-        Where the names are not claimed yet it is held, and delivered once they are claimed by its author; where they
-        are somebody else's it is told.
+        While no process has claimed the names the sample is held back, and delivered once its author claims one. If
+        another process holds them, the sample is reported as forged.
         """
         if (standing := self.standing(names, author)) is SampleStanding.RIGHTFUL:
             return True
@@ -160,7 +160,7 @@ class Authors:
         return standing is SampleStanding.RIGHTFUL
 
     def tell_of_held(self) -> None:
-        """Tell of samples whose author never claimed the name; called now and then."""
+        """Report held samples whose author never claimed the name; called from time to time."""
         now, said = time.monotonic(), []
         with self._changed:
             for held in self._held.values():
@@ -177,10 +177,10 @@ class Authors:
         return self._transport.claim(author_key(self._cell, name, PROCESS, self._transport.author))
 
     def claim_alone(self, name: str, deadline_s: float, stop: threading.Event) -> Closeable | None:
-        """Claim a name that nobody else has, waiting for another's claim to go; None where it does not.
+        """Claim a name exclusively: wait until no other process claims it; None if that does not happen in time.
 
-        Of two that come together both step back and try again, each after a pause of its own. Raises BusError where
-        the router does not say who is there.
+        If two processes claim it at once, both withdraw and try again after pauses of different length. Raises BusError
+        if the router does not answer which claims there are.
         """
         until = time.monotonic() + deadline_s
         while True:
@@ -195,13 +195,13 @@ class Authors:
     def _nobody_else(self, name: str) -> bool:
         until = time.monotonic() + NOBODY_FOR_S
         while not self.others(name):
-            with self._changed:  # a claim that comes by itself ends the wait; never held while the router is asked
+            with self._changed:  # a new claim ends the wait; the lock is not held during a query of the router
                 if not self._changed.wait_for(lambda: self._told_of(name), 0.03) and time.monotonic() > until:
                     return True
         return False
 
     def others(self, name: str) -> set[str]:
-        """The other processes that claim a name: what the router answers, and what it told by itself."""
+        """The other processes that claim a name, by a query of the router and by its notifications."""
         answered = {key.split("/")[-2] for key in self._transport.living(author_key(self._cell, name))}
         with self._changed:
             return answered - {PROCESS} | self._told_of(name)
@@ -210,5 +210,5 @@ class Authors:
         return set(self._claims.get(name, ())) - {PROCESS}
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop watching claims."""
         self._watch.close()

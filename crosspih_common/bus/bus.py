@@ -1,4 +1,4 @@
-"""The typed bus that every service holds: publish, subscribe, ask, serve, be alive."""
+"""The typed bus of every service: publish, subscribe, call and serve commands, show that the service lives."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
 
-HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}  # kept for readers that miss one; a late one gets the newest
-PICTURES_KEPT = 8  # of each topic: a picture has up to 15 MB
-MIN_DEADLINE_S = 0.05  # left for the answer of a server that was waited for
+HISTORY = {Kind.STATE: 64, Kind.EVENT: 64, Kind.STREAM: 0}  # for readers that missed some; a late one gets the newest
+PICTURES_KEPT = 8  # pictures kept for each topic: one has up to 15 MB
+MIN_DEADLINE_S = 0.05  # least time left for the answer after waiting for the server
 WAITING_REFUSALS = 256
 NOW_LANE = "now"  # for commands that must pass a busy lane: stop, abort
 
 
 class Bus:
-    """One service's place on the bus. Closing it takes back all that was declared and ends all threads.
+    """One service's connection to the bus. Closing it withdraws all declarations and ends all threads.
 
-    It claims its service's name, so that others act on what it says (crosspih_common/bus/authors.py); with `claim`
-    False it does not yet, or only asks and listens.
+    It claims its service's name, so that others accept its samples (crosspih_common/bus/authors.py). With `claim`
+    False it claims the name later, or only sends queries and subscribes.
     """
 
     def __init__(self, transport: Transport, cell: str, service: str, *, claim: bool = True) -> None:
@@ -72,12 +72,12 @@ class Bus:
 
     @property
     def endpoint(self) -> str | None:
-        """The router that this bus goes through; None for one in memory."""
+        """The address of the router of this bus; None for a bus in memory."""
         return self._transport.endpoint
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed: nothing more is heard through it."""
+        """Whether the bus was closed; a closed bus receives nothing more."""
         return self._closed
 
     def __enter__(self) -> Bus:
@@ -89,7 +89,7 @@ class Bus:
     # ------------------------------------------------------------------------------------------------ publish, read
 
     def publisher(self, topic: Topic[PayloadT]) -> Publisher[PayloadT]:
-        """The publisher of a topic; the same one each time, so that its numbers never fork."""
+        """The publisher of a topic; the same object each time, so that there is one sequence of numbers."""
         key = topic.key(self.cell, self.service)
         with self._lock:
             if key not in self._publishers:
@@ -107,7 +107,7 @@ class Bus:
 
     @contextlib.contextmanager
     def reading(self, topic: Topic[PayloadT], depth: int = 1) -> Iterator[Latest[PayloadT]]:
-        """As `latest`, for the length of a block: asked for anew, so that every publisher's last state comes again."""
+        """As `latest`, for one block, with a new subscription: every publisher's last state arrives again."""
         latest: Latest[PayloadT] = Latest(depth)
         with self.subscribed(topic, latest._push):
             yield latest
@@ -119,12 +119,12 @@ class Bus:
         try:
             yield
         finally:
-            with contextlib.suppress(ValueError):  # the bus was closed meanwhile, and this with it
+            with contextlib.suppress(ValueError):  # the bus was closed meanwhile, and the subscription with it
                 self._declared.remove(entry)
             entry.close()
 
     def subscribe(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None], capacity: int = 4096) -> None:
-        """Call the handler with every sample, in order, on a thread of its own; what overflows is counted."""
+        """Call the handler with every sample, in order, on a thread of its own; samples that do not fit are counted."""
         pump: Pump[PayloadT] = Pump(
             handler, capacity, name=f"{self.service}:{topic.path}", on_error=self._handler_failed
         )
@@ -139,7 +139,7 @@ class Bus:
         self._listen(topic, enqueue)
 
     def subscribe_inline(self, topic: Topic[PayloadT], handler: Callable[[PayloadT], None]) -> None:
-        """Call the handler with every sample on the transport's own thread: at once, and so it must return at once."""
+        """Call the handler with every sample on the transport's own thread, without a queue: it must return at once."""
         self._listen(topic, handler)
 
     def tap(
@@ -148,10 +148,10 @@ class Bus:
         taker: Callable[[str, KeyCounters], Tap],
         on_refused: Callable[[str], None] = lambda key: None,
     ) -> None:
-        """Call with (payload, number) of every sample as it travels, undecoded, on the transport's thread.
+        """Receive the undecoded (payload, number) of every sample, on the transport's thread.
 
-        `taker(key, counts)` gives what is called for a key, which must only enqueue. A sample of another type or
-        version is rejected, as everywhere; `on_refused` is told its key.
+        `taker(key, counts)` returns the function that is called with the samples of a key; it must only enqueue. A
+        sample of another type or version is rejected, as everywhere, and `on_refused` is called with its key.
         """
         receive = self._receiving.tapped(topic, taker, on_refused)
         self._declared.append(
@@ -184,11 +184,11 @@ class Bus:
         self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float,
         server_wait_s: float = SERVER_WAIT_S,
     ) -> ReplyT:  # fmt: skip
-        """Ask and wait for the one answer.
+        """Send a command and wait for its answer.
 
-        Where nobody serves the command, or the router is away, that is waited for: up to `server_wait_s` of the
-        deadline. Raises CommandRefused (the server said no), CommandTimeout, NotSent (it never came), NoService (it
-        ended without a word), ContractError, BusClosed.
+        If no service serves the command, or the router is away, this waits for up to `server_wait_s` of the deadline.
+        Raises CommandRefused (the server refused it), CommandTimeout, NotSent (no server appeared, nothing was sent),
+        NoService (the server ended without an answer), ContractError, BusClosed.
         """
         if self._closed:
             raise BusClosed(f"{command.path}: the bus is closed")
@@ -264,7 +264,7 @@ class Bus:
             except CrosspihError as error:
                 refusal = CommandRefused(error.code, str(error))
             except Exception as error:
-                # a defect in a handler must reach the asker and the log, and must not end the service
+                # a defect in a handler must reach the caller and the log, and must not end the service
                 refusal = CommandRefused("internal", f"{type(error).__name__}: {error}")
                 self._handler_failed(error)
             said = CommandRefusal(command=command.path, request_seq=number, refused=refusal.code, text=refusal.text)
@@ -279,7 +279,7 @@ class Bus:
                 on_end()
             return lambda: query.answer(answer)
 
-        # this is said on the transport's thread, which must not publish
+        # this runs on the transport's thread, which must not publish
         echo = self._busy_echo(refusals) if refuse_when_busy else None
         worker = self._lane(lane, NOW_S if lane == NOW_LANE else longest_s)
 
@@ -313,7 +313,7 @@ class Bus:
         return self._refused
 
     def duties(self) -> tuple[Duty, ...]:
-        """What the threads of this bus are at: all that carry out commands, or take samples."""
+        """The accounts of all threads of this bus that carry out commands or take samples."""
         return tuple(self._duties)
 
     @property
@@ -325,7 +325,7 @@ class Bus:
     # ---------------------------------------------------------------------------------------------------- be alive
 
     def declare_alive(self, name: str | None = None) -> None:
-        """Show that this service lives, or under another name that a part of it does, such as the camera."""
+        """Show that this service lives, or (under another name) that a part of it does, such as the camera."""
         self._declared.append(self._transport.declare_alive(alive_key(self.cell, name or self.service)))
 
     def watch_alive(self, handler: Callable[[str, bool], None]) -> None:
@@ -339,7 +339,7 @@ class Bus:
         self._declared.append(entry)
 
     def close(self) -> None:
-        """Take back all that was declared, end all threads, close the transport. Safe to call twice."""
+        """Withdraw all declarations, end all threads, close the transport. Safe to call twice."""
         with self._lock:
             if self._closed:
                 return

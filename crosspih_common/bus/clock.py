@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import threading
 
-# A stamp further ahead of the newest tick is no news of this cell: it was given before the cell was started again.
+# A stamp further ahead of the newest tick is not of this run: it was given before the cell was started again.
 AHEAD_NS = 1_000_000_000
 
 
 class BusClock:
-    """Cell time, ns. It moves only by what comes over the bus; the wall clock has no part in it."""
+    """Cell time, ns. Only stamps received over the bus move it; the wall clock is not used."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self.newest_ns = 0  # to be looked at before a stamp is observed: one that is no newer is no news
+        self.newest_ns = 0  # compare with it before calling `observe`: a stamp that is not newer changes nothing
         self._tick_ns = 0
         self._boot_id = ""
 
@@ -27,14 +27,14 @@ class BusClock:
         return self._boot_id
 
     def observe(self, stamp_ns: int, boot_id: str | None = None) -> None:
-        """Learn a stamp; with `boot_id`, a tick of the clock itself. A new boot id starts the clock anew.
+        """Take in a stamp, ns; with `boot_id`, a tick of the clock itself. A new boot id starts the clock anew.
 
-        Between ticks any message's stamp moves the clock, but not one that is far ahead of the newest tick: what a
-        service said before the cell was started again is still told to those who come late. Before the first tick
-        nothing else moves it: whose stamp that is cannot be told.
+        Between ticks any message's stamp moves the clock, except a stamp far ahead of the newest tick: late readers
+        still receive messages that a service sent before the cell was restarted. Before the first tick no other stamp
+        moves it, because it is not known to which run of the cell the stamp belongs.
         """
         if boot_id is None and stamp_ns <= self.newest_ns:
-            return  # no news, as of most samples
+            return  # not newer, as most samples are
         if boot_id is None and (not self._boot_id or stamp_ns > self._tick_ns + AHEAD_NS):
             return
         with self._lock:

@@ -14,7 +14,7 @@ _open: weakref.WeakSet[Closeable] = weakref.WeakSet()
 
 
 def close_at_exit(transport: Closeable) -> None:
-    """Close it, if nobody has by then, when the process ends. It may be closed and forgotten before."""
+    """Close a transport when the process ends, unless it was closed before."""
     _open.add(transport)
 
 
@@ -38,11 +38,11 @@ def _close_when_main_ends() -> None:
 
 
 def _wait_until_closed() -> None:
-    if not threading.main_thread().is_alive():  # it lives where `end_process` calls this, which has closed all
+    if not threading.main_thread().is_alive():  # it is alive when `end_process` calls this, which has closed all
         _closer.join(CLOSE_S)
 
 
 _closer = threading.Thread(target=_close_when_main_ends, name="zenoh-close", daemon=True)
 _closer.start()
-# and the interpreter must not go on to its end while a session is still closing
+# the interpreter must not finish while a session is still closing
 atexit.register(_wait_until_closed)

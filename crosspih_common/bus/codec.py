@@ -34,7 +34,7 @@ _decoders: dict[type[Any], Callable[[bytes, str, str], Any]] = {}
 
 
 def label_of(kind: type[Any]) -> str:
-    """What travels beside the payload: type name, slash, version. Raises TypeError for what does not travel."""
+    """The label that is sent with the payload: type name, slash, version. Raises TypeError for any other type."""
     label = _labels.get(kind)
     if label is None:
         label = _labels[kind] = _made_label(kind)
@@ -57,9 +57,9 @@ def encode(value: Payload) -> bytes:
 
 
 def encode_stamped(value: Message, stamp_ns: int, seq: int) -> bytes:
-    """The message's bytes with this stamp and number in place of its own; neither it nor a copy is changed or made.
+    """The message's bytes with this stamp and number in place of its own; the message is neither changed nor copied.
 
-    Both are the first two fields of every message, and so what its JSON begins with (tests/common/test_messages.py).
+    The JSON of every message begins with these two fields (tests/common/test_messages.py).
     """
     payload = value.__pydantic_serializer__.to_json(value)
     own = _HEAD % (value.stamp_ns, value.seq)
@@ -69,8 +69,8 @@ def encode_stamped(value: Message, stamp_ns: int, seq: int) -> bytes:
 
 
 def stamper_of(kind: type[Any]) -> Callable[[Any, int, int], bytes]:
-    """`encode_stamped` for one type, images among them: what a publisher does with each sample, and so no more than is
-    to be done."""
+    """`encode_stamped` for one type, images included. A publisher calls the result for each sample, so it is kept
+    minimal."""
     if issubclass(kind, Image):
         return lambda image, stamp_ns, seq: encode(Image(image.frame, image.pixels, stamp_ns, seq, image.encoding))
     to_json = kind.__pydantic_serializer__.to_json
@@ -85,7 +85,7 @@ def stamper_of(kind: type[Any]) -> Callable[[Any, int, int], bytes]:
             return _HEAD % (stamp_ns, seq) + payload[len(_UNSTAMPED) :]
         return encode_stamped(value, stamp_ns, seq)
 
-    # once for all, in place of a look at each
+    # decided once per type, not for each sample
     begun = encode_stamped if list(kind.model_fields)[:2] != ["stamp_ns", "seq"] else stamped
     return begun
 
@@ -96,13 +96,13 @@ def label_with_seq(kind: type[Any], seq: int) -> str:
 
 
 def split_label(label: str) -> tuple[str, int]:
-    """(type/version, seq) of a label; seq is -1 where none travels, or one that no publisher can have reached."""
+    """(type/version, seq) of a label; seq is -1 where the label has none, or one that no publisher can reach."""
     name, _, number = label.partition(" ")
     return name, number_of(number)
 
 
 def number_of(text: str) -> int:
-    """The number of a label; -1 for what is none, or one that no publisher can have reached."""
+    """The number in a label; -1 for a text that is no number, or a number that no publisher can reach."""
     return int(text) if len(text) <= SEQ_DIGITS and text.isascii() and text.isdigit() else -1
 
 
@@ -122,7 +122,7 @@ def decode(kind: type[PayloadT], payload: bytes, label: str, key: str) -> Payloa
 
 
 def decoder_of(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
-    """`decode` for one type, called with (payload, label, key): what can be known before any sample is known."""
+    """`decode` for one type, called with (payload, label, key); work that is the same for all samples is done once."""
     decoder = _decoders.get(kind)
     if decoder is None:
         decoder = _decoders[kind] = _made_decoder(kind)
@@ -130,8 +130,8 @@ def decoder_of(kind: type[Any]) -> Callable[[bytes, str, str], Any]:
 
 
 def validator_without_text(kind: type[Any]) -> Callable[[bytes], Any] | None:
-    """pydantic-core's own, of a type in which there can be no text: what it lets through needs no look at its strings.
-    None for others."""
+    """pydantic-core's validator of a type without text fields: its messages need no check of their strings. None for
+    other types."""
     if issubclass(kind, Image) or not _is_textless(kind.__pydantic_core_schema__):
         return None
     validate: Callable[[bytes], Any] = kind.__pydantic_validator__.validate_json
@@ -147,7 +147,7 @@ _NO_SCHEMAS = frozenset({"config", "function", "metadata", "serialization"})
 
 
 def _is_textless(schema: Any) -> bool:
-    """Whether a part of a core schema has only such types in it as have no text of their own choice."""
+    """Whether a part of a core schema holds only types without free text."""
     if isinstance(schema, dict):
         if isinstance(kind := schema.get("type"), str) and kind not in _TEXTLESS:
             return False
@@ -188,7 +188,7 @@ def why_invalid(error: ValidationError, expected: str, key: str) -> str:
 
 
 def _problem(problem: ErrorDetails) -> str:
-    """In short: the name of a field that there is not is its sender's, of any length."""
+    """One problem, shortened: the name of an unknown field is chosen by the sender and can have any length."""
     where = ".".join(str(part)[:80] for part in problem["loc"])
     return f"{plain(where, 200) or 'payload'}: {plain(problem['msg'], 400)}"
 
@@ -199,14 +199,14 @@ def encode_refusal(refusal: CommandRefused) -> bytes:
 
 
 def decode_refusal(payload: bytes) -> CommandRefused:
-    """The refusal of an error reply."""
+    """The refusal in an error reply's bytes."""
     code, _, text = payload.decode(errors="replace").partition("\n")
     code = plain(code, 80)
     return CommandRefused(code or "unknown", plain(text, MAX_TEXT))
 
 
 def _raw_image() -> Any:
-    # imported where an image is: most services never see one and need no protobuf
+    # imported only for an image: most services never handle one and need no protobuf
     from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 
     return RawImage

@@ -1,4 +1,4 @@
-"""What each thread of a service is doing: tells one that died or hangs from one that works or waits for work."""
+"""What each thread of a service is doing: distinguishes a dead or hung thread from one that works or waits."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import threading
 import time
 from collections.abc import Iterator
 
-# as long as the planner waits for an answer of a service that lives: planning.answer_deadline_s
+# the time that the planner waits for the answer of a living service: planning.answer_deadline_s
 JOB_S = 600.0
-# a stop, an abort, the lease: nothing of them takes time
+# a stop, an abort, the lease: all of these are short
 NOW_S = 60.0
-# a sample is taken, not worked at
+# taking a sample is short: the work is done elsewhere
 SAMPLE_S = 60.0
 
 _mine = threading.local()
 
 
 class Duty:
-    """The account of one thread: `begin` and `end` around each job, on that thread. `longest_s` is for one job, wall
-    time; what a job waits for of others, with a deadline of its own, is not counted (`waiting`)."""
+    """The account of one thread: `begin` and `end` around each job, on that thread. `longest_s` is the limit for one
+    job in wall time; waits for other services that have a deadline of their own do not count (`waiting`)."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -29,11 +29,11 @@ class Duty:
         self.closed = False
 
     def of(self, thread: threading.Thread) -> None:
-        """Whose account it is."""
+        """Set the thread that this account is for."""
         self._thread = thread
 
     def here(self) -> None:
-        """It is that of the thread which calls this, once, before its first job."""
+        """Set the calling thread as the one of this account; called once, before its first job."""
         _mine.duty = self
 
     def begin(self, longest_s: float) -> None:
@@ -46,7 +46,7 @@ class Duty:
         self._job = None
 
     def allow(self, more_s: float) -> None:
-        """From now on it may take so long, and then as long as a job may."""
+        """Allow the job under way this many more seconds from now; the limit of later jobs is unchanged."""
         if self._job is not None:
             since, _, longest_s = self._job
             self._job = since, time.monotonic() + more_s + longest_s, longest_s
@@ -65,7 +65,7 @@ class Duty:
 
 @contextlib.contextmanager
 def waiting(deadline_s: float) -> Iterator[None]:
-    """Around a wait that ends by itself at its deadline: it does not count as hanging."""
+    """Wrap a wait that ends by itself at its deadline: it does not count as hanging."""
     duty: Duty | None = getattr(_mine, "duty", None)
     if duty is None:
         yield

@@ -36,7 +36,7 @@ class Latest(Generic[PayloadT]):
             return list(self._ring)
 
     def wait_for(self, accept: Callable[[PayloadT], bool], deadline_s: float) -> PayloadT | None:
-        """The newest sample that is accepted, waiting for it up to the deadline; None when it does not come."""
+        """The newest sample for which `accept` is true, waiting up to the deadline; None if there is none by then."""
         until = time.monotonic() + deadline_s
         with self._changed:
             while True:

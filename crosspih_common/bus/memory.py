@@ -55,11 +55,11 @@ class _MemoryQuery:
 
 @dataclass(eq=False)
 class MemoryHub:
-    """What all transports of one test share. `MemoryHub().transport()` for each service."""
+    """The state that all transports of one test share. Call `transport()` of one hub for each service."""
 
     lock: threading.RLock = field(default_factory=threading.RLock)
     subscriptions: list[_Subscription] = field(default_factory=list)
-    handlers: dict[str, list[AuthoredHandler]] = field(default_factory=dict)  # by key, as the subscriptions stand
+    handlers: dict[str, list[AuthoredHandler]] = field(default_factory=dict)  # by key, for the present subscriptions
     servers: dict[str, Callable[[Query], None]] = field(default_factory=dict)
     tokens: list[str] = field(default_factory=list)
     watchers: list[_Watcher] = field(default_factory=list)
@@ -80,7 +80,7 @@ class MemoryHub:
             handler(key, payload, label, author)
 
     def handlers_of(self, key: str) -> list[AuthoredHandler]:
-        """What is called with each sample of a key, as the subscriptions stand."""
+        """The handlers that the present subscriptions call with each sample of a key."""
         with self.lock:
             matching = self.handlers.get(key)
             if matching is None:
@@ -209,7 +209,7 @@ class MemoryTransport:
         return self._declared(undo)
 
     def close(self) -> None:
-        """Take everything back."""
+        """Withdraw all declarations."""
         if not self.closed:
             self.closed = True
             for entry in reversed(self._undo):

@@ -1,4 +1,4 @@
-"""One topic's samples on their way out."""
+"""The publisher of one topic."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Publisher(Generic[PayloadT]):
         self._seq = 0
 
     def publish(self, value: PayloadT) -> tuple[int, bytes]:
-        """Send; the value itself stays as it is. The number and the bytes that it went out with."""
+        """Send a value, which is not changed. Returns the number and the bytes that were sent."""
         with self._lock:
             seq = self._seq
             stamp_ns = value.stamp_ns

@@ -29,8 +29,8 @@ PayloadT = TypeVar("PayloadT", bound=Payload)
 
 
 class Receiving:
-    """Makes what a subscription calls. Each holds all that can be known before any sample: of what is left a call costs
-    as much as what it does, and so there are few. `reject` is told (key, why)."""
+    """Makes the callbacks of subscriptions. A callback is built once with all that is the same for every sample, and
+    makes few further calls, because it runs for each sample. `reject` is called with (key, why)."""
 
     def __init__(self, authors: Authors, traffic: Traffic, clock: BusClock, reject: Callable[[str, str], None]) -> None:
         self._authors, self._traffic, self._clock, self._reject = authors, traffic, clock, reject
@@ -48,7 +48,7 @@ class Receiving:
             counts, put = takers.get(key) or (self._traffic.of(key), None)
             if put is None:
                 put = taker(key, counts)
-                if len(takers) < MAX_KEYS:  # anybody may invent keys where the sender's name is part of them
+                if len(takers) < MAX_KEYS:  # a sender can invent keys where its name is part of the key
                     takers[key] = counts, put
             counts.received += 1
             put(payload, number_of(label[digits:]))
@@ -63,7 +63,7 @@ class Receiving:
             elif author in rightful.get(first, NOBODY) or not names:
                 if (taking := takers.get(key)) is None or not (number := label[digits:]).isdecimal():
                     take(key, payload, label)
-                else:  # the same, of nearly all, without a further call
+                else:  # the same, for nearly all samples, without a further call
                     taking[0].received += 1
                     taking[1](payload, int(number) if len(number) <= SEQ_DIGITS and number.isascii() else -1)
             elif self._authors.speaks(names, author, id(taker), key, lambda: take(key, payload, label)):

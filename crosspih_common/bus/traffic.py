@@ -1,4 +1,4 @@
-"""Counters: what went out, came in, was dropped and was rejected, key by key."""
+"""Counters of samples sent, received, dropped and rejected, for each key."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from crosspih_common.messages.status import KeyTraffic
 
 KINDS = ("out", "received", "dropped", "rejected")
 MAX_KEYS = 1024  # a cell has some 200
-OTHERS = "others"  # all keys beyond
+OTHERS = "others"  # all keys above MAX_KEYS together
 
 
 class KeyCounters:
-    """The counters of one key, to be added to: `counts.received += 1`. Plain numbers without a lock of their own, for
-    they are counted at every sample: one thread at a time sends or takes those of a key."""
+    """The counters of one key; callers add to them: `counts.received += 1`. They have no lock, because they change with
+    every sample: one thread at a time sends or receives the samples of a key."""
 
     __slots__ = KINDS
 
@@ -22,14 +22,14 @@ class KeyCounters:
         self.out = self.received = self.dropped = self.rejected = 0
 
     def now(self) -> dict[str, int]:
-        """All of them."""
+        """The present values of all counters."""
         return {"out": self.out, "received": self.received, "dropped": self.dropped, "rejected": self.rejected}
 
 
 class Traffic:
-    """Counters by key, for any thread to look at, of MAX_KEYS keys each for itself: where the sender's name is part of
-    a key anybody may invent keys, and each status carries all of them. Rates are over wall time between two calls of
-    `snapshot`, and for people only."""
+    """Counters by key, readable from any thread. At most MAX_KEYS keys are counted separately: a sender can invent keys
+    where its name is part of the key, and each status message carries all of them. Rates are over the wall time between
+    two calls of `snapshot`, for display only."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""The seam between the typed bus and what carries its bytes."""
+"""The interface between the typed bus and the transport of its bytes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-Tap = Callable[[bytes, int], None]  # payload, number; -1 where none travels
+Tap = Callable[[bytes, int], None]  # payload, number; -1 for a sample without one
 AuthoredHandler = Callable[
     [str, bytes, str, str], None
 ]  # key, payload, label, session it comes from; empty where it does not say
@@ -14,7 +14,7 @@ AuthoredHandler = Callable[
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What came back for a query: a reply, or a typed error."""
+    """The answer to a query: a reply, or a typed error."""
 
     payload: bytes
     label: str
@@ -22,7 +22,7 @@ class Answer:
 
 
 class Query(Protocol):
-    """A query on its way in; answered exactly once, from any thread."""
+    """A received query; it is answered exactly once, from any thread."""
 
     payload: bytes
     label: str
@@ -36,7 +36,7 @@ class Closeable(Protocol):
     """Something declared on the transport."""
 
     def close(self) -> None:
-        """Take it back."""
+        """Withdraw the declaration."""
 
 
 class Sender(Closeable, Protocol):
@@ -57,13 +57,13 @@ class Transport(Protocol):
     author: str
 
     def sender(self, key: str, *, recover: bool, history: int) -> Sender:
-        """Declare a publisher; with `recover` misses are fetched again and `history` samples kept for late readers."""
+        """Declare a publisher; with `recover` missed samples are fetched again, `history` kept for late readers."""
 
     def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample."""
 
     def wait_served(self, key: str, wait_s: float) -> bool:
-        """Whether somebody serves the key, waiting for that up to `wait_s`. Raises BusClosed."""
+        """Whether the key has a server, waiting for one up to `wait_s`. Raises BusClosed."""
 
     def query(self, key: str, payload: bytes, label: str, deadline_s: float) -> Answer:
         """Ask and wait. Raises NoService when nobody answers, CommandTimeout at the deadline."""
@@ -75,13 +75,13 @@ class Transport(Protocol):
         """Show that this process lives, until it is closed, dies or hangs."""
 
     def claim(self, key: str) -> Closeable:
-        """As `declare_alive`, but for as long as this session itself lives: the one whose samples it vouches for."""
+        """As `declare_alive`, but tied to the session that publishes: the claim ends with that session."""
 
     def living(self, key_expression: str) -> list[str]:
-        """The keys of all tokens that there are now."""
+        """The keys of all present tokens."""
 
     def watch_alive(self, key_expression: str, handler: Callable[[str, bool], None]) -> Closeable:
         """Call with (key, True) for each that lives or comes, (key, False) for each that goes."""
 
     def close(self) -> None:
-        """Take everything back; safe to call twice."""
+        """Withdraw all declarations; safe to call twice."""

@@ -1,4 +1,4 @@
-"""The threads behind the bus: a pump for each every-sample subscription, a lane for each row of commands."""
+"""The worker threads of the bus: one pump for each subscription to all samples, one lane for each queue of commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _END = object()
 
 
 class Pump(Generic[ValueT]):
-    """Hands values to a handler one by one on its own thread; refuses what does not fit.
+    """Hands values to a handler one by one on its own thread; refuses values when its queue is full.
 
     Threads that offer at the same time may each find the last place free.
     """
@@ -53,7 +53,7 @@ class Pump(Generic[ValueT]):
                 self.duty.end()
 
     def close(self) -> None:
-        """End the thread; what still waits is left."""
+        """End the thread; values that still wait are dropped."""
         self.duty.closed = True
         self._closed.set()
         self._queue.put(_END)
@@ -67,15 +67,15 @@ Job = Callable[[], Callable[[], None]]
 class Lane:
     """Carries out jobs one after the other on its own thread.
 
-    A job returns what is still to be said; that is called once the lane counts as idle again, so that whoever hears it
-    may send the next job at once.
+    A job returns a function that sends its answer. It is called once the lane counts as idle again, so that the
+    receiver may send the next job at once.
     """
 
     def __init__(self, name: str, longest_s: float = JOB_S) -> None:
         self._queue: queue.Queue[Job | None] = queue.Queue()
         self._lock = threading.Lock()
         self._waiting = 0
-        self.longest_s = longest_s  # one job
+        self.longest_s = longest_s  # limit for one job
         self.duty = Duty(name)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self.duty.of(self._thread)

@@ -1,8 +1,8 @@
 """The bus's bytes over Zenoh: every process is a client of one router.
 
-Measured traps that this file exists to keep away from everyone else: a session left open hangs the interpreter at exit;
-an unserved query and a raising callback both look like an empty reply; the default configuration listens on every
-interface and scouts by multicast; a full callback queue stops the whole session, so callbacks only enqueue.
+This file handles these measured traps of Zenoh, so that no other code has to: a session left open hangs the interpreter
+at exit; an unserved query and a callback that raises both look like an empty reply; the default configuration listens
+on every interface and scouts by multicast; a full callback queue stops the whole session, so callbacks only enqueue.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from crosspih_common.security.credentials import Credentials, credentials_from_e
 
 DEFAULT_ENDPOINT = EXAMPLE
 HEARTBEAT_S = 0.5
-# Without a sign of life for so long a link counts as cut: what a stopped process was asked is then ended, as that of a
-# killed one is within milliseconds, by its socket. Long, for a link that a busy machine cuts in error may cost an
-# assembly.
+# A link without a sign of life for this long counts as cut, and queries to a stopped process then end. (For a killed
+# process the socket ends them within milliseconds.) The value is long, because a link that a busy machine cuts by
+# mistake may cost an assembly.
 LEASE_MS = 5000
-# A service's liveliness token has a session of its own, over which nothing else goes: it is taken back when nothing was
-# heard for so long, and given again by itself. That a busy machine does so in error costs a line in the log, no more.
+# A service's liveliness token has a session of its own without other traffic. It is withdrawn after this time without a
+# sign of life, and declared again automatically. If a busy machine does so by mistake, it costs one line in the log.
 ALIVE_LEASE_MS = 800
-ALIVE_BEATS = 16  # in each such lease; sent by Zenoh's own threads, which no Python code holds up
+ALIVE_BEATS = 16  # heartbeats in each such lease, sent by Zenoh's own threads, which Python code cannot delay
 ALIVE_CONNECT_S = 10.0
-# Of each session that ever sent a message of some kilobytes, the router and whoever got it keep 16 MB mapped for good
-# (measured: ten such sessions, 160 MB in both), and what travels so lies in files outside of the certificates' reach.
+# Off: for each session that ever sent a message of some kilobytes, the router and the receiver keep 16 MB mapped for
+# good (measured: ten such sessions, 160 MB in both), and certificates do not protect the shared memory files.
 NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
-# What ends the wait for an answer is ours, so that a late one is told from none: Zenoh's own timeout comes after it.
-# Until then Zenoh holds half a kilobyte of each query, answered or not (tests/bus/measure_query_memory.py).
+# Our own timer ends the wait for an answer, to distinguish a late answer from none; Zenoh's timeout comes after it.
+# Until then Zenoh holds half a kilobyte for each query, answered or not (tests/bus/measure_query_memory.py).
 PAST_DEADLINE_S = 5.0
-LIVING_S = 5.0  # a router answers within milliseconds which tokens there are
+LIVING_S = 5.0  # limit for listing the tokens; a router answers within milliseconds
 # Batches of 64 KiB that a link holds before it drops: the most that Zenoh allows. With its default of 2 a pause of some
 # 50 ms on a busy machine lost samples.
 QUEUE_BATCHES = 16
-# A router on another machine is tried again so often, without end. Longer than the lease: by then the other side, too,
-# has given up a link that was cut. One that still held it for whole when the next came was seen to keep neither.
+# Period at which a router on another machine is tried again, without end. It is longer than the lease, so that the
+# other side has also dropped the cut link: a router that still held the old link was seen to keep neither of the two.
 RETRY_MS = LEASE_MS + 2000
 
 
@@ -56,12 +56,12 @@ def router_config(
     also_listen: Sequence[str] = (),
     routers: Sequence[str] = (),
 ) -> zenoh.Config:
-    """The embedded router: listens where it is told to and nowhere else, no scouting.
+    """The configuration of the embedded router: it listens only on the given endpoints and does not scout.
 
-    `also_listen` are further endpoints to listen on, `routers` those of other machines' routers to connect to: one of
-    each two is enough, and it need not be there yet. `peers`: it tells Zenoh peers, as the nodes of ROS 2 are, of each
-    other, so that they speak among themselves. With credentials it lets in only certificates of their authority, and
-    allows each what the key table says; another router's counts as what all that are behind it may do.
+    `also_listen` are further endpoints to listen on. `routers` are those of other machines to connect to: one router of
+    each pair needs the other's endpoint, and the other may start later. `peers`: the router introduces Zenoh peers,
+    such as ROS 2 nodes, to each other, so that they talk directly. With credentials it accepts only certificates of
+    their authority and allows each what the key table says; another router is allowed what all services behind it are.
     """
     config = zenoh.Config()
     settings: dict[str, Any] = {
@@ -78,7 +78,7 @@ def router_config(
         **NO_SHARED_MEMORY,
     }
     if credentials is not None:
-        # the key table loads every message: a router without certificates needs none of it
+        # the key table imports every message; a router without certificates does not need it
         from crosspih_common.security.access import access_control
 
         linked = bool(also_listen or routers)
@@ -97,9 +97,9 @@ def client_config(
     beats_a_lease: int = 4,
     credentials: Credentials | None = None,
 ) -> zenoh.Config:
-    """A client of the router at an endpoint; comes back by itself when the router was restarted.
+    """The configuration of a client of the router at an endpoint; it reconnects after a restart of the router.
 
-    It listens nowhere and asks nobody but the router: a peer that goes round the router finds nobody.
+    It does not listen and connects to the router only, so that no peer can reach it directly.
     """
     config = zenoh.Config()
     settings: dict[str, Any] = {
@@ -143,7 +143,7 @@ def _open_session(
         return zenoh.open(client_config(endpoint, connect_timeout_s, lease_ms, beats_a_lease, credentials))
     except zenoh.ZError as error:
         secure = f" or it refused {credentials.certificate} (`crosspih security show`)" if credentials else ""
-        said = str(error).splitlines()[0].split(" at /")[0]  # not where in Zenoh's sources
+        said = str(error).splitlines()[0].split(" at /")[0]  # without the place in Zenoh's sources
         why = "" if said.startswith("Unable to connect") else f" ({said[:120]})"
         raise BusUnreachable(
             f"no router answers at {endpoint} within {connect_timeout_s:g} s{secure}; start the stack with "
@@ -152,7 +152,7 @@ def _open_session(
 
 
 def _label(attachment: zenoh.ZBytes | None) -> str:
-    """The label beside a payload; what is no UTF-8 is no label of ours, and is rejected as such."""
+    """The label of a payload; bytes that are no UTF-8 are no label of ours and are rejected."""
     if attachment is None:
         return ""
     try:
@@ -171,13 +171,13 @@ class _Declared:
         self._entity = entity
 
     def close(self) -> None:
-        # RuntimeError: another thread is just using it, so that it cannot be taken back; the session's end does that
+        # RuntimeError: another thread is using it just now, so it cannot be withdrawn; closing the session does that
         with contextlib.suppress(zenoh.ZError, RuntimeError):
             self._entity.undeclare()
 
 
 class _ZenohSender(_Declared):
-    """Of a stream: its samples say by themselves whose they are, as an advanced publisher's do anyway."""
+    """Sends the samples of a stream with the session that sent them, which an advanced publisher adds anyway."""
 
     def __init__(self, entity: zenoh.Publisher) -> None:
         super().__init__(entity)
@@ -210,7 +210,7 @@ class _ZenohQuery:
         query, self._query = self._query, None
         if query is None:
             return
-        # the asker may be gone; then nobody is left to tell
+        # the caller may be gone; then there is nobody to answer
         with contextlib.suppress(zenoh.ZError):
             if answer.is_error:
                 query.reply_err(answer.payload)
@@ -220,7 +220,7 @@ class _ZenohQuery:
 
 
 class ZenohTransport:
-    """One Zenoh session, closed for certain: by `close`, by the context manager, or at exit."""
+    """One Zenoh session that is always closed: by `close`, by the context manager, or at exit."""
 
     def __init__(self, session: zenoh.Session, endpoint: str, credentials: Credentials | None = None) -> None:
         self.endpoint: str | None = endpoint
@@ -241,7 +241,7 @@ class ZenohTransport:
 
     @property
     def session(self) -> zenoh.Session:
-        """For what speaks another protocol over Zenoh than the bus's."""
+        """The Zenoh session, for code that uses another protocol than the bus's over it."""
         return self._session
 
     def sender(self, key: str, *, recover: bool, history: int) -> Sender:
@@ -261,7 +261,7 @@ class ZenohTransport:
 
     def subscribe(self, key_expression: str, handler: AuthoredHandler, *, recover: bool) -> Closeable:
         """Call the handler with every sample. See Transport."""
-        one_key = None if "*" in key_expression else key_expression  # then every sample's key is that
+        one_key = None if "*" in key_expression else key_expression  # then every sample has this key
 
         def receive(sample: zenoh.Sample) -> None:
             source = sample.source_info

@@ -1,2 +1,2 @@
-"""What the guided calibrations share and what needs no pictures: least squares with honest intervals, and the fits of
-stiffness, sensor mounting and tip. Pure: nothing here reads a clock, a file or a bus."""
+"""The parts of the guided calibrations that need no pictures: least squares with confidence intervals, and the fits of
+stiffness, sensor mounting and tip. Pure functions: they read no clock, file or bus."""

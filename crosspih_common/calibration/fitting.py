@@ -1,9 +1,9 @@
-"""Least squares over groups of observations, with intervals that hold where the errors of one group belong together.
+"""Least squares over groups of observations, with intervals that stay valid when the errors within a group correlate.
 
-A pose of the arm, a picture or a push gives many numbers with one error in common (the arm stood a little elsewhere),
-so the scatter of the single residuals says too little. The covariance here is the jackknife over groups in its linear
-form, CR3 of Bell and McCaffrey (2002, Survey Methodology 28, 169): each group is left out in turn, and how far the
-answer moves is how sure it is. It errs on the side of caution.
+A pose of the arm, a picture or a push gives many numbers with one common error (for example of the arm's position), so
+the scatter of single residuals understates the uncertainty. The covariance here is the jackknife over groups in its
+linear form, CR3 of Bell and McCaffrey (2002, Survey Methodology 28, 169): each group is left out in turn, and the
+covariance follows from how far the answer moves. It is a conservative estimate.
 
 Unknowns are `shared` by all groups, or `own` of one group (the pose of the board in one picture); for the covariance
 the own ones are projected out, group by group.
@@ -28,7 +28,7 @@ MIN_EIGENVALUE = 1e-14
 
 
 class CalibrationRefused(CrosspihError):
-    """The data do not fix what is asked, or cannot be; the text says what is missing and how to get it."""
+    """The data do not determine the unknowns, or are impossible; the text says what is missing and how to get it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +43,12 @@ class GroupedFit:
 
     @property
     def groups(self) -> int:
-        """How many groups there were."""
+        """The number of groups."""
         return int(self.group.max()) + 1
 
     @property
     def rms(self) -> float:
-        """Of the residuals, in their own unit."""
+        """The root mean square of the residuals, in their own unit."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
@@ -57,17 +57,17 @@ class GroupedFit:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)), dtype=float)
 
     def half_width(self, share: float = 0.95) -> Array:
-        """(p,): half of the interval that holds each shared unknown in that share of all calibrations (Student)."""
+        """(p,): half of the confidence interval of each shared unknown at the level `share` (Student's t)."""
         return self.sd * float(stdtrit(max(self.groups - 1, 1), 0.5 + share / 2.0))
 
     def rms_of(self) -> Array:
-        """(n,): of the residuals of each group."""
+        """(n,): the root mean square of each group's residuals."""
         squares = np.bincount(self.group, self.residual**2, self.groups)
         return np.asarray(np.sqrt(squares / np.maximum(np.bincount(self.group, minlength=self.groups), 1)))
 
 
 def _jacobians(residual: Residual, shared: Array, own: Array, steps: Array, own_steps: Array) -> tuple[Array, Array]:
-    """By shared unknowns (m, p), and by the own ones of each row's group (m, k): central differences."""
+    """Central differences by the shared unknowns (m, p), and by the own unknowns of each row's group (m, k)."""
     by_shared = [
         (residual(shared + step, own) - residual(shared - step, own)) / (2.0 * size)
         for size, step in zip(steps, np.diag(steps), strict=True)
@@ -89,10 +89,10 @@ def fit_groups(
 ) -> GroupedFit:  # fmt: skip
     """SciPy's trust-region least squares from a start, then the covariance by groups.
 
-    `residual(shared (p,), own (n, k))` is (m,), each row of the group (m,) it belongs to and independent of the own
-    unknowns of other groups. `steps` (p,) and `own_steps` (k,) are small changes of the unknowns, by which it is
-    differenced. `prior_sd` (p,) holds shared unknowns near their start, where it is finite. Raises CalibrationRefused
-    when the data leave a combination of unknowns wholly open.
+    `residual(shared (p,), own (n, k))` is (m,). Row i belongs to group `group[i]` (m,) and does not depend on the own
+    unknowns of other groups. `steps` (p,) and `own_steps` (k,) are the step sizes of the numerical derivatives. A
+    finite `prior_sd` (p,) holds a shared unknown near its start. Raises CalibrationRefused when the data do not
+    determine some combination of unknowns.
     """
     start, own = np.array(shared, float), np.array(own, float)
     width, own_shape = len(start), own.shape
@@ -127,7 +127,7 @@ def fit_groups(
 def _without_own(
     by_shared: Array, by_own: Array, right: Array, rows: list[NDArray[np.int64]]
 ) -> list[tuple[Array, Array]]:
-    """Of each group the design and the right side, less all that its own unknowns can explain."""
+    """The design matrix and right side of each group, with its own unknowns projected out."""
     found = []
     for row in rows:
         block, part = by_shared[row], right[row]
@@ -160,7 +160,7 @@ def _finished(
     count = len(rows)
     covariance *= (count - 1.0) / count
     if np.any(weight > 0.0):
-        # what is held by the prior is no surer than the prior lets it be, and no less sure than the data with it
+        # an unknown held by the prior gets the standard deviation of prior and data together, no smaller and no larger
         inverse = np.linalg.inv(whole)
         covariance += inverse @ np.diag(weight) @ inverse
     return GroupedFit(shared, own, covariance, now, group)
@@ -169,8 +169,10 @@ def _finished(
 def moved_by(
     changes: Array, residual: Residual, fit: GroupedFit, group: NDArray[np.int64], steps: Array, own_steps: Array
 ) -> Array:
-    """How far the shared unknowns (p, q) of a fit move, to first order, when its residuals (m,) change by (m, q): what
-    an error does that all groups have in common, and that leaving groups out cannot show."""
+    """How far the shared unknowns (p, q) of a fit move, to first order, when its residuals (m,) change by (m, q).
+
+    This gives the effect of an error that all groups have in common, which leaving groups out cannot show.
+    """
     by_shared, by_own = _jacobians(residual, fit.shared, fit.own, steps, own_steps)
     rows = [np.flatnonzero(group == index) for index in range(int(group.max()) + 1)]
     groups = _without_own(by_shared, by_own, changes, rows)
@@ -181,6 +183,6 @@ def moved_by(
 
 
 def held_out_folds(groups: int, folds: int = 5) -> list[NDArray[np.int64]]:
-    """Groups to leave out together, every so-manieth: at least two groups stay in."""
+    """Sets of groups to leave out together, every `folds`-th group; at least two groups always stay in."""
     folds = max(2, min(folds, groups))
     return [np.arange(first, groups, folds) for first in range(folds)]

@@ -1,13 +1,13 @@
-"""How the force/torque sensor is mounted: its turn by gravity, its place by pushes on corners whose place is drawn.
+"""The mounting of the force/torque sensor: its rotation from gravity, its position from pushes on known corners.
 
 - Gravity: at rest the sensor reads f = b + R_s^T R^T w, R the peg's orientation, w the weight in the base, b the bias.
-  With orientations in which gravity has different directions the turn R_s follows, whatever w and b are. The place does
-  not: the centroid of the tool moves with it.
+  Orientations with different directions of gravity determine the rotation R_s for any w and b. They do not determine
+  the position, because the unknown centroid of the tool shifts with it.
 - Pushes: a contact at a point v of the peg changes the reading by dF and dM = R_s^T (v - p) x dF, about the sensor's
-  place p. Across the force p follows; along it nothing does, so the force must have several directions in the peg.
+  position p. This determines p across the force but not along it, so the force must have several directions in the peg.
 
-The corner that touches is the drawing's: a peg that sits otherwise on its flange moves the answer as much
-(`crosspih calibrate tcp` first).
+The position of the touching corner comes from the drawing. If the peg is mounted with an offset on its flange, the
+answer is off by the same amount (run `crosspih calibrate tcp` first).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ FAR_M, FAR_RAD = 0.01, np.deg2rad(5.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountFit:
-    """pose_peg_sensor as found; turn_rad (3,) and shift_m (3,) against the cell's file: of the sensor's axes, and of
-    its origin in the peg frame, with half of the 95 % intervals; residuals and held-out errors, N and Nm."""
+    """The pose_peg_sensor that was found. turn_rad (3,) of the sensor's axes and shift_m (3,) of its origin, in the peg
+    frame, are relative to the cell's file, with half of the 95 % intervals; residuals and held-out errors, N and Nm."""
 
     pose_peg_sensor: Pose
     turn_rad: Array
@@ -62,10 +62,10 @@ class _Data:
     pushed: Array
     moments: Array
     moments_sd: Array
-    group: NDArray[np.int64]  # of gravity's readings, then of the pushes'
+    group: NDArray[np.int64]  # first those of the gravity readings, then those of the pushes
 
     def without(self, out: NDArray[np.int64]) -> _Data:
-        """All but some groups, counted anew."""
+        """The data without some groups; the others are renumbered."""
         gravity = ~np.isin(self.group[: len(self.forces)], out)
         pushes = ~np.isin(self.group[len(self.forces) :], out)
         _, group = np.unique(
@@ -130,7 +130,7 @@ def _fitted(data: _Data, before: Pose, start: Array) -> GroupedFit:
 
 
 def fit_mount(pressed: Pressed, workcell: Workcell, folds: int = 5) -> MountFit:
-    """Raises CalibrationRefused naming the orientations or pushes that are missing."""
+    """Fit the mounting. Raises CalibrationRefused that names the missing orientations or pushes."""
     require(pressed)
     data, before = _data(pressed, workcell), workcell.sensor_mounting().pose_peg_sensor
     gravity = np.asarray(workcell.gravity_base_m_s2, float)

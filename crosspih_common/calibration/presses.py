@@ -1,8 +1,8 @@
-"""Gentle pushes of the peg's tip against something rigid, and dwells in free air: what was taken, and what it means.
+"""Gentle pushes of the peg's tip against something rigid, and dwells in free air: the data and their evaluation.
 
-A push is held at two or more depths, at rest: the encoders say how far the motor side went on, the sensor how much
-harder it pressed, and the tip has gone nowhere along the plate's normal. The corner of the tip that touches follows
-from the drawing and from how the peg stands: the one farthest along the normal.
+A push is held at rest at two or more depths. Between two depths the encoders give the travel of the motor side, the
+sensor the change of force, and the tip does not move along the plate's normal. The touching corner of the tip follows
+from the drawing and the peg's orientation: it is the one farthest along the normal.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from crosspih_common.messages.base import Joints, Vector3, Vector6
 from crosspih_common.shapes import Peg
 
 MIN_PRESSES, MIN_LEVELS = 4, 2
-APART_M = 1.5e-4  # by which the corner that touches is nearer to the plate than the next one
+APART_M = 1.5e-4  # the touching corner must be nearer to the plate than the next one by this much
 
 
 class RestLevel(BaseModel):
-    """At rest: the encoders, and the sensor's own mean over a dwell with the sd of that mean."""
+    """A dwell at rest: the joint angles, and the sensor's mean with the standard deviation of that mean."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -34,7 +34,7 @@ class RestLevel(BaseModel):
 
 
 class Press(BaseModel):
-    """One push: free air just before it, then deeper and deeper."""
+    """One push: a reading in free air just before it, then levels of increasing depth."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -43,7 +43,7 @@ class Press(BaseModel):
 
 
 class Pressed(BaseModel):
-    """All that was taken. `normal_base` points into the plate, as three touches in one orientation found it."""
+    """All measurements. `normal_base` points into the plate; it is from three touches in one orientation."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -65,7 +65,7 @@ class HeldLevel:
 
 
 def held(press: Press, workcell: Workcell) -> list[HeldLevel]:
-    """The levels of a push, weight and bias taken off by the free reading in the same orientation."""
+    """The levels of a push; the free reading in the same orientation removes weight and bias."""
     found = []
     for level in press.levels:
         raw = np.asarray(level.raw) - np.asarray(press.free.raw)
@@ -76,12 +76,12 @@ def held(press: Press, workcell: Workcell) -> list[HeldLevel]:
 
 
 def corners_m(peg: Peg) -> Array:
-    """What of the peg can touch a plane first (k, 3), peg frame, m."""
+    """The corners of the peg that can touch a plane first (k, 3), peg frame, m."""
     return np.vstack([peg.outline_m(peg.tip_m), peg.outline_m(peg.taper_start_m)])
 
 
 def touching_corner(peg: Peg, rotation_base_peg: Array, normal_base: Array) -> tuple[Array, float]:
-    """The corner (3,), peg frame, that is farthest along the normal, and by how much it is, m."""
+    """The corner (3,), peg frame, m, that is farthest along the normal, and its distance to the next one, m."""
     corners = corners_m(peg)
     along = corners @ (rotation_base_peg.T @ normal_base)
     order = np.argsort(-along)

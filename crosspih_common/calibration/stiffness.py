@@ -1,13 +1,13 @@
-"""The joints' stiffness from gentle pushes: how far the motor side goes on against something rigid, and how much harder
-it then presses.
+"""The joints' stiffness from gentle pushes against something rigid: the travel of the motor side against the rise of
+the force.
 
 Between two depths of a push the tip stays where it is along the normal n,
 
     n . J_c dq = - sum_j c_j (n . J_cj) (J_j^T dW)
 
 with dq by the encoders, dW the change of the wrench on the peg, J_c the Jacobian of the corner that touches and c_j one
-over the stiffness of joint j (Salisbury 1980, C = J K^-1 J^T). One equation a step, linear in the c_j. A joint that no
-push turns stays as it was: the data say nothing of it, and the answer says which.
+over the stiffness of joint j (Salisbury 1980, C = J K^-1 J^T). Each step gives one equation, linear in the c_j. A joint
+that no push loads keeps its previous stiffness, because the data do not determine it; the answer names such joints.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from crosspih_common.calibration.presses import (
 from crosspih_common.config import Workcell
 from crosspih_common.geometry.pose import Array
 
-PRIOR_SD = 0.7  # of the logarithm of a joint's stiffness against the cell's file: half to twice
-TAKEN_SD = 0.05  # surer than this, a joint's stiffness is taken
+PRIOR_SD = 0.7  # of the logarithm of a joint's stiffness relative to the cell's file: half to twice
+TAKEN_SD = 0.05  # a joint's stiffness is accepted when its standard deviation is smaller than this
 PLAUSIBLE = (0.1, 10.0)
 MIN_CHANGE_N = 2.0
 FIRST_M, MIN_M = 1e-6, 1e-9
@@ -39,7 +39,7 @@ FIRST_M, MIN_M = 1e-6, 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StiffnessFit:
-    """stiffness_nm_rad (n,) of each joint, sd and half of the 95 % interval as shares of it, taken (n,): whether the
+    """stiffness_nm_rad (n,) of each joint, its sd and half 95 % interval as shares of it. taken (n,): whether the
     pushes fix it. The tool's stiffness along the plate's normal in the first posture, N/m, with the same. Residual and
     held-out error of the pushes' equations, m."""
 
@@ -58,7 +58,7 @@ class StiffnessFit:
 
 
 def equations(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array]:
-    """(m, n) factors of the c_j, (m,) what they add up to, m, and (m,) the push of each: see the module's words."""
+    """(m, n) factors of the c_j, (m,) their right side, m, and (m,) the push of each equation: see the module."""
     normal, peg = np.asarray(pressed.normal_base, float), workcell.peg.shape()
     rows, moved, groups = [], [], []
     soft = 0.0 if workcell.contact_stiffness_n_m is None else 1.0 / workcell.contact_stiffness_n_m
@@ -80,7 +80,7 @@ def equations(pressed: Pressed, workcell: Workcell) -> tuple[Array, Array, Array
 
 
 def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Array) -> tuple[GroupedFit, float]:
-    """The logarithms of stiffness against before, and an equation's error, m, that the prior is weighed against."""
+    """The logarithms of the stiffness ratio to the previous values, and the error of an equation, m."""
     joints, unit_m = len(before), FIRST_M
     own = np.zeros((int(group.max()) + 1, 0))
     for _ in range(2):
@@ -96,7 +96,7 @@ def _fitted(factors: Array, moved: Array, group: NDArray[np.int64], before: Arra
 
 
 def fit_stiffness(pressed: Pressed, workcell: Workcell, folds: int = 5) -> StiffnessFit:
-    """Raises CalibrationRefused where the pushes are too few, too gentle, or turn no joint enough."""
+    """Fit the stiffness. Raises CalibrationRefused if the pushes are too few, too gentle, or load no joint enough."""
     require(pressed)
     factors, moved, pushes = equations(pressed, workcell)
     if len(np.unique(pushes)) < 4:

@@ -1,14 +1,14 @@
-"""Where the peg sits on the flange, by touching one plane with different corners and tilts.
+"""The TCP: the position of the peg on the flange, by touches of one plane with different corners and tilts.
 
-A touch at no force puts the corner v of the tip on the plane: n . (R (v + s) + t) = d, with R and t of the peg frame by
-the encoders and s how far the peg is from where the cell's file has it. The plane (n, d) is unknown as well. Across the
-peg's axis s follows from tilts to different sides; along it from tilts of different size, and the less surely. Where it
-is pressed at two depths, the pose at no force follows by a straight line, whatever the arm's stiffness. What rubs does
-not grow in proportion with what presses, so the bending by the cell file's stiffness is taken off before that.
+A touch at zero force puts the corner v of the tip on the plane: n . (R (v + s) + t) = d, with R and t of the peg frame
+from the encoders and s the peg's offset from the cell's file. The plane (n, d) is unknown as well. Tilts to different
+sides determine s across the peg's axis; tilts of different size determine it along the axis, less precisely. With two
+depths of a push the pose at zero force follows by linear extrapolation, for any stiffness of the arm. Friction does not
+grow in proportion to the force, so the bending by the cell file's stiffness is subtracted before that.
 
-An edge is never quite sharp: one rounded by r lets the peg come nearer by r (m.n - 1), m the way from the rounding's
-middle to the corner over r, and so by more the more it is tilted. In the tip's place along the peg that is some three
-times r, alike in all touches, however many there are; its interval has it.
+A real edge is rounded. With radius r it lets the peg come nearer by r (m.n - 1), m the vector from the centre of the
+rounding to the corner over r; this grows with the tilt. Along the peg the tip moves by some three times r, equally in
+all touches, so more touches do not reduce it. The interval includes this error.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from crosspih_common.geometry.pose import Array
 
 MIN_TILT_SPREAD = 0.1
 UNIT_M = 1e-6
-FLOOR_M = 5e-7  # no touch is believed to be surer: edges are no better, nor are encoders
-EDGE_M = 5e-6  # one sd of how far an edge that is called sharp is rounded
+FLOOR_M = 5e-7  # least standard deviation of a touch: neither edges nor encoders are better
+EDGE_M = 5e-6  # standard deviation of the rounding radius of a nominally sharp edge
 FAR_M = 0.01
 STEPS = np.array([1e-6] * 3 + [1e-5] * 2 + [1e-6])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TipFit:
-    """shift_m (3,): of the peg from where the cell's file has it, in the peg frame; tip_flange_m (3,): the middle of
-    its tip on the flange; sd and half of the 95 % interval (3,); residual and held-out error of the touches, m."""
+    """shift_m (3,): the peg's offset from the cell's file, in the peg frame; tip_flange_m (3,): the tip's centre in the
+    flange frame; sd and half of the 95 % interval (3,); residual and held-out error of the touches, m."""
 
     shift_m: Array
     tip_flange_m: Array
@@ -81,14 +81,14 @@ def touches_at_no_force(pressed: Pressed, workcell: Workcell) -> tuple[Array, Ar
 
 
 def _bent(workcell: Workcell, joints_rad: Array, corner: Array, wrench: Array) -> Array:
-    """(3,): how far a wrench (6,) on the peg, in the base about its origin, bends the corner (3,) away, m."""
+    """(3,): the displacement, m, of the corner (3,) by a wrench (6,) on the peg, base axes about the peg's origin."""
     torque = workcell.arm().jacobian(joints_rad, workcell.pose_flange_peg()).T @ wrench
     give = torque / np.asarray(workcell.joint_stiffness_nm_rad)
     return np.asarray(jacobian_at(workcell, joints_rad, corner) @ give, dtype=float)
 
 
 def fit_tip(pressed: Pressed, workcell: Workcell, folds: int = 5) -> TipFit:
-    """Raises CalibrationRefused naming the tilts that are missing."""
+    """Fit the TCP. Raises CalibrationRefused that names the missing tilts."""
     require(pressed, 7)
     rotations, places, corners = touches_at_no_force(pressed, workcell)
     normal = np.asarray(pressed.normal_base, float)

@@ -1,7 +1,7 @@
 """Work with a running cell from a program or a notebook: `cell = connect()`, then `cell.assemble(seed=7)`.
 
-`connect` gives a `Cell`, `connect_async` an `AsyncCell` with the same methods as awaitables. `Recording` reads back
-what was recorded. docs/client.md shows all of it.
+`connect` gives a `Cell`, `connect_async` an `AsyncCell` with the same methods as awaitables. `Recording` reads a
+recording. docs/client.md shows all of it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ else:
     }
 
     def __getattr__(name: str) -> object:
-        """Each when it is first asked for (PEP 562): commands that only want the defaults load no message."""
+        """Import each name when it is first used (PEP 562): commands that only need the defaults load no message."""
         if name not in _MODULES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         found = getattr(import_module(f"crosspih_common.{_MODULES[name]}"), name)

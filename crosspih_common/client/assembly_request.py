@@ -1,9 +1,9 @@
-"""An assembly asked for, with a named result whoever dies meanwhile.
+"""Requests an assembly and always ends with a result, even if the planner or the router dies meanwhile.
 
-The answer of a query is lost with the planner that would have given it (killed, or stopped in order), with the router
-that it would have gone through, and with a link that was cut while the planner hung. What happened is then on the bus:
-a planner that lives repeats its answer on its own topic once it is done, and one that is started in its place tells
-what it found. So the operator goes on listening, has the successor take the peg out, and says by name what it knows.
+The answer of a query is lost when the planner ends (killed or stopped), when the router ends, or when the link is cut
+while the planner hangs. The outcome is then on the bus: a living planner publishes its answer on its own topic when it
+is done, and a planner that is started in its place publishes what it found. So the operator keeps listening, lets the
+new planner take the peg out, and returns a result that names what is known.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from crosspih_common.messages import (
 )
 
 PLANNER = "planning"
-BACK_S = 60.0  # how long a planner that said nothing more, or its successor, is waited for
-FOUND_S = 120.0  # and for what the successor found: it starts a process of its own to hold the arm
-LATE_S = 5.0  # a planner that is ready again has answered; its word may be on its way for so long
-YOUNGER_S = 1.0  # by so much a successor's life is shorter than the question is old
+BACK_S = 60.0  # how long to wait for a silent planner or its successor
+FOUND_S = 120.0  # how long to wait for the successor's findings: it starts a process of its own to hold the arm
+LATE_S = 5.0  # a planner that is ready again has answered; the answer may be on its way for this long
+YOUNGER_S = 1.0  # a successor has been running for less than the age of the request by at least this much
 WITHDRAW_DEADLINE_S = 300.0
 FOUND = ("peg_found", "arm_found", "peg_unknown")
 HEARD: tuple[Command[Any, Any], ...] = (ASSEMBLE, DWELL, FOLLOW, MOVE_LINEAR, GUARDED_MOVE, ADMITTANCE_MOVE)
@@ -58,10 +58,10 @@ _POLL_S = 0.1
 def ask_assembly(
     bus: Bus, request: Assemble, deadline_s: float, say: Callable[[str], object] = lambda text: None
 ) -> AssemblyResult:
-    """Ask the planner for an assembly. `say` is told what is being waited for when its answer is lost.
+    """Ask the planner for an assembly. If its answer is lost, `say` is called with a line about what this waits for.
 
-    Raises as `Bus.call`, but not NoService for a planner that was there when it was asked: what came of the assembly is
-    then learned from the bus, or the result says by name that it is not known.
+    Raises as `Bus.call`, but not NoService for a planner that received the request: the outcome is then learned from
+    the bus, or the result says that it is not known.
     """
     with ExitStack() as stack:
         asked = _Asked(bus, request, stack)
@@ -77,7 +77,7 @@ def ask_assembly(
 
 
 class _Asked:
-    """All that is heard from before the question on."""
+    """The topics that tell the outcome, subscribed from before the request on."""
 
     def __init__(self, bus: Bus, request: Assemble, stack: ExitStack) -> None:
         self._bus, self._request = bus, request
@@ -90,18 +90,18 @@ class _Asked:
             self._answers.append(stack.enter_context(bus.reading(command.reply_echo, KEPT)))
         self._began_ns = bus.clock.now_ns()
         self._asked_at = time.monotonic()
-        self._before: list[Message] = []  # kept, so that no later one is taken for one of these
+        self._before: list[Message] = []  # kept, so that a later message is not mistaken for one of these
         heard: tuple[Latest[Any], ...] = (self._events, self._refusals, *self._answers)
         for latest in heard:
             self._before += latest.values()
 
     def _new(self, latest: Latest[Any]) -> list[Any]:
-        """What was heard since the question, and is of this run of the cell."""
+        """The messages since the request that belong to this run of the cell."""
         before = {id(sample) for sample in self._before}
         return [one for one in latest.values() if id(one) not in before and one.stamp_ns >= self._began_ns]
 
     def learn(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
-        """What came of it. Raises CommandRefused where the planner refused it."""
+        """Learn the outcome from the bus. Raises CommandRefused if the planner refused the request."""
         until = time.monotonic() + BACK_S
         last: tuple[int, float] = (-1, -1.0)
         ready_at: float | None = None
@@ -139,7 +139,7 @@ class _Asked:
         return told[-1] if told else None
 
     def _is_successor(self, status: ServiceStatus) -> bool:
-        """It runs for less long than the question is old."""
+        """Whether this planner was started after the request."""
         return status.uptime_s < time.monotonic() - self._asked_at - YOUNGER_S
 
     def _successor(self, why: str, say: Callable[[str], object]) -> AssemblyResult:
@@ -164,11 +164,11 @@ class _Asked:
 
     @staticmethod
     def _tells(event: Event) -> bool:
-        # a planner that takes a peg out on its way home says so too, but warns of nothing
+        # a planner that takes a peg out on its way home publishes this too, but without a warning
         return event.service == PLANNER and event.code in FOUND and event.severity is Severity.WARNING
 
     def _unknown(self, detail: str, backed_off: bool) -> AssemblyResult:
-        """A result without the planner's own account: what its motions told, each as it ended."""
+        """A result without the planner's own account, made from the outcomes of its motions."""
         motions = [one for latest in self._answers[1:] for one in self._new(latest) if isinstance(one, MotionOutcome)]
         own_peak_n = max((one.peak_force_n for one in motions), default=0.0)
         return AssemblyResult(

@@ -1,6 +1,6 @@
 """The same cell with awaitables: `async with await connect_async() as cell: await cell.assemble(seed=7)`.
 
-Each awaitable is the method of `Cell` of the same name, carried out by a thread: there is one implementation.
+Each awaitable runs the method of `Cell` with the same name in a thread: there is one implementation.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ ABORT_AGAIN_S = 0.2
 
 
 class Awaited(Generic[P, R]):
-    """A method of Cell as an awaitable one of AsyncCell. With `aborts`, whoever cancels it has the assembly ended
-    first, as Ctrl-C does, and waits until the peg is out."""
+    """A method of Cell as an awaitable method of AsyncCell. With `aborts`, a cancellation first ends the assembly, as
+    Ctrl-C does, and waits until the peg is out."""
 
     def __init__(self, method: Callable[Concatenate[Cell, P], R], *, aborts: bool = False) -> None:
         self._method, self._aborts = method, aborts
@@ -54,7 +54,7 @@ class Awaited(Generic[P, R]):
 
 
 def _forget(done: asyncio.Future[Any]) -> None:
-    """Nobody awaits it any more: what it raises is nobody's."""
+    """Drop the exception of a call that nobody awaits any more."""
     if not done.cancelled():
         done.exception()
 
@@ -68,7 +68,7 @@ class AsyncStream(Generic[PayloadT]):
 
     @property
     def path(self) -> str:
-        """Of the topic."""
+        """The path of the topic."""
         return self._stream.path
 
     @property
@@ -86,7 +86,7 @@ class AsyncStream(Generic[PayloadT]):
         await self.close()
 
     async def close(self) -> None:
-        """Listen no more; a loop over it ends."""
+        """Stop listening; a loop over the stream ends."""
         await asyncio.get_running_loop().run_in_executor(self._threads, self._stream.close)
 
     async def __aiter__(self) -> AsyncIterator[PayloadT]:
@@ -147,7 +147,7 @@ class AsyncCell:
 
     @property
     def simulated(self) -> bool:
-        """Whether the running cell has a simulator. It was heard as the cell was opened, so nothing is waited for."""
+        """Whether the running cell has a simulator. Known since the cell was opened, so this does not wait."""
         return self.cell.simulated
 
     def alive(self) -> set[str]:
@@ -171,14 +171,14 @@ class AsyncCell:
         return AsyncStream(self.cell.events(depth, timeout_s), self.threads)
 
     async def _end_assembly(self, waiting: asyncio.Future[Any]) -> None:
-        """Have this client's assembly ended, once it has begun, and wait for its end."""
+        """End this client's assembly once it has begun, and wait for its end."""
         loop, aborted = asyncio.get_running_loop(), False
         while not waiting.done():
             if not aborted:
                 try:
                     aborted = await loop.run_in_executor(self.threads, self.cell.abort_own)
                 except CrosspihError:
-                    break  # the planner is gone: what came of the assembly is learned as ever
+                    break  # the planner is gone: the outcome is learned from the bus
             await asyncio.wait([waiting], timeout=None if aborted else ABORT_AGAIN_S)
         await asyncio.wait([waiting])
 

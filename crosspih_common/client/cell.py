@@ -1,4 +1,4 @@
-"""A running cell, as whoever works with it sees it: `with connect() as cell: cell.assemble(seed=7)`."""
+"""The client of a running cell: `with connect() as cell: cell.assemble(seed=7)`."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ RESET_DEADLINE_S = 120.0  # a busy machine builds a scene slowly
 BACK_OFF_DEADLINE_S = 30.0
 CLOCK_DEADLINE_S = 5.0
 READING_DEADLINE_S = 2.0
-# who else is lost the planner says; of these two nobody else would
+# the planner reports other lost services; nobody reports the loss of these two
 LOST = {
     "planning": "planning is gone: no sign of life from it (its liveliness token went)",
     "recorder": "the recorder is gone: nothing is recorded until it is back",
@@ -87,15 +87,15 @@ LOST = {
 
 
 class Cell:
-    """A place on the bus of a running cell; `connect` opens one. Leaving its block, or `close`, ends it.
+    """A connection to the bus of a running cell; `connect` opens one. The end of its block, or `close`, closes it.
 
-    It asks what `crosspih` on the command line asks, of the same services: an arm that somebody else holds is not
-    moved (CommandRefused `held` or `busy`), and an assembly whose client ends without a word is brought to its end by
-    planning. Lengths are m, angles rad, forces N, moments Nm, times s, unless a name says otherwise.
+    It sends the same commands to the same services as `crosspih` on the command line: an arm that somebody else holds
+    is not moved (CommandRefused `held` or `busy`), and planning finishes an assembly whose client ends without notice.
+    Lengths are m, angles rad, forces N, moments Nm, times s, unless a name says otherwise.
     """
 
     def __init__(self, bus: Bus, file: CellFile, *, readings: bool = False) -> None:
-        """`readings`: hear the wrench and the joints all the time, so that `wrench` and `joints` answer at once."""
+        """`readings`: subscribe to wrench and joints from the start, so that `wrench` and `joints` answer at once."""
         self.bus, self.file = bus, file
         self._alive: set[str] = set()
         self._recording = False
@@ -105,7 +105,7 @@ class Cell:
         self.bus.watch_alive(self._on_alive)
         self._clock = self.bus.latest(CLOCK)
         self._phase = self.bus.latest(PHASE)
-        # whoever comes late is told the last event of every service again
+        # a late subscriber receives the last event of every service again
         self._told_before = self.bus.latest(EVENTS, 64)
         self._wrench: Latest[ContactWrench] | None = self.bus.latest(CONTACT_WRENCH) if readings else None
         self._joints: Latest[JointState] | None = self.bus.latest(JOINT_STATE) if readings else None
@@ -119,12 +119,12 @@ class Cell:
         self.close()
 
     def close(self) -> None:
-        """Leave the bus. Safe to call twice."""
+        """Close the connection to the bus. Safe to call twice."""
         self.bus.close()
 
     @property
     def workcell(self) -> Workcell:
-        """The cell's drawing: arm, peg, hole and where they stand, as its file says."""
+        """The nominal cell: arm, peg, hole and their poses, as the cell's file gives them."""
         return self.file.workcell
 
     # ----------------------------------------------------------------------------------------------------- who is there
@@ -146,7 +146,7 @@ class Cell:
             return set(self._alive)
 
     def wait_for_services(self, deadline_s: float, needed: tuple[str, ...] = NEEDED) -> None:
-        """Until all needed services live. Raises NoService naming the missing ones."""
+        """Wait until all needed services live. Raises NoService that names the missing ones."""
         until = time.monotonic() + deadline_s
         with self._changed:
             while missing := [name for name in needed if name not in self._alive]:
@@ -158,7 +158,7 @@ class Cell:
                 self._changed.wait(left)
 
     def clock(self) -> CellClock:
-        """The newest tick of the cell's clock. Raises NoService where none is heard within 5 s."""
+        """The newest tick of the cell's clock. Raises NoService if none arrives within 5 s."""
         tick = self._clock.wait_for(lambda _: True, CLOCK_DEADLINE_S)
         if tick is None:
             raise NoService("clock: nobody publishes the cell's time; is hardware up? (`crosspih ps`)")
@@ -174,11 +174,11 @@ class Cell:
         return self.clock().simulated
 
     def require_sound_cell(self) -> None:
-        """Before anything is asked of it: one clock ticks, one cell. Raises CommandRefused `cell_unfit`."""
+        """Check that exactly one cell runs here, with one clock. Raises CommandRefused `cell_unfit`."""
         require_one_clock(self.bus)
 
     def status(self) -> CellStatus:
-        """How the cell is, and who holds its arm: what each service said last, waited for 2 s at most."""
+        """The state of the cell and the holder of its arm, by each service's last status. Waits 2 s at most."""
         with self.bus.reading(STATUS, 64) as heard, self.bus.reading(LEASE) as lease:
             until = time.monotonic() + READING_DEADLINE_S
             services: dict[str, ServiceStatus] = {}
@@ -227,15 +227,15 @@ class Cell:
         stream`.
 
         `topic` is a row of crosspih_common/keys.py (then the messages are typed) or its path; `depth` and `timeout_s`
-        as in Stream. Of topics that keep their last sample for whoever comes late, that one comes first.
+        as in Stream. A topic that keeps its last sample for late readers begins with that sample.
 
-        Raises ConfigError for a path that is no topic's, or one that only the recorder may read.
+        Raises ConfigError for a path that is not a topic, or a topic that only the recorder may read.
         """
         row = topic_named(topic, self.bus.service)
         return Stream(row.path, lambda push: self.bus.subscribed(row, push), depth, timeout_s, lambda: self.bus.closed)
 
     def events(self, depth: int = DEPTH, timeout_s: float | None = None) -> Stream[Event]:
-        """What people should know, from now on: events of before, which a late reader is told again, are left out."""
+        """Events for people, from now on. Earlier events, which a late reader receives again, are left out."""
 
         def listen(push: Callable[[Event], None]) -> Any:
             return self.bus.subscribed(EVENTS, only_new(push, self.bus.clock, self._told_before.values()))
@@ -245,8 +245,8 @@ class Cell:
     def wrench(self, timeout_s: float = READING_DEADLINE_S) -> ContactWrench:
         """The newest contact wrench: `force_n` (3,) and `moment_nm` (3,) on the peg, in the peg frame about its origin.
 
-        Raises NoService where none is heard within `timeout_s`. At --speed max the cell's time stands still between
-        commands: then it is that of the end of the last command.
+        Raises NoService if none arrives within `timeout_s`. At --speed max the cell's time stands still between
+        commands: the wrench is then the one at the end of the last command.
         """
         if self._wrench is None:
             self._wrench = self.bus.latest(CONTACT_WRENCH)
@@ -266,22 +266,22 @@ class Cell:
     def reset(self, seed: int) -> None:
         """A new trial in a simulated cell: hole, light and noise drawn from the seed, the arm at home.
 
-        What was drawn is the simulator's to know: a recording tells it (`simulation/truth`). Raises ConfigError on a
-        cell without a simulator.
+        Only the simulator knows what was drawn; a recording holds it (`simulation/truth`). Raises ConfigError on a cell
+        without a simulator.
         """
         if not self.simulated:
             raise ConfigError(f"{self.bus.cell}: this cell has no simulator: nothing is drawn; leave the seed out")
         self.bus.call(RESET, ResetCell(seed=seed), RESET_DEADLINE_S)
 
     def locate(self, method: LocateMethod | str = LocateMethod.RIM) -> HoleEstimate:
-        """Take a pair of pictures and locate the hole in it: its pose in the base frame, with its covariance.
+        """Take a stereo pair and locate the hole: its pose in the base frame, with its covariance.
 
-        Nothing moves. Raises CommandRefused with vision's reason where it sees none.
+        Nothing moves. Raises CommandRefused with vision's reason if it does not find the hole.
         """
         return self.bus.call(LOCATE, LocateHole(method=LocateMethod(method)), LOCATE_DEADLINE_S)
 
     def calibrate_ft(self, samples_s: float = 0.25, temperature_c: float | None = None) -> FtCalibration:
-        """Drive the calibration poses, dwell `samples_s` in each, and identify what hangs on the sensor."""
+        """Drive the calibration poses, dwell `samples_s` in each, and identify the sensor's bias and payload."""
         return self.bus.call(
             CALIBRATE_FT, CalibrateFt(samples_s=samples_s, temperature_c=temperature_c), CALIBRATE_DEADLINE_S
         )
@@ -291,16 +291,16 @@ class Cell:
         return self.bus.call(WITHDRAW, request or Withdraw(), WITHDRAW_DEADLINE_S)
 
     def abort(self) -> bool:
-        """End the running assembly, whosever it is: planning takes the peg out. Whether one was running."""
+        """End the running assembly, whoever asked for it: planning takes the peg out. True if one was running."""
         return self.bus.call(ABORT, AbortAssembly(), ANSWER_DEADLINE_S).was_running
 
     def pause(self) -> bool:
-        """Hold the running assembly: the motion under way is finished, and the arm then stays where it is. Whether one
+        """Pause the running assembly: the motion under way is finished, and the arm then stays where it is. True if one
         was running."""
         return self.bus.call(PAUSE, PauseAssembly(paused=True), ANSWER_DEADLINE_S).was_running
 
     def resume(self) -> bool:
-        """Let a paused assembly go on. Whether one was running."""
+        """Resume a paused assembly. True if one was running."""
         return self.bus.call(PAUSE, PauseAssembly(paused=False), ANSWER_DEADLINE_S).was_running
 
     def assemble(
@@ -361,7 +361,7 @@ class Cell:
         try:
             return ask_assembly(self.bus, request, deadline_s, lambda text: self._warn("answer_lost", text))
         except KeyboardInterrupt:
-            # the planner takes the peg out; the stack must live until it has
+            # the planner takes the peg out; the stack must live until that is done
             began_ns = self.bus.clock.now_ns()
             self.abort()
             self._phase.wait_for(
@@ -372,7 +372,7 @@ class Cell:
             self._asking = False
 
     def abort_own(self) -> bool:
-        """As `abort`, but only an assembly that this client asked for. Whether it was running."""
+        """As `abort`, but only for an assembly that this client asked for. True if it was running."""
         return self._asking and self.abort()
 
 

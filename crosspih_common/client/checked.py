@@ -1,4 +1,4 @@
-"""Whether a cell without a simulator was checked since it was started: only then may it be asked for an assembly."""
+"""A cell without a simulator must pass its check after each start before it may be asked for an assembly."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FILE = "cell-check.json"
 
 
 def checked_boot(folder: Path) -> str | None:
-    """The boot of the cell that passed its check, by the file in `folder`; None where none did."""
+    """The boot id of the cell that passed its check, by the file in `folder`; None if there is none."""
     try:
         said = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -21,7 +21,7 @@ def checked_boot(folder: Path) -> str | None:
 
 
 def note_checked(folder: Path, boot_id: str) -> None:
-    """Write down that this boot of the cell passed its check."""
+    """Record in `folder` that this boot of the cell passed its check."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / FILE).write_text(json.dumps({"boot_id": boot_id}) + "\n", encoding="utf-8")
 

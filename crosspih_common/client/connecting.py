@@ -9,7 +9,7 @@ from crosspih_common.client import defaults
 from crosspih_common.client.cell import NEEDED, Cell
 from crosspih_common.config import CellFile, load_cell
 
-OPERATOR = "operator"  # a client is an operator: it may do what the CLI may, and no more
+OPERATOR = "operator"  # a client acts as the operator: it has the same rights as the CLI
 CONNECT_S = 5.0
 
 
@@ -20,7 +20,7 @@ def connect(
     timeout_s: float = CONNECT_S,
     needed: tuple[str, ...] = NEEDED,
 ) -> Cell:
-    """A place on the bus of the running cell, to be left at the end: use it in a `with` block.
+    """Connect to the bus of the running cell; use it in a `with` block, which closes it.
 
     `endpoint` is the router, such as "tcp/127.0.0.1:7447" (CROSSPIH_ENDPOINT, or the one of this machine, where left
     out); `cell` the cell's file (CROSSPIH_CELL, or the default cell's); `timeout_s` the wall time that the router and
@@ -40,11 +40,11 @@ def connect(
 
 
 def open_cell(endpoint: str | None, cell: str | Path | None, *, timeout_s: float, readings: bool) -> Cell:
-    """A place on the bus, whoever else is there. Raises BusUnreachable, ConfigError."""
+    """Connect without waiting for any service. Raises BusUnreachable, ConfigError."""
     return Cell(*open_bus(endpoint, cell, timeout_s), readings=readings)
 
 
 def open_bus(endpoint: str | None, cell: str | Path | None, timeout_s: float) -> tuple[Bus, CellFile]:
-    """The bus of an operator, and the cell's file. Raises BusUnreachable, ConfigError."""
+    """The bus with the operator's rights, and the cell's file. Raises BusUnreachable, ConfigError."""
     file = load_cell(cell or defaults.cell_path())
     return Bus(open_zenoh(endpoint or defaults.endpoint(), timeout_s, OPERATOR), file.workcell.name, OPERATOR), file

@@ -1,4 +1,4 @@
-"""Which cell's file and which router are meant where nothing is named: cheap to import, for commands that only look."""
+"""The default cell file and router. Cheap to import, for commands that only show something."""
 
 from __future__ import annotations
 

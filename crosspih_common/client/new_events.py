@@ -1,4 +1,4 @@
-"""Events that are news: whoever comes late to the bus is told the last event of every service again."""
+"""Keeps only new events: a late subscriber on the bus receives the last event of every service again."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from crosspih_common.messages import Event
 
 
 def only_new(on_event: Callable[[Event], None], clock: BusClock, heard: Iterable[Event]) -> Callable[[Event], None]:
-    """`on_event` without the events of before: those `heard` already, those stamped before now, and those of an earlier
-    run of the cell, whose clock was further than this one's. An event without a stamp is news."""
+    """`on_event` without old events: those in `heard`, those stamped before now, and those of an earlier run of the
+    cell, whose stamps are ahead of this run's clock. An event without a stamp counts as new."""
     begun_ns, boot_id = clock.now_ns(), clock.boot_id
     before = {(event.service, event.seq, event.stamp_ns) for event in heard}
 

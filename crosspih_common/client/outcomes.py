@@ -1,4 +1,4 @@
-"""What a client is answered: how an assembly ended, and how a cell is."""
+"""The results that a client returns: how an assembly ended, and the state of a cell."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from crosspih_common.messages import (
 class Assembly:
     """An assembly that came to an end.
 
-    `result` is the planner's own account: T2 and every count, with units in the names of its fields. `seed` is what the
-    trial was drawn from, None where nothing was drawn; `wall_s` the wall time of the whole. `recording` is the first
-    file of the recording, `recording_parts` all of them, `recording_warnings` what is missing from it.
+    `result` is the planner's own account: T2 and every count, with units in the names of its fields. `seed` is the seed
+    of the trial, None if none was drawn; `wall_s` the wall time of the whole. `recording` is the first file of the
+    recording, `recording_parts` are all its files, `recording_warnings` says what is missing from it.
     """
 
     result: AssemblyResult
@@ -29,14 +29,14 @@ class Assembly:
 
     @property
     def inserted(self) -> bool:
-        """Whether the peg is in, by the planner's word."""
+        """Whether the peg is in, according to the planner."""
         return self.result.inserted
 
 
 @dataclass(frozen=True, slots=True)
 class CellStatus:
-    """How a cell is. `alive` are the services with a sign of life, `services` what each said last (once a second);
-    `holder` is who holds the arm, empty where nobody does."""
+    """The state of a cell. `alive` are the services with a liveliness token, `services` their last statuses (one a
+    second); `holder` is the holder of the arm, empty if there is none."""
 
     cell: str
     endpoint: str

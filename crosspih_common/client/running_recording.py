@@ -1,4 +1,4 @@
-"""The recording of one assembly: asked for, ended, what it misses. Without one the assembly is done all the same."""
+"""The recording of one assembly: its start, its end and what is missing. An assembly also runs without one."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from crosspih_common.keys import RECORD_START, RECORD_STOP
 from crosspih_common.messages import RecordingStatus, StartRecording, StopRecording
 
 RECORDER_DEADLINE_S = 60.0
-BACK_S = 10.0  # how long a recorder that went is waited for at the end
-RECORDER_WAIT_S = 1.0  # for a recorder that is not there yet; one that comes back at the end is asked again
+BACK_S = 10.0  # how long to wait at the end for a recorder that was lost
+RECORDER_WAIT_S = 1.0  # how long to wait at the start for a recorder; at the end it is asked again
 _POLL_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class FinishedRecording:
-    """What came of it: the first file, all files, and what is missing, in words."""
+    """A finished recording: the first file, all files, and what is missing, in words."""
 
     path: str | None = None
     parts: tuple[str, ...] = ()
@@ -26,7 +26,7 @@ class FinishedRecording:
 
 
 class RunningRecording:
-    """A recording under way. `required`: CrosspihError where there can be none, rather than a warning at the end."""
+    """A recording under way. `required`: raise CrosspihError if recording fails, instead of a warning at the end."""
 
     def __init__(self, bus: Bus, name: str, required: bool) -> None:
         self._bus = bus
@@ -47,7 +47,7 @@ class RunningRecording:
             self.trouble = status.trouble
 
     def end(self) -> FinishedRecording:
-        """Finish it. Never raises: the assembly's own end must be told even when the recorder is lost."""
+        """Finish the recording. Never raises: the assembly's result must be returned even when the recorder is lost."""
         started = self._started
         if started is None:
             return FinishedRecording(warnings=(f"nothing was recorded: {self.trouble}",))

@@ -1,4 +1,4 @@
-"""The samples of one topic, one after the other, for whoever reads them in a loop."""
+"""The samples of one topic, one after the other, for a loop."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from crosspih_common.keys import Payload
 
 PayloadT = TypeVar("PayloadT", bound=Payload)
 DEPTH = 1024  # samples that wait for a slow reader: ten seconds of a wrench at 100 Hz
-NOTICED_S = 0.5  # so often a reader that waits looks whether the cell was closed
+NOTICED_S = 0.5  # period at which a waiting reader checks whether the cell was closed
 
 Handler = Callable[[PayloadT], None]
 Listen = Callable[[Handler[PayloadT]], AbstractContextManager[None]]
 
 
 class Stream(Generic[PayloadT]):
-    """What a topic says from when the block is entered until it is left, in the order in which it comes.
+    """The samples of a topic from the start of the block to its end, in the order of arrival.
 
-    At most `depth` samples wait: where the reader is slower than the topic the oldest are dropped, and `dropped` counts
-    them. With `timeout_s` the loop raises CommandTimeout where nothing comes for so long (wall time); a cell at
-    `--speed max` publishes nothing while no command is carried out, for its time stands still.
+    At most `depth` samples wait: if the reader is slower than the topic, the oldest are dropped and `dropped` counts
+    them. With `timeout_s` the loop raises CommandTimeout if nothing comes for that long (wall time). A cell at
+    `--speed max` publishes nothing between commands, because its time stands still.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Stream(Generic[PayloadT]):
         self.close()
 
     def close(self) -> None:
-        """Listen no more; a loop over it ends. Safe to call twice."""
+        """Stop listening; a loop over the stream ends. Safe to call twice."""
         opened, self._open = self._open, None
         if opened is not None:
             opened.__exit__(None, None, None)

@@ -1,4 +1,4 @@
-"""How far the arm, its tool and the peg are from what stands around them, and whether a motion keeps clear of it."""
+"""Distances of the arm, its tool and the peg from their surroundings, and collision checks of motions."""
 
 from crosspih_common.collision.fixture import Fixture
 from crosspih_common.collision.model import Clearance, CollisionModel, Violation

@@ -1,4 +1,4 @@
-"""`python -m crosspih_common.collision [CELL.yaml]`: what stands in a cell, how far home is from it, and the cost."""
+"""`python -m crosspih_common.collision [CELL.yaml]`: a cell's obstacles, their distances at home, query times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CALLS = 30
 
 
 def microseconds(call: Callable[[], object], postures: int = 1) -> float:
-    """What a call takes, the median of some, by the posture."""
+    """The median time of a call for each posture, in microseconds."""
     taken = []
     for _ in range(CALLS):
         started = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The plate with the hole wherever the cell's prior lets it be, and the zone in which the peg is at work before it."""
+"""The region that the plate with the hole may occupy by the cell's prior, and the working zone of the peg before it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from crosspih_common.geometry.pose import Array
 from crosspih_common.shapes import Hole
 
 WORKING_TILT_RAD = 0.5  # between the peg's axis and the nominal hole's; more is no assembly
-BELIEVED = 2.0  # times the half ranges: how far off a hole may be believed
+BELIEVED = 2.0  # times the half ranges: how far from nominal an estimate of the hole may be
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,16 +53,16 @@ class Fixture:
         return cls(pose, lower - grown, upper + grown, radius, lower, upper, None if opens_down else stand, ranges)
 
     def at_work(self, pose_base_peg: Pose, tip_m: float) -> bool:
-        """Whether a peg, its tip at (0, 0, `tip_m`) in the peg frame, is in the working zone."""
+        """Whether a peg with its tip at (0, 0, `tip_m`), m, in the peg frame is in the working zone."""
         pose_hole_peg = self.pose_base_hole.inverse() @ pose_base_peg
         x, y, z = pose_hole_peg.apply([0.0, 0.0, tip_m])
         aligned = pose_hole_peg.rotation[2, 2] > np.cos(WORKING_TILT_RAD)
         return bool(aligned and np.hypot(x, y) <= self.working_radius_m and z <= self.upper_m[2])
 
     def distances_m(self, points_base_m: Array) -> Array:
-        """Distances (...) of points (..., 3) from wherever the plate may be, 0 there and behind its front.
+        """Distances (...) of points (..., 3), base frame, m, from the plate's region; 0 in it and behind its front.
 
-        Finer than the box: the front is nearer to the arm the farther a point is from the axis, by the plate's turn.
+        Finer than the box: by the plate's possible tilt, its front is nearer to the arm farther from the axis.
         """
         lateral, depth, turn = self.half_ranges[0], self.half_ranges[2], self.half_ranges[3]
         half = self.plate_upper_m[0] * (1.0 + turn) + lateral
@@ -73,7 +73,7 @@ class Fixture:
         return np.asarray(np.hypot(across, before))
 
     def before_m(self, points_base_m: Array) -> float:
-        """How far points (k, 3) are before the plane of the box's front; negative where one is behind it."""
+        """Distances of points (k, 3) in front of the plane of the box's front; negative behind it."""
         return float(self.lower_m[2] - np.max(self.pose_base_hole.inverse().apply(points_base_m)[:, 2]))
 
 
@@ -90,8 +90,9 @@ def plate_corners_m(hole: Hole) -> tuple[Array, Array]:
 
 
 def turned_by_m(lower_m: Array, upper_m: Array, half_ranges_rad: Array) -> Array:
-    """How far (3,), along each axis, a point of a box can be moved by a turn about the frame's origin, each component
-    of whose rotation vector is within its half range (3,): an upper bound, w x p and the rest of Rodrigues' formula.
+    """An upper bound (3,), m, of how far a rotation about the frame's origin moves any point of a box along each axis.
+
+    Each component of the rotation vector is within its half range (3,): w x p and the rest of Rodrigues' formula.
     """
     reach = np.maximum(np.abs(lower_m), np.abs(upper_m))
     turn = np.asarray(half_ranges_rad, float)

@@ -1,19 +1,19 @@
-"""Distances between what the arm moves and what stands around it, at one posture and along a path.
+"""Distances between the moving parts of the cell and its obstacles, at one posture and along a path.
 
 The rule
 --------
-Every part of the arm keeps `cell.surroundings.margin_m` of everything that stands in the cell, of the keep-out boxes
-and of the floor, and the tool and the peg keep it of the links before the wrist. There are two exceptions.
+Every part of the arm keeps the distance `cell.surroundings.margin_m` from all obstacles, keep-out boxes and the floor.
+The tool and the peg also keep it from the links before the wrist. There are two exceptions.
 
 - The base (link 1) stands on the floor.
-- A motion that is made for it (`working`) may bring the peg, the tool and the last link, which hold together, to the
-  fixture and its stand while the peg is at work: its tip within the cylinder about the nominal hole in which a hole can
-  be believed, not behind the plate, and its axis within 0.5 rad of the hole's (`Fixture.at_work`). The other links keep
-  clear of the fixture also then, and no other obstacle is excepted, a keep-out box least of all.
+- A working motion (`working`) may bring the peg, the tool and the last link, which are rigidly connected, to the
+  fixture and its stand while the peg is at work: its tip is in the cylinder about the nominal hole in which the hole
+  may be, not behind the plate, and its axis is within 0.5 rad of the hole's (`Fixture.at_work`). The other links keep
+  clear of the fixture also then. No other obstacle is excepted, in particular no keep-out box.
 
-The fixture is where the prior of the hole says, grown so that it covers the plate wherever the hole may be.
+The fixture is placed by the prior of the hole and enlarged so that it covers the plate wherever the hole may be.
 
-An arm that is found nearer to something than the margin may move, but no nearer to it.
+An arm that is already nearer to something than the margin may move, but not nearer to it.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from crosspih_common.geometry.pose import Array
 
 WRIST = 3  # the links from the wrist on are not checked against the tool they carry
 BEFORE_ZONE_M = 1e-3  # beyond the margin, for the arm's own inaccuracy
-NO_NEARER_M = 5e-4  # what an arm that stands too near may still lose, by rounding and settling
+NO_NEARER_M = 5e-4  # how much nearer an arm that stands too near may still come, by rounding and settling
 
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """The least distance at a posture, m, negative by how deep two parts overlap, and between what."""
+    """The least distance at a posture, m (negative: the depth of overlap), and the two parts."""
 
     distance_m: float
     moving: str
@@ -48,7 +48,7 @@ class Clearance:
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """The first place of a path that is too near: on the way to knot `index`, at `joints_rad` (n,)."""
+    """The first posture of a path that is too near to something: before knot `index`, at `joints_rad` (n,)."""
 
     index: int
     joints_rad: tuple[float, ...]
@@ -67,7 +67,7 @@ class Violation:
 
 
 class _Pair(NamedTuple):
-    """One moving part and what it is checked against: the obstacle, or another moving part, at that index."""
+    """A moving part and the obstacle, or other moving part, that it is checked against, each by its index."""
 
     part: int
     other: int
@@ -77,7 +77,7 @@ class _Pair(NamedTuple):
 
 
 class CollisionModel:
-    """The parts and obstacles of one cell. For one thread at a time: the library keeps its last guess.
+    """The parts and obstacles of one cell. Use it from one thread at a time: the library caches its last guess.
 
     Raises ConfigError when a mesh cannot be read or the library is not installed.
     """
@@ -128,11 +128,11 @@ class CollisionModel:
 
     @property
     def obstacles(self) -> tuple[str, ...]:
-        """The names of what stands in the cell."""
+        """The names of the obstacles."""
         return tuple(one.name for one in self._obstacles)
 
     def postures(self, joints_rad: ArrayLike) -> int:
-        """How many postures `check_path` looks at on the way through knots (k, n), rad, at most."""
+        """The largest number of postures that `check_path` checks on a path through knots (k, n), rad."""
         return len(self._dense(np.asarray(joints_rad, float))[0])
 
     def clearance(self, joints_rad: ArrayLike, *, working: bool = False) -> Clearance:
@@ -152,7 +152,7 @@ class CollisionModel:
         return Clearance(float(best), self._parts[found.part].name, self._name_of(found))
 
     def distances_m(self, joints_rad: ArrayLike) -> dict[tuple[str, str], float]:
-        """Every distance that is watched at joints (n,), rad, by part and obstacle, m; slower than `clearance`."""
+        """All checked distances at joints (n,), rad, by part and obstacle, m; slower than `clearance`."""
         rotations, places = self._placed(np.asarray(joints_rad, float)[None])
         standing: dict[int, Any] = {}
         return {
@@ -163,9 +163,9 @@ class CollisionModel:
     def check_path(self, joints_rad: ArrayLike, *, working: bool = False) -> Violation | None:
         """The first place where straight joint moves through knots (k, n), rad, come too near; None when they do not.
 
-        So many postures between the knots are looked at that no point goes farther than the margin from one to the
-        next: whatever lies in between is at least half the margin off. `working`: see the rule above; a free move
-        wants False. A path that is curved between its knots wants more knots.
+        The postures between the knots are so close that no point moves farther than the margin from one to the next.
+        Between them every part therefore keeps at least half the margin. `working`: see the rule above; use False for a
+        free move. A path that is curved between its knots needs more knots.
         """
         joints, knots = self._dense(np.asarray(joints_rad, float))
         rotations, places = self._placed(joints)
@@ -201,9 +201,9 @@ class CollisionModel:
         return float(self._of_fixture(peg, self._stands[0], self._request, self._coal.DistanceResult()))
 
     def before_zone(self, pose_base_peg: Pose) -> Pose:
-        """The pose, or as far back from it along the peg's own axis as brings the whole peg clear before the zone.
+        """The pose, moved back along the peg's axis until the whole peg is clear in front of the zone.
 
-        From there on a free move may go anywhere. Unchanged where the peg is not at work.
+        A free move can start from there. Unchanged if the peg is not at work.
         """
         if not self.fixture.at_work(pose_base_peg, self._tip_m):
             return pose_base_peg
@@ -215,7 +215,7 @@ class CollisionModel:
     # ------------------------------------------------------------------------------------------------------ reckoning
 
     def _dense(self, knots: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Postures (m, n) on the way through knots (k, n), and to which knot each is on the way."""
+        """Postures (m, n) on the path through knots (k, n), and the next knot of each."""
         if knots.ndim != 2 or knots.shape[1] != self._joints or not len(knots):
             raise ValueError(f"joints_rad wants shape (k, {self._joints}) with k >= 1, got {knots.shape}")
         steps = np.diff(knots, axis=0)
@@ -233,7 +233,7 @@ class CollisionModel:
         return rotations @ self._part_rotations, places + (rotations @ self._part_places_m[..., None])[..., 0]
 
     def _lower_bounds_m(self, rotations: Array, places: Array) -> Array:
-        """(k, pairs): no pair is nearer than this; from balls around parts and boxes around obstacles."""
+        """(k, pairs): lower bounds of the distances, m, from balls around parts and boxes around obstacles."""
         away = places[:, :, None] - self._box_places_m
         beyond = np.abs(np.einsum("oji,kpoj->kpoi", self._box_rotations, away)) - self._half_boxes_m
         outside = np.maximum(beyond, 0.0)

@@ -1,4 +1,4 @@
-"""What the arm moves: its links as capsules, the tool as a cylinder, the peg as its convex hull."""
+"""The moving parts: the arm's links as capsules, the tool as a cylinder, the peg as its convex hull."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def along(start_m: Array, end_m: Array) -> tuple[Pose, float]:
 
 
 def reaches_m(workcell: Workcell, parts: list[MovingPart]) -> Array:
-    """How far (n,) any point of the parts can be from each joint's axis, in any posture; an upper bound."""
+    """Upper bounds (n,), m, of the distance of any point of the parts from each joint's axis, in any posture."""
     arm = workcell.arm()
     count = arm.joints
     _, places = arm.frames(np.zeros(count))

@@ -1,8 +1,8 @@
 """Shapes for the collision library, `coal`, the maintained successor of hpp-fcl.
 
-It is chosen over python-fcl by measurement (docs/surroundings.md): its distances are right to the closed form, a query
-takes less than half the time, and it says how deep two shapes overlap. It comes with `pin`. Imported when a model is
-made, so that only services that check motions install it.
+It was chosen over python-fcl by measurement (docs/surroundings.md): its distances agree with the closed form, a query
+takes less than half the time, and it gives the depth of an overlap. It comes with `pin`. It is imported when a model is
+made, so that only services that check motions need it installed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FAR_M = 100.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
-    """A thing that stands: its shape, and the box (about `pose_base_box`, half lengths (3,), m) that holds it."""
+    """A fixed obstacle: its shape, and its bounding box (about `pose_base_box`, half lengths (3,), m)."""
 
     name: str
     shape: Any
@@ -67,7 +67,7 @@ def hull_of(corners_m: Array) -> Any:
 
 
 def obstacles_of(workcell: Workcell, fixture: Fixture) -> list[Obstacle]:
-    """Everything that stands in a cell; the fixture and its stand, where it has one, first."""
+    """All obstacles of a cell; first the fixture and its stand, if it has one."""
     coal = library()
     around = workcell.surroundings
     half = (fixture.upper_m - fixture.lower_m) / 2

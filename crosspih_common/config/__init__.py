@@ -38,7 +38,7 @@ else:
         "with_correction_moved": "force_torque",
         "with_files_beside": "cell",
     }
-    __getattr__ = on_demand(__name__, _MODULES)  # a cell's name alone needs neither shapes nor arms
+    __getattr__ = on_demand(__name__, _MODULES)  # reading only a cell's name loads neither shapes nor arms
 
 
 __all__ = [

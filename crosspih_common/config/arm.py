@@ -66,7 +66,7 @@ class ArmSection(Section):
 
 
 def default_joints(arm: Any, field: str) -> tuple[float, ...] | None:
-    """The home posture or the joint stiffness of the arm that a raw section `cell.arm` names; None where it names none.
+    """The default home posture or joint stiffness of the arm named in a raw section `cell.arm`; None without a name.
 
     `field` is "home_rad" or "stiffness_nm_rad".
     """
@@ -81,7 +81,7 @@ def default_joints(arm: Any, field: str) -> tuple[float, ...] | None:
 
 
 def with_urdf_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
-    """The cell's raw section, its arm's URDF file looked for from the folder of the cell's file."""
+    """The cell's raw section; a relative path of the arm's URDF file is resolved from the folder of the cell's file."""
     arm = cell.get("arm")
     if not isinstance(arm, dict) or not isinstance(arm.get("urdf"), str):
         return cell
@@ -93,7 +93,7 @@ def _arm(section: ArmSection) -> ArmModel:
     radii = np.asarray(section.link_radii_m or (), float)
     changed = {name: np.asarray(value) for name in LIMITS if (value := getattr(section, name)) is not None}
     if section.urdf is not None:
-        # pin is an extra: an arm without a URDF file is made without it
+        # pin is an optional extra: an arm without a URDF file does not need it
         try:
             from crosspih_common.arm.urdf import arm_from_urdf
         except ImportError as error:

@@ -32,7 +32,7 @@ class BoardPattern:
 
     @classmethod
     def of(cls, text: str) -> BoardPattern:
-        """From the one line. Raises ValueError that says what is wrong with it and how it is written."""
+        """Parse the line. Raises ValueError that says what is wrong and what the form is."""
         found = PATTERN.fullmatch(text.strip())
         how = f"write squares across x down, side of a square and of a marker in metres, dictionary: {EXAMPLE}"
         if found is None:

@@ -15,9 +15,9 @@ RADII = 2000
 class CameraSection(Section):
     """Two equal parallel cameras, as calibrated, each with a lens of its own; z looks ahead, x right, y down.
 
-    A driver that knows its cameras' calibration better says so in `camera/calibration`; the simulated cameras stand
-    here. Pixel (u, v) = (fx x'/z + cx, fy y'/z + cy), with integers at pixel centres, u to the right and v down, and
-    (x', y') bent by the lens: `distortion`, OpenCV's plumb_bob.
+    The simulated cameras use these values. A driver that knows its cameras' calibration publishes it on
+    `camera/calibration`. Pixel (u, v) = (fx x'/z + cx, fy y'/z + cy), with integers at pixel centres, u to the right
+    and v down, and (x', y') after the lens distortion `distortion`, OpenCV's plumb_bob.
     """
 
     # the paper's Eq. 8, signs restored
@@ -71,7 +71,7 @@ class CameraSection(Section):
 
 
 def _bends_back_at(numbers: tuple[float, ...], corner: float) -> float | None:
-    """How far from the middle, in focal lengths, a lens's picture ends; None where it goes beyond the corner."""
+    """The radius, in focal lengths, at which the distortion folds back; None if that is beyond the picture's corner."""
     k1, k2, _, _, k3, k4, k5, k6 = (*numbers, *(0.0,) * (MAX_NUMBERS - len(numbers)))
     r = np.linspace(0.0, 4.0 * corner, RADII)
     r2 = r * r

@@ -53,7 +53,7 @@ def _explain(path: Path, where: str, error: ValidationError, model: type[Section
 
 @dataclass(frozen=True, slots=True)
 class CellFile:
-    """A cell's file: what all share, and the raw sections that services validate for themselves."""
+    """A cell's file: the shared section, and the raw sections that services validate themselves."""
 
     path: Path
     text: str
@@ -69,7 +69,7 @@ class CellFile:
 
 
 def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
-    """The cell's section, its peg's drawing looked for from the folder of the cell's file."""
+    """The cell's section; a relative path of the peg's drawing is resolved from the folder of the cell's file."""
     peg = cell.get("peg")
     if not isinstance(peg, dict):
         return cell
@@ -80,25 +80,25 @@ def _outline_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_files_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
-    """The raw section `cell` of the file at `path`, all files that it names looked for from the folder of that file."""
+    """The raw section `cell` of the file at `path`; relative paths in it are resolved from the folder of that file."""
     return with_mesh_files_beside(path, with_urdf_beside(path, _outline_beside(path, cell)))
 
 
 def standing_alone(path: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """A cell file's content that means the same wherever it is written: the files that it names by absolute paths."""
+    """A cell file's content that can be written to any folder: the files that it names get absolute paths."""
     if not isinstance(cell := content.get("cell"), dict):
         return content
     return {**content, "cell": with_files_beside(path.resolve(), cell)}
 
 
 def content_alone(cell: CellFile) -> dict[str, Any]:
-    """The content of a cell's file that means the same wherever it is written; what is empty there is a mapping."""
+    """The content of a loaded cell file, with absolute paths; empty sections become empty mappings."""
     content = {name: {} if section is None else section for name, section in (yaml_of(cell.text) or {}).items()}
     return standing_alone(cell.path, content)
 
 
 def load_cell(path: str | Path) -> CellFile:
-    """Read and check a cell's file. Raises ConfigError naming the file, the field and the mend."""
+    """Read and check a cell's file. Raises ConfigError that names the file, the field and how to correct it."""
     path = Path(path)
     try:
         text = text_of_file(path, MAX_BYTES)
@@ -108,9 +108,9 @@ def load_cell(path: str | Path) -> CellFile:
 
 
 def cell_of_text(path: Path, text: str) -> CellFile:
-    """Check the text of a cell's file; the files that it names are looked for from the folder of `path`.
+    """Check the text of a cell's file; relative paths in it are resolved from the folder of `path`.
 
-    Raises ConfigError naming `path`, the field and the mend.
+    Raises ConfigError that names `path`, the field and how to correct it.
     """
     try:
         content = yaml_of(text) or {}

@@ -1,4 +1,4 @@
-"""How a sensor is mounted against what its calibration or drawing says."""
+"""The correction of a sensor's mounting relative to its calibration or drawing."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from crosspih_common.messages.base import Vector3
 
 
 class MountingCorrection(Section):
-    """Where a frame really is, seen from where it was taken to be; none by default. `crosspih calibrate refine` finds
-    it."""
+    """The real pose of a frame relative to its assumed pose; by default the identity. `crosspih calibrate refine`
+    measures it."""
 
     shift_m: Vector3 = (0.0, 0.0, 0.0)
     turn_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="rotation vector")

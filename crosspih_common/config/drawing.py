@@ -42,7 +42,7 @@ class PegDrawing(Section):
     """The peg's drawing, metres from the F/T origin along the peg axis.
 
     `outline` is cross, square, triangle, hexagon, star, spline, keyway (a round with a key), round, or an SVG or DXF
-    file; with `corners_m` it is but the name of that polygon.
+    file; with `corners_m` it is only the name of that polygon.
     """
 
     outline: str = Field(default=CROSS, min_length=1)
@@ -81,11 +81,11 @@ class PegDrawing(Section):
         return (*_CROSS_ONLY, *(name for name in _SIZES if name not in _SIZES_OF[self.outline]))
 
     def shape(self) -> Peg:
-        """The shape that simulator, vision and mechanics share. ValueError where there is none like this."""
+        """The shape that simulator, vision and mechanics share. ValueError if the numbers give no valid shape."""
         return _peg(self)
 
 
-# what vision may be told to doubt: with less it would take its own noise for another part, with more a part for any
+# bounds of the tolerance: below, vision would take its own noise for another part; above, it would accept any part
 MIN_TOLERANCE_M, MAX_TOLERANCE_M = 1e-6, 5e-4
 
 
@@ -93,8 +93,8 @@ class HoleTolerance(Section):
     """How far the hole that was made may be from its drawing, one standard deviation each: of a tolerance of plus or
     minus t write t / 2.
 
-    Vision measures the hole within it, states its pose the less surely the larger it is, and takes what is clearly
-    farther off for another part (the refusal `not_the_drawing`).
+    Vision measures the hole within this tolerance; a larger one gives the pose a larger covariance. A hole that is
+    clearly farther off counts as another part (the refusal `not_the_drawing`).
     """
 
     size_m: float = Field(default=0.03e-3, description="the outline too large or too small, on every side")
@@ -129,8 +129,9 @@ class HoleDrawing(Section):
 
 
 def peg_section(peg: str) -> dict[str, Any]:
-    """What the section `cell.peg` of a cell's file says to have a peg by its name, or by the SVG or DXF file of its
-    outline; the outline's corners are written out, so that no other machine needs the file. Raises ConfigError.
+    """The section `cell.peg` of a cell's file for a peg given by its name, or by the SVG or DXF file of its outline.
+
+    The outline's corners are written out, so that no other machine needs the file. Raises ConfigError.
     """
     try:
         if Path(peg).suffix.lower() not in FILE_SUFFIXES:
@@ -143,7 +144,7 @@ def peg_section(peg: str) -> dict[str, Any]:
 
 
 def drawn_section(drawing: DrawingRead) -> dict[str, Any]:
-    """The section `cell.peg` with the corners of a drawing that was read. DrawingRefused where it gives no polygon."""
+    """The section `cell.peg` with the corners of a drawing. Raises DrawingRefused if the drawing gives no polygon."""
     outline = drawing.outline()
     corners = [[round(float(value), 9) for value in corner] for corner in outline.corners_m]
     return {"outline": outline.name, "corners_m": corners}

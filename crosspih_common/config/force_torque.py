@@ -30,7 +30,7 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 class Reports(str, Enum):
-    """Which of the two forces at the sensor its numbers are: the load on the peg, or the reaction."""
+    """The sign convention of the sensor: it reports the load on the peg, or the reaction to it."""
 
     LOAD = "load"  # a push against the tip reads -Fz: the load on the peg
     REACTION = "reaction"  # the same push reads +Fz: what the peg does to the world
@@ -85,11 +85,11 @@ class SensorSection(Section):
         )
 
     def as_drawn(self) -> SensorSection:
-        """The same without the correction: the mounting that the drawing says."""
+        """The same section without the correction: the mounting as in the drawing."""
         return self.model_copy(update={"correction": MountingCorrection()})
 
     def turned(self, pose_flange_peg: Pose, turn_rad: Array) -> Placement:
-        """`pose_flange_sensor` for a sensor that proved to be turned by a rotation vector (3,) of its own frame."""
+        """`pose_flange_sensor` of a sensor that is rotated by a rotation vector (3,), rad, in its own frame."""
         current = pose_flange_peg if self.pose_flange_sensor is None else self.pose_flange_sensor.pose()
         mounting = self.mounting(pose_flange_peg).pose_peg_sensor
         real = mounting @ Pose.from_rotvec(turn_rad, np.zeros(3))
@@ -109,10 +109,9 @@ def _matrix(axes: tuple[Axis, Axis, Axis]) -> Array:
 
 
 def with_correction_moved(content: dict[str, Any]) -> dict[str, Any]:
-    """A cell file's content with the correction of the sensor where it is now: `cell.force_torque.correction`.
+    """A cell file's content with the sensor's correction moved to its present key, `cell.force_torque.correction`.
 
-    It was once `force_torque.sensor_correction`, which the arm could not see. Raises ValueError where both
-    say something.
+    The old key `force_torque.sensor_correction` was not visible to the arm. Raises ValueError if both are set.
     """
     section = content.get("force_torque")
     if not isinstance(section, dict) or "sensor_correction" not in section:

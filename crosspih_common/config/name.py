@@ -1,4 +1,4 @@
-"""The name of a cell, for whoever only asks on its bus who is there."""
+"""The name of a cell, for commands that only list who is on its bus."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$"
 
 
 def cell_name(path: str | Path) -> str:
-    """`cell.name` of a cell's file, of which nothing else is checked. Raises ConfigError."""
+    """`cell.name` of a cell's file; nothing else in it is checked. Raises ConfigError."""
     try:
         content = yaml_of(text_of_file(Path(path), MAX_BYTES)) or {}
     except (OSError, yaml.YAMLError) as error:

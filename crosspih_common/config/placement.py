@@ -16,7 +16,7 @@ class Placement(Section):
     rotvec_rad: Vector3 = Field(default=(0.0, 0.0, 0.0), description="axis times angle")
 
     def pose(self) -> Pose:
-        """The pose; exactly a translation where nothing is turned."""
+        """The pose; exactly a translation if the rotation is zero."""
         if not any(self.rotvec_rad):
             return Pose.from_translation(list(self.position_m))
         return Pose.from_rotvec(self.rotvec_rad, self.position_m)

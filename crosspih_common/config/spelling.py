@@ -1,4 +1,4 @@
-"""What a misspelt word was meant to be: the names of a section's fields, the words that a choice has. Pure."""
+"""Suggestions for misspelt words: names of a section's fields, values of a choice. Pure."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def fields_beside(model: type[BaseModel], where: Sequence[int | str]) -> list[str]:
-    """The fields that stand where pydantic found one that is none: `where` is the `loc` of its error."""
+    """The valid fields at the place where pydantic found an unknown one; `where` is the `loc` of its error."""
     models: list[type[BaseModel]] = [model]
     for part in where[:-1]:
         fields = [one.model_fields[part] for one in models if isinstance(part, str) and part in one.model_fields]
         if fields:
             models = [found for field in fields for found in _models_in(field.annotation)]
-        # else the number of an element, the key of a mapping, or which kind of a union it was
+        # else it is the index of an element, the key of a mapping, or the member of a union
     return [name for one in models for name in one.model_fields]
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    """Every section that may stand in a field of this type."""
+    """All section models that a field of this type may hold."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [found for one in get_args(annotation) for found in _models_in(one)]
 
 
 def words_of(expected: str) -> list[str]:
-    """The words of a choice as pydantic tells them: `'realtime' or 'max'`."""
+    """The values of a choice, parsed from pydantic's text: `'realtime' or 'max'`."""
     return re.findall(r"'([^']*)'", expected)

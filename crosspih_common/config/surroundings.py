@@ -1,5 +1,5 @@
-"""What stands around the arm, as a cell's file says it; the plate with the hole follows from the drawing and the prior
-of the hole (`crosspih_common.collision.fixture`), so that it moves with them."""
+"""The obstacles around the arm in a cell's file. The plate with the hole is not among them: it follows from the drawing
+and the prior of the hole (`crosspih_common.collision.fixture`)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Length = Annotated[float, Field(gt=0.0)]
 
 
 class Standing(Placement):
-    """A thing with a name, placed in the base frame."""
+    """A named obstacle, placed in the base frame."""
 
     name: str = Field(min_length=1, max_length=40, description="as errors call it")
 
@@ -37,10 +37,10 @@ class Cylinder(Standing):
 
 
 class Mesh(Standing):
-    """A mesh from a file, which is looked for from the folder of the cell's file.
+    """A mesh from a file; its path is relative to the folder of the cell's file.
 
-    Its convex hull is what counts; with `hull: false` its triangles do, so that the arm may reach into its hollows (a
-    hundred times slower, and a link that is wholly inside is not noticed).
+    Checks use its convex hull. With `hull: false` they use its triangles, so that the arm may reach into hollows; this
+    is a hundred times slower, and a link that is wholly inside is not noticed.
     """
 
     file: str = Field(min_length=1)
@@ -55,10 +55,10 @@ class Mesh(Standing):
 
 
 class Surroundings(Section):
-    """What the arm stays clear of; metres, base frame.
+    """The obstacles that the arm stays clear of; metres, base frame.
 
-    The arm keeps `margin_m` of everything here; in a `keep_out` box nothing need stand. The peg and its tool may come
-    near the fixture alone, and only where the hole can be (`crosspih_common.collision`).
+    The arm keeps the distance `margin_m` from everything here; a `keep_out` box may be empty space. The peg and its
+    tool may come near the fixture only, and only where the hole can be (`crosspih_common.collision`).
     """
 
     boxes: tuple[Box, ...] = ()
@@ -87,7 +87,7 @@ class Surroundings(Section):
 
 
 def with_mesh_files_beside(path: Path, cell: dict[str, Any]) -> dict[str, Any]:
-    """The raw section `cell` of the file at `path`, its meshes looked for from the folder of that file."""
+    """The raw section `cell` of the file at `path`; mesh paths in it are resolved from the folder of that file."""
     surroundings = cell.get("surroundings")
     if not isinstance(surroundings, dict) or not isinstance(meshes := surroundings.get("meshes"), list):
         return cell

@@ -1,5 +1,5 @@
-"""What every service of a cell knows beforehand: drawings, mounting, where the hole should be. No secrets of the
-simulator are here: on a real cell these are the data sheet, the CAD drawing and a tape measure."""
+"""The nominal data of a cell that every service knows: drawings, mounting, expected pose of the hole. The simulator's
+true values are not here: on a real cell these data come from data sheets, CAD drawings and a tape measure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from crosspih_common.wrench import PayloadLimits, SensorMounting
 
 
 class HolePrior(Section):
-    """Where the hole is put, roughly: the nominal pose and how far it may be off, about the nominal hole's axes."""
+    """The expected pose of the hole: nominal pose and half ranges of the deviation, about the nominal hole's axes."""
 
     # T0 of the paper (its Eq. 13, signs restored), made orthonormal
     matrix_base_hole: tuple[tuple[float, float, float, float], ...] = (
@@ -78,7 +78,7 @@ class Workcell(Section):
     @model_validator(mode="before")
     @classmethod
     def _of_the_arm(cls, data: Any) -> Any:
-        """Home and stiffness of the arm that is named, where the file has none of its own."""
+        """Fill in home and stiffness of the named arm if the file does not give them."""
         if not isinstance(data, dict) or "arm" not in data:
             return data
         data = dict(data)
@@ -133,10 +133,10 @@ class Workcell(Section):
         return self.arm().pose_base_flange(joints_rad) @ self.pose_flange_peg()
 
     def compliance_peg(self, joints_rad: Array | tuple[float, ...]) -> Array:
-        """(6, 6): `arm_compliance_peg` and a contact that gives way, in series, where one is declared.
+        """(6, 6): `arm_compliance_peg` in series with the contact's compliance, if one is declared.
 
-        It is what brings a peg that touches at one point to where it would stand against a rigid plate: the contact's
-        spring moves it along the force, wherever the point is. Several points side by side give way less.
+        It relates a peg that touches at one point to its pose against a rigid plate: the contact's spring moves it
+        along the force, wherever the point is. Several contact points together are stiffer.
         """
         compliance = self.arm_compliance_peg(joints_rad)
         if self.contact_stiffness_n_m is not None:
@@ -144,7 +144,7 @@ class Workcell(Section):
         return compliance
 
     def arm_compliance_peg(self, joints_rad: Array | tuple[float, ...]) -> Array:
-        """(6, 6): the twist of the peg frame (x, y, z, rx, ry, rz, in the peg frame) a unit wrench on the peg makes.
+        """(6, 6): the displacement of the peg frame (x, y, z, rx, ry, rz, in the peg frame) per unit wrench on the peg.
 
         C = J K^-1 J^T with the Jacobian of the peg frame's origin (Salisbury 1980): the arm alone.
         """
@@ -161,6 +161,6 @@ class Workcell(Section):
         return self.force_torque.mounting(self.pose_flange_peg())
 
     def payload_limits(self) -> PayloadLimits:
-        """What a payload of this cell's sensor must keep to."""
+        """The plausible limits of a payload of this cell's sensor."""
         sensor = self.force_torque
         return PayloadLimits(sensor.range_n, sensor.range_nm, self.gravity_base_m_s2, sensor.tilt_limit_rad)

@@ -21,7 +21,7 @@ EDGES = 8
 
 
 def edge_index(arm: int, sense: int) -> int:
-    """The place (0 to 7) of an arm (1 to 4) and a sense (1 or 2)."""
+    """The index (0 to 7) of the contact of an arm (1 to 4) and a sense (1 or 2)."""
     return 2 * (arm - 1) + (sense - 1)
 
 
@@ -99,8 +99,8 @@ def sliding_wrench(
 ) -> Array:
     """The wrench (..., 6) of contacts pressed with 1 N while the peg is driven along motion_peg (3,), peg frame.
 
-    The wrist gives way by compliance_peg (6, 6), so the point slides along v = d - C n (n.d)/(n.C n), C the compliance
-    at the point; friction opposes it. One contact alone decides how it slides: with several this is an approximation.
+    The wrist yields by compliance_peg (6, 6), so the point slides along v = d - C n (n.d)/(n.C n), C the compliance at
+    the point; friction opposes it. This treats each contact as if it were the only one; for several it is approximate.
     """
     pushed = wrench_of_force_at_point(normal_peg, point_peg_m) @ compliance_peg.T
     gives = pushed[..., :3] + np.cross(pushed[..., 3:], point_peg_m)

@@ -1,4 +1,4 @@
-"""n_z0 of pushes of equal force (Eq. 17), and where friction takes it."""
+"""n_z0 of pushes of equal force (Eq. 17), without and with friction."""
 
 from __future__ import annotations
 

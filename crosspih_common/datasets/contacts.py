@@ -1,10 +1,10 @@
 """The table of contacts, one row a sample, in a folder of Parquet files.
 
-Rows are written in parts that nothing rewrites, so that a run which is stopped loses what it had in hand and no more;
+Rows are written in parts that are never rewritten, so that an interrupted run loses only unwritten rows.
 `ContactWriter.close` joins the parts into one file. Any Parquet reader opens the folder. The files' metadata, under the
-key `crosspih`, says as JSON where the rows come from (`DatasetOrigin`).
+key `crosspih`, holds the origin of the rows as JSON (`DatasetOrigin`).
 
-Lists are of fixed length. Where a push felt nothing the row says so in `outcome`, and what was not felt is null.
+Lists have a fixed length. If a push felt nothing, `outcome` says so and the measured columns are null.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ CONTACT_COLUMNS: dict[str, tuple[int | None, str, str]] = {
 
 
 class DatasetError(CrosspihError):
-    """A data set that cannot be read, or that was made otherwise than what is to be added to it."""
+    """A data set that cannot be read, or whose origin differs from that of the rows to be added."""
 
 
 class DatasetOrigin(BaseModel):
@@ -77,7 +77,7 @@ class DatasetOrigin(BaseModel):
         return not self.differs_in(other)
 
     def differs_in(self, other: DatasetOrigin) -> list[str]:
-        """In what rows of both differ, in words; nothing where they can stand in one table."""
+        """The differences between both origins, in words; empty if their rows can stand in one table."""
         said = {
             "made_by": "made by another maker", "cell_sha256": "of another cell", "settings": "with other settings",
             "schema_version": "in another version of the table",
@@ -86,7 +86,7 @@ class DatasetOrigin(BaseModel):
         return [words for name, words in said.items() if getattr(self, name) != getattr(other, name)]
 
     def draws(self, pose_seed: int, repeat: int) -> bool:
-        """Whether the command that is named makes such a row."""
+        """Whether the command of this origin makes a row with this seed and repeat."""
         return self.first_seed <= pose_seed < self.first_seed + self.poses and repeat < self.repeats
 
 
@@ -156,7 +156,7 @@ class ContactTable:
         return np.array([instead_of_null if value is None else value for value in self.table[name].to_pylist()], str)
 
     def sha256(self) -> str:
-        """A hash of all rows; neither the files' layout nor the order of the rows in them has a say."""
+        """A hash of all rows; it does not depend on the files' layout or the order of the rows in them."""
         digest = hashlib.sha256()
         for row in self.table.to_pylist():
             digest.update(json.dumps(row, sort_keys=True).encode())
@@ -200,8 +200,8 @@ def _origin(file: Path, table: Any) -> DatasetOrigin:
 class ContactWriter:
     """Adds rows to a data set's folder; `done` are the seeds that it has already.
 
-    Raises DatasetError when the folder holds rows made otherwise, by other code, or others than the origin's command
-    makes: the rows are always those of the command that the files name. One writer at a time.
+    Raises DatasetError if the folder holds rows of other settings or other code, or rows that the origin's command does
+    not make: all rows always come from the command that the files name. One writer at a time.
     """
 
     def __init__(self, folder: Path, origin: DatasetOrigin) -> None:
@@ -240,13 +240,13 @@ class ContactWriter:
         os.replace(half, path)
 
     def close(self) -> None:
-        """Join all parts into one file, and tell who started the command what was there. A second call does nothing."""
+        """Join all parts into one file, and record how many rows were reused and made. A second call does nothing."""
         record_measured(Measured(taken=len(self.done) - self._made, made=self._made, taken_s=None))
         parts = sorted(self.folder.glob(f"{_PART}*.parquet"))
         if not parts:
             return
         whole = read_contacts(self.folder)
-        # rows found twice, should this be cut short between the next two lines, are dropped by the reader
+        # if this is interrupted between the next two lines, the reader drops the rows that it finds twice
         self._write(whole.table.replace_schema_metadata(_schema(self.origin).metadata), self.folder / _JOINED)
         for part in parts:
             part.unlink()

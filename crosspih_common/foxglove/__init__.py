@@ -1,4 +1,4 @@
-"""What a cell says in the well-known schemas of Foxglove, for viewers that people have: pure, and read by no service.
+"""A cell's messages converted to Foxglove's schemas, for common viewers. Pure functions; no service reads the result.
 
 `FoxgloveTopics` takes crosspih's messages and gives (topic, stamp, protobuf bytes), for recordings and live.
 """

@@ -25,7 +25,7 @@ INNER_RIM: Rgba = (0.0, 1.0, 0.4, 1.0)
 
 
 def calibration_message(camera: CameraModel, frame: str, stamp_ns: int) -> bytes:
-    """CameraCalibration of pictures as they are taken: not rectified, so R is none and P is K."""
+    """CameraCalibration of unrectified pictures: R is empty and P is K."""
     given = [float(value) for value in camera.distortion]
     if camera.distortion_model is DistortionModel.FISHEYE:
         model, numbers = KANNALA_BRANDT, given
@@ -44,7 +44,7 @@ def calibration_message(camera: CameraModel, frame: str, stamp_ns: int) -> bytes
 
 
 def pixels_of(camera: CameraModel, points_m: Array) -> Array:
-    """Pixels (n, 2) of points (n, 3) in the camera's frame, m; NaN for those that are not before it."""
+    """Pixels (n, 2) of points (n, 3) in the camera's frame, m; NaN for points behind the camera."""
     z = np.where(points_m[:, 2] > NEAREST_M, points_m[:, 2], np.nan)
     x, y = points_m[:, 0] / z, points_m[:, 1] / z
     if camera.distortion_model is DistortionModel.FISHEYE:

@@ -1,4 +1,4 @@
-"""crosspih's messages in, Foxglove's out: what is drawn follows from what was said on the bus, in order."""
+"""Converts crosspih's messages, in the order in which they came over the bus, to Foxglove's messages."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ from crosspih_common.messages import (
 )
 
 RATE_HZ = 50.0
-FORCE_PERIOD_NS = 40_000_000  # of arrows; the wrenches themselves are told at their own rate
+FORCE_PERIOD_NS = 40_000_000  # between arrows; the wrenches themselves are published at their own rate
 MAX_PATH_POSES = 200
 LEVELS = {Severity.INFO: Log.INFO, Severity.WARNING: Log.WARNING, Severity.ERROR: Log.ERROR}
 LEFT, RIGHT = Frame.CAMERA_LEFT.value, Frame.CAMERA_RIGHT.value
@@ -80,15 +80,15 @@ LEFT, RIGHT = Frame.CAMERA_LEFT.value, Frame.CAMERA_RIGHT.value
 Publish = Callable[[ViewerTopic, int, bytes], None]
 
 
-# topics are heard out of order among each other, by so much at most
+# messages of different topics may arrive out of order, by at most this much
 OUT_OF_ORDER_NS = 100_000_000
 
 
 class FoxgloveTopics:
-    """Takes messages of HEARD, and of TRUTH_HEARD in recordings, one thread at a time; `publish(topic, stamp, bytes)`
-    is called with what follows from each. `rate_hz` is of frames, joints and the peg's pose.
+    """Takes messages of HEARD, and of TRUTH_HEARD in recordings, one thread at a time, and calls
+    `publish(topic, stamp, bytes)` with the results. `rate_hz` is the rate of frames, joints and the peg's pose.
 
-    The hole's frame is where the newest estimate has it, before the first one where the cell's file expects it.
+    The hole's frame is at the newest estimate; before the first estimate it is at the nominal pose.
     """
 
     def __init__(self, workcell: Workcell, publish: Publish, rate_hz: float = RATE_HZ) -> None:
@@ -132,7 +132,7 @@ class FoxgloveTopics:
         self._take: dict[str, Callable[[Any, int], None]] = {topic.path: method for topic, method in take.items()}
 
     def wants(self, topic: Topic[Any], stamp_ns: int) -> bool:
-        """Whether anything would come of this message: asked before it is decoded."""
+        """Whether this message leads to any output; called before it is decoded."""
         if topic.path == JOINT_STATE.path:
             return not 0 <= stamp_ns - self._joints_ns < self._period_ns
         return topic.path in self._take
@@ -149,7 +149,7 @@ class FoxgloveTopics:
         method(value, stamp_ns)
 
     def known(self) -> Iterator[tuple[ViewerTopic, bytes]]:
-        """What stays true, for a viewer that comes late or a file that begins now."""
+        """Publish the messages that stay valid, for a viewer that connects late or a new file."""
         yield from self._last.items()
 
     def _tell(self, topic: ViewerTopic, stamp_ns: int, data: bytes) -> None:
@@ -159,7 +159,7 @@ class FoxgloveTopics:
 
     def _begin(self, stamp_ns: int) -> None:
         self._begun, self._arm_told_ns = True, stamp_ns
-        self._tell_arm(stamp_ns, self._workcell.home_joints_rad)  # frames before what stands in them
+        self._tell_arm(stamp_ns, self._workcell.home_joints_rad)  # first the frames, then the things in them
         self._tell(schemas.ARM, stamp_ns, self._scenes.arm(stamp_ns))
         self._tell(schemas.PLATE, stamp_ns, self._scenes.plate(stamp_ns))
         around = self._scenes.surroundings(stamp_ns)
@@ -170,14 +170,14 @@ class FoxgloveTopics:
 
     def _joint_state(self, state: JointState, stamp_ns: int) -> None:
         if 0 < self._arm_told_ns - stamp_ns < OUT_OF_ORDER_NS:
-            return  # what came first was a little later than it: frames do not go back in time
+            return  # a newer message came first; frames do not go back in time
         self._joints_ns = stamp_ns
         self._tell_arm(stamp_ns, state.joints_rad)
         self._tell(schemas.JOINT_STATES, stamp_ns, self._frames.joint_states(state, stamp_ns))
 
     def _tell_arm(self, stamp_ns: int, joints_rad: tuple[float, ...]) -> None:
         arm, peg = self._frames.transforms(stamp_ns, joints_rad)
-        # all in each message, so that a viewer which jumps in time has every frame, and none drifts to its next place
+        # each message has all frames, so that a viewer can jump in time and interpolates no frame to its next place
         self._tell(schemas.TRANSFORMS, stamp_ns, arm + self._placed.transforms(stamp_ns))
         self._tell(schemas.PEG_POSE, stamp_ns, peg)
 

@@ -1,4 +1,4 @@
-"""The arm's frames as Foxglove's FrameTransforms, and the peg's pose: told many times a second."""
+"""The arm's frames as Foxglove's FrameTransforms, and the peg's pose; published many times a second."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def arm_urdf(workcell: Workcell) -> str:
 
 
 class Placed:
-    """Frames that stand still in others, until they are placed anew; written out with a stamp at a time."""
+    """Frames that are fixed in other frames until they are placed anew; written with a stamp on request."""
 
     def __init__(self) -> None:
         self._bodies: dict[str, bytes] = {}
         self.poses: dict[str, PoseData] = {}
 
     def place(self, child: str, parent: str, pose_parent_child: PoseData) -> None:
-        """Put a frame into another."""
+        """Place a frame in another one."""
         self.poses[child] = pose_parent_child
         self._bodies[child] = _body(
             _named(parent, child), pose_parent_child.position_m, pose_parent_child.quaternion_xyzw
@@ -110,7 +110,7 @@ class ArmFrames:
 
 
 def _after(at: Vector, turn: Vector, place: Vector, own: Vector) -> tuple[Vector, Vector]:
-    """One pose behind another: (place, quaternion) of both together."""
+    """The product of two poses: (position, quaternion)."""
     qx, qy, qz, qw = turn
     x, y, z = place
     # v + 2 q x (q x v + w v)

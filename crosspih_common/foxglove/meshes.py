@@ -49,7 +49,7 @@ def plate_mesh(hole: Hole) -> TriangleMesh:
 
 
 def _wall(low_m: Array, high_m: Array) -> TriangleMesh:
-    """Between two rings of n corners, counter-clockwise seen from +z; outward where `high_m` is above `low_m`."""
+    """The wall between two rings of n corners, counter-clockwise seen from +z; outward if `high_m` is above `low_m`."""
     count = len(low_m)
     here = np.arange(count)
     after = (here + 1) % count
@@ -59,7 +59,7 @@ def _wall(low_m: Array, high_m: Array) -> TriangleMesh:
 
 
 def _cap(ring_m: Array, up: bool, opening_m: Array | None = None) -> TriangleMesh:
-    """What lies within a plane ring, and outside of an opening in it, seen from +z or, with not `up`, from -z."""
+    """The area of a plane ring without an opening in it; visible from +z or, if `up` is False, from -z."""
     polygon = Polygon(ring_m[:, :2], [] if opening_m is None else [opening_m[:, :2]])
     corners: list[Array] = []
     triangles: list[list[int]] = []

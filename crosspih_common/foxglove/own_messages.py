@@ -32,7 +32,7 @@ def flat_schema(model: type[Message]) -> JsonSchema:
 
 
 def _resolve(schema: JsonSchema, definitions: dict[str, JsonSchema]) -> JsonSchema:
-    """References followed, an Optional reduced to its one alternative; what stands beside them is kept."""
+    """Resolve references and reduce an Optional to its one alternative; other entries are kept."""
     beside = {name: value for name, value in schema.items() if name in _KEPT}
     if "$ref" in schema:
         return {**_resolve(definitions[schema["$ref"].rsplit("/", 1)[-1]], definitions), **beside}
@@ -51,7 +51,7 @@ def _resolve(schema: JsonSchema, definitions: dict[str, JsonSchema]) -> JsonSche
 
 
 def _flatten(schema: JsonSchema, definitions: dict[str, JsonSchema]) -> JsonSchema | None:
-    """The flat form, or None where the viewers have none."""
+    """The flat form, or None if the viewers cannot show it."""
     schema = _resolve(schema, definitions)
     kept = {name: schema[name] for name in _KEPT if name in schema}
     kind = schema.get("type")
@@ -70,7 +70,7 @@ def _flatten(schema: JsonSchema, definitions: dict[str, JsonSchema]) -> JsonSche
 
 
 def channel_schema(kind: type[Any]) -> tuple[str, str, str, bytes]:
-    """(schema name, schema encoding, message encoding, schema bytes) of what travels on a topic."""
+    """(schema name, schema encoding, message encoding, schema bytes) of a message type on the bus."""
     if issubclass(kind, Image):
         return IMAGE_TYPE, "protobuf", "protobuf", descriptor_set(RawImage.DESCRIPTOR.file)
     return kind.type_name(), "jsonschema", "json", json.dumps(flat_schema(kind)).encode()

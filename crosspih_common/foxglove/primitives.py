@@ -45,14 +45,14 @@ def color(rgba: Rgba) -> Color:
 
 
 def pose_message(pose: Pose | PoseData) -> PoseMessage:
-    """A pose, as geometry or as it travels."""
+    """A Pose or a PoseData as Foxglove's Pose."""
     data = pose if isinstance(pose, PoseData) else PoseData.of(pose)
     x, y, z, w = data.quaternion_xyzw
     return PoseMessage(position=vector(data.position_m), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
 def along(direction: ArrayLike, origin_m: ArrayLike, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> PoseMessage:
-    """A pose at a point whose `axis`, a unit vector, looks along a direction (3,) of any length but none."""
+    """A pose at a point whose `axis`, a unit vector, points along a direction (3,) of any length but zero."""
     x, y, z = np.asarray(direction, float).tolist()
     length = sqrt(x * x + y * y + z * z)
     x, y, z = x / length, y / length, z / length
@@ -74,7 +74,7 @@ def at(position_m: ArrayLike) -> PoseMessage:
 
 
 def entity(stamp_ns: int, frame: str, name: str, metadata: Iterable[tuple[str, str]] = ()) -> SceneEntity:
-    """An entity that stays with its frame until another of its name comes."""
+    """An entity that moves with its frame until another entity of the same name replaces it."""
     made = SceneEntity(timestamp=stamp(stamp_ns), frame_id=frame, id=name, frame_locked=True)
     for key, value in metadata:
         made.metadata.add(key=key, value=value)
@@ -82,7 +82,7 @@ def entity(stamp_ns: int, frame: str, name: str, metadata: Iterable[tuple[str, s
 
 
 def scene(entities: Iterable[SceneEntity], gone: Iterable[tuple[int, str]] = ()) -> bytes:
-    """A SceneUpdate of entities, and the names of those that end, each with when."""
+    """A SceneUpdate of entities, and of the names to delete, each with its time."""
     update: Any = SceneUpdate(entities=entities)
     for stamp_ns, name in gone:
         update.deletions.add(timestamp=stamp(stamp_ns), id=name)

@@ -1,6 +1,6 @@
-"""What stands in the 3-D view: arm, tool, peg, plate, forces, touches, the estimate.
+"""The contents of the 3-D view: arm, tool, peg, plate, forces, touches, the estimate.
 
-Each message is whole by itself, so that a viewer which jumps in time needs the last one of its topic alone.
+Each message is complete, so that a viewer which jumps in time needs only the last one of each topic.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ TRUTH: Rgba = (0.20, 0.80, 0.30, 1.0)
 M_PER_N, M_PER_NM = 0.004, 0.05  # of arrows
 ARROW_M, RIM_M = 0.003, 0.0006
 MIN_N, MIN_NM = 0.3, 0.03  # below these no arrow: noise
-FAR_M = 0.05  # a line of action that passes the tip's plane farther from the axis says nothing of where it touches
+FAR_M = 0.05  # if the line of action passes the tip's plane farther from the axis, it does not show the contact point
 CHI2_95_OF_3 = 7.814728  # of three degrees of freedom: scipy.stats.chi2.ppf(0.95, 3)
 MAGNIFIED = 10.0  # the ellipsoid, which is a fraction of a millimetre
 MAX_TOUCHES = 100
@@ -100,7 +100,7 @@ class Scenes:
         return scene([*made, tool, peg])
 
     def plate(self, stamp_ns: int) -> bytes:
-        """The plate, in the frame of the hole as it is believed."""
+        """The plate, in the frame of the estimated hole."""
         plate = entity(stamp_ns, HOLE, "plate")
         plate.triangles.append(mesh(self._plate_mesh.corners_m, self._plate_mesh.triangles, PLATE))
         return scene([plate])
@@ -135,7 +135,7 @@ class Scenes:
         return scene([made])
 
     def touches(self, stamp_ns: int, touches: Sequence[Touch]) -> bytes:
-        """Where the peg was touched, as arrows that stay, in the base frame, each with its state."""
+        """The touch points as arrows that stay, in the base frame, each with its contact state."""
         made = entity(stamp_ns, BASE, "touches")
         for touch in touches[-MAX_TOUCHES:]:
             force, moment = np.asarray(touch.wrench[:3], float), np.asarray(touch.wrench[3:], float)
@@ -148,7 +148,7 @@ class Scenes:
         return scene([made])
 
     def estimate(self, stamp_ns: int, covariance: Sequence[float] | None, source: str) -> bytes:
-        """The hole as it is believed: its rim, a ghost of the seated peg, and how sure that is."""
+        """The estimated hole: its rim, a ghost of the seated peg, and the uncertainty."""
         ghost = entity(stamp_ns, HOLE, "estimate/peg", [("source", source)])
         ghost.triangles.append(self._ghost)
         sure = entity(stamp_ns, HOLE, "estimate/uncertainty", [("source", source), ("magnified", f"{MAGNIFIED:g}")])
@@ -197,8 +197,8 @@ class Scenes:
 
 
 def line_of_action(force_n: Array, moment_nm: Array, tip_m: float) -> Array:
-    """Where the line along which a force (3,) acts, with this moment (3,) about the origin, meets the plane z = tip;
-    the tip itself where it passes farther than FAR_M from the axis."""
+    """The point where the line of action of a force (3,), with this moment (3,) about the origin, meets the plane
+    z = tip; the tip itself if that is farther than FAR_M from the axis."""
     tip = np.array([0.0, 0.0, tip_m])
     square = float(force_n @ force_n)
     if square < MIN_N**2 or abs(force_n[2]) < 1e-3 * np.sqrt(square):

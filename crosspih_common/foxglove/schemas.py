@@ -1,6 +1,6 @@
 """The topics that are made for viewers: their names, schemas and meaning.
 
-All of them stand below `/foxglove/`, so that whoever reads a recording tells them from what travelled on the bus.
+All of them are below `/foxglove/`, so that a reader of a recording can distinguish them from the topics of the bus.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FOXGLOVE = "foxglove."
 
 @dataclass(frozen=True, slots=True)
 class ViewerTopic:
-    """One topic for viewers: its name, the full name of its protobuf message, and whether the last one stays true."""
+    """One topic for viewers: its name, the full name of its protobuf message, and whether the last one stays valid."""
 
     name: str
     schema: str

@@ -1,7 +1,7 @@
-"""Protobuf's wire format for the messages of which many come each second, written by hand.
+"""A hand-written encoder of protobuf's wire format, for messages that are sent many times a second.
 
-The library takes ten times as long to make the objects. tests/common/test_foxglove.py holds each message to what the
-library reads of it. Format: https://protobuf.dev/programming-guides/encoding
+Making the library's objects takes ten times as long. tests/common/test_foxglove.py checks each message with the library.
+Format: https://protobuf.dev/programming-guides/encoding
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _X, _Y, _Z, _W = b"\x09", b"\x11", b"\x19", b"\x21"  # doubles 1 to 4
 
 
 def field(number: int, data: bytes) -> bytes:
-    """A field below 16 that has bytes: a text or a message."""
+    """A field with a number below 16 that holds bytes: a text or a message."""
     return bytes((number << 3 | 2,)) + _length(len(data)) + data
 
 

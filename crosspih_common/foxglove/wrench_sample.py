@@ -58,7 +58,7 @@ def wrench_sample_file() -> FileDescriptorSet:
 
 
 def wrench_encoder(frame: str) -> Callable[[int, Sequence[float]], bytes]:
-    """What writes samples of one frame: (stamp, ns; wrench (6,), N and Nm) to the message's bytes."""
+    """An encoder of samples in one frame: (stamp, ns; wrench (6,), N and Nm) to the message's bytes."""
     named = text(2, frame)
     pack = _NUMBERS.pack
 

@@ -1,7 +1,7 @@
 """SciPy's rotations, loaded when the first one is made.
 
-They bring half of SciPy with them, which takes longer than all else that the messages and keys need: whoever only names
-a key, or prints the table of them, need not wait for it.
+They load half of SciPy, which takes longer than all other imports of the messages and keys. Code that only names a key,
+or prints the key table, need not wait for it.
 """
 
 from __future__ import annotations
@@ -34,6 +34,6 @@ def _unchecked() -> dict[str, bool]:
 def rotation_of(matrix: NDArray[np.float64]) -> Rotation:
     """SciPy's rotation of a (3, 3) matrix that is proper orthonormal, as that of a Pose is.
 
-    From SciPy 1.17 on it is not checked again: the check takes four times as long as all else (50 of 65 microseconds).
+    From SciPy 1.17 on the matrix is not checked again: the check takes most of the time (50 of 65 microseconds).
     """
     return rotations().from_matrix(matrix, **_unchecked())

@@ -1,5 +1,5 @@
-"""Rotations as nine plain floats, row by row: for loops that turn one vector or one frame in every cycle, where a call
-of NumPy costs more than the sums."""
+"""Rotations as nine plain floats, row by row: for loops that rotate one vector or one frame in every cycle, where a
+call of NumPy takes longer than the arithmetic."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ Rows = tuple[float, float, float, float, float, float, float, float, float]
 
 
 def rows_of(rotation: Array) -> Rows:
-    """Of a matrix (3, 3)."""
+    """The nine floats, row by row, of a matrix (3, 3)."""
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation.tolist()
     return r00, r01, r02, r10, r11, r12, r20, r21, r22
 
 
 def matrix_of(rows: Rows) -> Array:
-    """The matrix (3, 3)."""
+    """The matrix (3, 3) of nine floats, row by row."""
     return np.array(rows).reshape(3, 3)
 
 

@@ -19,7 +19,7 @@ from crosspih_common.holding.heart import Heart
 from crosspih_common.service.ending import end_process
 from crosspih_common.service.urgency import be_urgent
 
-# stopped by a signal, by a debugger, dead and not yet waited for, dead
+# process states: stopped by a signal, stopped by a debugger, zombie, dead
 SILENT_STATES = frozenset("TtZX")
 
 
@@ -56,7 +56,7 @@ def answer(heart: Heart, what: dict[str, Any]) -> dict[str, Any]:
 def main(endpoint: str, cell: str, service: str, parent: int) -> int:
     """Beat until the input ends."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # the parent decides when nothing is held any more
+        signal.signal(number, signal.SIG_IGN)  # the parent decides when the lease is given back
     be_urgent()  # before Zenoh starts its threads
     with Bus(open_zenoh(endpoint, service=service), cell, service, claim=False) as bus:
         heart = Heart(bus, lambda: os.getppid() == parent and runs(parent))

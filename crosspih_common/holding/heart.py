@@ -10,11 +10,11 @@ from crosspih_common.keys import LEASE_BEAT, LEASE_GIVE, LEASE_TAKE
 from crosspih_common.messages import GiveLease, LeaseBeat, LeaseGranted, TakeLease
 
 ASK_DEADLINE_S = 8.0
-SERVER_WAIT_S = 4.0  # for an arm that is just being started; whoever wants more asks again
+SERVER_WAIT_S = 4.0  # how long to wait for an arm that is just being started
 
 
 class Heart:
-    """Implements Pulse. `owner_lives` is asked before each beat: no beat while it says no."""
+    """Implements Pulse. It calls `owner_lives` before each beat and sends none while that is False."""
 
     def __init__(self, bus: Bus, owner_lives: Callable[[], bool] = lambda: True) -> None:
         self._bus, self._owner_lives = bus, owner_lives

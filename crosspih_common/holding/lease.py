@@ -32,25 +32,25 @@ class ArmLease:
         self.give()
 
     def take(self) -> None:
-        """Take it; also anew, after the arm has let go of a holder whose beats it missed."""
+        """Take the lease; also again, after the arm released it because beats were missing."""
         self._lease = self._pulse.take(self._purpose).lease
 
     def give(self) -> None:
-        """Give it back; whoever cannot do so any more has lost it already."""
+        """Give the lease back. No error if that fails: the lease is then lost already."""
         with suppress(CrosspihError):
             self._pulse.give()
         self._lease = ""
 
     def named(self, request: RequestT) -> RequestT:
-        """The request with the lease in it, where it is one that needs it."""
+        """The request with the lease filled in, if it is one that needs a lease."""
         return request.model_copy(update={"lease": self._lease}) if isinstance(request, Held) else request
 
     def ask(
         self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float, server_wait_s: float = 0.0
     ) -> ReplyT:
-        """Ask as the holder. Raises as `Bus.call`; CommandRefused `no_lease` when the arm is held no longer.
+        """Send a command as the holder. Raises as `Bus.call`; CommandRefused `no_lease` when the lease is lost.
 
-        An arm that is away is not waited for: one that is started again knows this lease no more.
+        It does not wait for an arm service that is away: a restarted one does not know this lease.
         """
         return self._bus.call(command, self.named(request), deadline_s, server_wait_s)
 

@@ -1,8 +1,8 @@
-"""What keeps a lease: beats, from a process beside the holder.
+"""Keeps a lease by beats from a separate process.
 
-A thread of the holder would not do. With eight busy processes on two cores, beside GIL-heavy work in its own process, a
-thread that beats every 20 ms was silent for up to 1.1 s, a process of its own for 36 ms. So a small process takes the
-lease, beats, and gives it back; it falls silent when its parent is gone or stopped (SIGKILL, SIGSTOP).
+A thread of the holder is not enough. With eight busy processes on two cores, and GIL-heavy work in its own process, a
+thread that beats every 20 ms was silent for up to 1.1 s, a separate process for 36 ms. So a small process takes the
+lease, beats, and gives it back. It stops beating when its parent is gone or stopped (SIGKILL, SIGSTOP).
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class Pulse(Protocol):
     """Takes the lease, beats while its owner lives, gives the lease back."""
 
     def take(self, purpose: str) -> LeaseGranted:
-        """Take it and beat from then on. Raises CommandRefused `held`, BusError."""
+        """Take the lease and start to beat. Raises CommandRefused `held`, BusError."""
 
     def give(self) -> bool:
-        """Give it back and beat no more; whether it was still held. Raises BusError."""
+        """Stop beating and give the lease back. Returns whether it was still held. Raises BusError."""
 
     def close(self) -> None:
-        """Beat no more; a lease that was not given back is lost in its time-out."""
+        """Stop beating; a lease that was not given back ends by its time-out."""
 
 
 class PulseProcess:
@@ -121,7 +121,7 @@ class PulseProcess:
 
     def _end(self) -> None:
         assert self._process.stdin is not None and self._process.stdout is not None
-        with contextlib.suppress(OSError):  # it was gone, with words for it still unsent
+        with contextlib.suppress(OSError):  # the process was gone before all input was sent
             self._process.stdin.close()
         try:
             self._process.wait(END_DEADLINE_S)
@@ -139,8 +139,8 @@ class PulseProcess:
 
 
 def pulse_of(bus: Bus) -> Pulse:
-    """The beats for what this bus's service holds, begun at the first call and ended with the bus: from a process of
-    their own, or where the bus is in memory (and the arm in the same process) from a thread."""
+    """The beats of this bus's service, started at the first call and ended with the bus. They come from a separate
+    process, or from a thread if the bus is in memory (then the arm is in the same process)."""
     with _making:
         if bus not in _pulses:
             pulse: Pulse = Heart(bus) if bus.endpoint is None else PulseProcess(bus.endpoint, bus.cell, bus.service)

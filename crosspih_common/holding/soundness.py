@@ -1,4 +1,4 @@
-"""Whether a cell is fit to be moved, asked before anything moves: one clock, one cell on its keys, live streams."""
+"""Checks before any motion: one clock, one cell on its keys, live sensor streams."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ CLOCK_DEADLINE_S = 5.0
 LISTEN_S = 0.3
 TICKS_KEPT = 256
 STREAM_DEADLINE_S = 3.0
-DWELLS = 2  # a stream's first samples may go by before it is heard
+DWELLS = 2  # a stream's first samples may pass before the subscription is active
 
 
 def boots(ticks: Sequence[CellClock]) -> tuple[str, ...]:
-    """The boot ids that were heard, in the order of their first tick."""
+    """The boot ids of the received ticks, in the order of their first tick."""
     return tuple(dict.fromkeys(tick.boot_id for tick in ticks))
 
 
 def require_one_clock(bus: Bus) -> CellClock:
-    """The cell's newest tick. Raises CommandRefused `cell_unfit`: no clock is heard, or those of two cells are."""
+    """The cell's newest tick. Raises CommandRefused `cell_unfit` if no clock ticks, or those of two cells."""
     for attempt in range(2):
         with bus.reading(CLOCK, TICKS_KEPT) as clock:
             if clock.wait_for(lambda _: True, CLOCK_DEADLINE_S) is None:
@@ -34,7 +34,7 @@ def require_one_clock(bus: Bus) -> CellClock:
                     UNFIT,
                     "no clock: nobody tells the cell's time; is hardware up, and does it tick? (`crosspih ps`)",
                 )
-            # one that stands still while nothing is done says its last tick once more
+            # a clock that stands still between commands publishes its last tick again
             clock.wait_for(lambda _: len(boots(clock.values())) > 1, LISTEN_S)
             heard = boots(clock.values())
         if len(heard) == 1:
@@ -45,7 +45,7 @@ def require_one_clock(bus: Bus) -> CellClock:
 
 
 def require_not_doubled(cell: str, ticks: Sequence[CellClock]) -> None:
-    """Raises CommandRefused `cell_unfit` when two cells tick: a boot id comes back after another was heard."""
+    """Raises CommandRefused `cell_unfit` when two cells tick: a boot id comes back after another one."""
     changes = [boot_id for boot_id, _ in itertools.groupby(tick.boot_id for tick in ticks)]
     if len(changes) > len(set(changes)):
         raise CommandRefused(UNFIT, _two_cells(cell, changes[-2:]))
@@ -59,7 +59,7 @@ def _two_cells(cell: str, boot_ids: Sequence[str]) -> str:
 
 
 class LiveStreams:
-    """Hears encoders and sensor for the length of a block, so that they can be told from streams that stand still."""
+    """Subscribes to encoders and sensor for the length of a block, to detect a stream that stands still."""
 
     def __init__(self, bus: Bus) -> None:
         self._stack = ExitStack()
@@ -73,7 +73,7 @@ class LiveStreams:
         self._stack.close()
 
     def require_fresh(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
-        """The arm holds still for a moment, and both streams must have told of that moment; its outcome.
+        """Let the arm dwell for a moment; both streams must have samples of it. Returns the outcome of the dwell.
 
         Raises CommandRefused `cell_unfit`, naming the stream and its age, and whatever `dwell` raises.
         """

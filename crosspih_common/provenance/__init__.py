@@ -1,4 +1,4 @@
-"""Where a result comes from: the code, the cell and the files it rests on, and stores that answer for nothing else."""
+"""The origin of a result: the code, the cell and the files that it depends on, and stores keyed by these."""
 
 from crosspih_common.provenance.code import SourceWatch, code_version, folder_version, hash_sources, part_version
 from crosspih_common.provenance.measured import MEASURED_VARIABLE, Measured, measured_in, record_measured

@@ -1,4 +1,4 @@
-"""What code made a figure: one hash over the sources on which a trial's outcome rests."""
+"""The version of the code behind a figure: one hash over the sources that can change a trial's outcome."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pathlib import Path
 
 import crosspih_common
 
-# what only starts, shows, keeps or counts has no say in how a trial ends
+# services that only start, show, keep or count cannot change how a trial ends
 _NO_SAY = ("operator", "recorder", "router", "foxglove", "viewer")
-_COMMON_NO_SAY = ("foxglove", "client")  # of crosspih_common: what viewers are told, and how people ask
-# of the operator's own: what asks for a trial, in which cell, and what scores it
+_COMMON_NO_SAY = ("foxglove", "client")  # of crosspih_common: output for viewers, and the client
+# of the operator, these count: the request of a trial, its cell, and its scoring
 SCORED_BY = (
     "scoring/score.py",
     "scoring/challenge_score.py",
     "assembly/session.py",
     "bench/cells/own_cell.py",
 )
-ASKED_BY = ("cell.py", "assembly_request.py")  # of the client's
+ASKED_BY = ("cell.py", "assembly_request.py")  # of crosspih_common/client
 _LIBRARIES = ("numpy", "scipy", "pybullet", "mujoco", "opencv-python-headless", "torch", "pin", "coal", "shapely")
 
 
@@ -82,7 +82,7 @@ def _of_libraries() -> hashlib._Hash:
 def hash_sources(root: Path, *further: str) -> str:
     """Sixteen hex digits over the sources below `root` and the versions of the numerical libraries.
 
-    `further`: modules or packages that have a say beside them, such as services.operator.dataset.contact.
+    `further`: additional modules or packages that count, such as services.operator.dataset.contact.
     """
     digest = _of_libraries()
     for path in _sources(root, further):
@@ -96,8 +96,8 @@ def _root() -> Path:
 
 @cache
 def part_version(*modules: str, libraries: tuple[str, ...] = ()) -> str:
-    """Sixteen hex digits over these modules and packages alone and the versions of these libraries: for what rests on
-    a part of the code and takes hours to make.
+    """Sixteen hex digits over these modules and packages alone and the versions of these libraries: for results that
+    depend on a part of the code and take hours to make.
     """
     root = _root()
     digest = hashlib.sha256(" ".join(f"{library} {_version(library)}" for library in libraries).encode())
@@ -108,8 +108,8 @@ def part_version(*modules: str, libraries: tuple[str, ...] = ()) -> str:
 
 @cache
 def folder_version(folder: str, root: Path | None = None) -> str:
-    """As `code_version`, over all of one folder alone, such as `crosspih_common` or `services/vision`: for what rests
-    on less than a trial does. Taken once a process."""
+    """As `code_version`, over one folder alone, such as `crosspih_common` or `services/vision`: for results that depend
+    on less code than a trial. Computed once a process."""
     root = root or _root()
     digest = _of_libraries()
     for path in _chosen(root, (folder.replace("/", "."),)):
@@ -119,14 +119,14 @@ def folder_version(folder: str, root: Path | None = None) -> str:
 
 @cache
 def code_version(*further: str) -> str:
-    """`hash_sources` of the code that runs here; taken once a process."""
+    """`hash_sources` of the running code; computed once a process."""
     return hash_sources(_root(), *further)
 
 
 class SourceWatch:
-    """Whether the sources below `root` are still those of a version: a stack that starts late runs what is there then.
+    """Watches whether the sources below `root` are still those of a version: a stack started later runs changed sources.
 
-    It looks at times and sizes, and reads the sources again only where these have changed.
+    It compares times and sizes, and hashes the sources again only if these have changed.
     """
 
     def __init__(self, root: Path | None = None, version: str | None = None, further: tuple[str, ...] = ()) -> None:
@@ -137,7 +137,7 @@ class SourceWatch:
         self._stamps: dict[Path, tuple[int, int]] = {}
 
     def unchanged(self) -> bool:
-        """Ask as often as you like; once changed it stays so."""
+        """Whether the sources are unchanged. Cheap to call; once False it stays False."""
         if self._same:
             stamps = {
                 path: (about.st_mtime_ns, about.st_size)

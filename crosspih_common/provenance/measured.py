@@ -1,7 +1,7 @@
-"""What a command took over from its stores, and what it measured: told to whoever started it, through a file.
+"""Records, in a file, which results a command took from its stores and which it measured itself.
 
-`crosspih results` names the file by CROSSPIH_MEASURED. Without it a page would give the time of printing known results
-for that of measuring them.
+`crosspih results` names the file by CROSSPIH_MEASURED. Without it a page would show the time of printing stored results
+as the time of measuring them.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ MEASURED_VARIABLE = "CROSSPIH_MEASURED"
 class Measured(BaseModel):
     """Results of one or several stores: `taken` were known from before, `made` were measured in this run.
 
-    taken_s: seconds that the measurement of those taken over took, one after the other, None where a store does not
-    know. first, last: when they were measured, UTC as ISO 8601, empty where nothing was taken over or nobody knows.
+    taken_s: the total measuring time of the results taken over, s, None if a store does not know it. first, last: when
+    they were measured, UTC as ISO 8601, empty if nothing was taken over or the times are unknown.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -32,7 +32,7 @@ class Measured(BaseModel):
 
 
 def record_measured(measured: Measured) -> None:
-    """Add a line to the file that CROSSPIH_MEASURED names; nothing without it."""
+    """Add a line to the file that CROSSPIH_MEASURED names; does nothing if it is not set."""
     path = os.environ.get(MEASURED_VARIABLE)
     if path and measured.taken + measured.made:
         with Path(path).open("a", encoding="utf-8") as file:
@@ -53,7 +53,7 @@ def _together(every: Iterable[Measured]) -> Measured:
 
 
 def measured_in(path: Path) -> Measured:
-    """All that a command has told through the file; nothing where there is none."""
+    """All lines that a command wrote to the file; empty if there is no file."""
     try:
         return _together(Measured.model_validate_json(line) for line in path.read_text(encoding="utf-8").splitlines())
     except (OSError, ValidationError):

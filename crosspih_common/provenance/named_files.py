@@ -1,4 +1,4 @@
-"""A cell's file by what it means: the files that it names count by their content, not by their name."""
+"""The identity of a cell's file: files that it names count by their content, not by their name."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LONGEST_PATH = 1024
 
 @lru_cache(maxsize=4096)
 def _digest(path: str, size: int, changed_ns: int) -> str:
-    # size and time are of the key, so that a file that was written anew is read anew
+    # size and time are part of the cache key, so that a changed file is read again
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _content_of(text: str) -> str | None:
-    """The digest of the file that a text names, from where services run or from here; None where it names none."""
+    """The digest of the file that a text names, relative to the services' folder or this one; None if it names none."""
     if not text or len(text) > _LONGEST_PATH or "\n" in text or "\0" in text:
         return None
     found = []
@@ -53,7 +53,7 @@ def with_file_contents(content: Any) -> Any:
 
 
 def cell_identity(content: dict[str, Any]) -> dict[str, Any]:
-    """What a cell's file says that can decide a result: all but the cell's name, files by their content."""
+    """The content of a cell's file that can change a result: all but the cell's name, files by their content."""
     cell = {name: value for name, value in (content.get("cell") or {}).items() if name != "name"}
     found: dict[str, Any] = with_file_contents({**content, "cell": cell})
     return found

@@ -1,4 +1,4 @@
-"""Results that outlive their run: JSON lines, one a result, keyed by all that decides it."""
+"""A store of results between runs: JSON lines, one per result, keyed by everything that decides it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from crosspih_common.provenance.measured import Measured, record_measured
 
 
 def result_key(identity: dict[str, Any]) -> str:
-    """Twenty hex digits of what decides a result; the order of the names does not matter."""
+    """The key of a result, twenty hex digits: a hash of all that decides it, independent of the order of the names."""
     text = json.dumps(identity, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
 class ResultStore:
-    """A file of results. A line that was cut short by a kill is passed over; the last line of a key counts.
+    """A file of results. An incomplete line, as left by a kill, is skipped; the last line of a key counts.
 
     A key must hold all that decides its result: settings, the content of files, and the code. Each line says beside its
     result which code made it, when, and how long that took. One run writes to it at a time; each result is on the disk
@@ -63,13 +63,13 @@ class ResultStore:
         return result
 
     def of_other_code(self, code: str) -> int:
-        """How many of its results other code made, those included that do not say which."""
+        """How many of its results were made by other code, including those without a code version."""
         return sum(row.get("code") != code for row in self._rows.values())
 
     def put(
         self, key: str, result: dict[str, Any], *, code: str = "", took_s: float | None = None, **about: Any
     ) -> None:
-        """Keep a result with the code that made it and the seconds that it took; `about` stands beside, for people."""
+        """Keep a result with the code that made it and the seconds that it took; `about` is extra text for people."""
         if self._file is None:
             self._open()
         assert self._file is not None
@@ -81,7 +81,7 @@ class ResultStore:
         self._made.add(key)
 
     def measured(self) -> Measured:
-        """What was taken over from it by now, and what was added."""
+        """How many results were taken from the store so far, and how many were added."""
         rows = [self._rows[key] for key in self._taken]
         took_s = [row.get("took_s") for row in rows]
         times = [str(row["at"]) for row in rows if row.get("at")]
@@ -94,7 +94,7 @@ class ResultStore:
         )
 
     def reuse_summary(self, code: str) -> str:
-        """In words, what a run of this code takes over and what it leaves alone; empty where there is nothing."""
+        """A text of what a run of this code reuses and what it does not; empty if the store is empty."""
         parts = []
         if taken := self.measured().taken:
             parts.append(f"{taken} taken over from {self.path}, made by this code ({code})")
@@ -108,13 +108,13 @@ class ResultStore:
             self._file = self.path.open("a+", encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"{self._option} {self.path}: cannot be written ({error.strerror})") from None
-        # what a kill cut short must not swallow the next line
+        # end an incomplete last line, so that the next line is not appended to it
         content = self.path.read_bytes()
         if content and not content.endswith(b"\n"):
             self._file.write("\n")
 
     def close(self) -> None:
-        """Let the file go, and tell who started the command what was taken over; a second call does nothing more."""
+        """Close the file, and record what was taken over; a second call does nothing more."""
         if self._file is not None:
             self._file.close()
             self._file = None

@@ -1,4 +1,4 @@
-"""Recordings: MCAP files of everything that was said on a cell's bus."""
+"""Recordings: MCAP files of all messages on a cell's bus."""
 
 from crosspih_common.recording.parts import parts_of
 from crosspih_common.recording.reader import (

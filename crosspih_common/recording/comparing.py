@@ -1,4 +1,4 @@
-"""Two messages that should be the same, field by field: then and now."""
+"""Compares two messages that should be equal, a recorded and a new one, field by field."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 from crosspih_common.messages import Message
 
-# of the moment, not of the answer: when it was given, how long it took, how many pictures there were before
+# fields that depend on the moment, not on the answer: when it was given, its duration, the number of earlier pictures
 OF_THE_MOMENT = frozenset({"stamp_ns", "seq", "compute_s", "capture_wall_s", "capture_id"})
 NONE: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
 class FieldDifference:
-    """A field that differs: of a list the entry that differs most, with its index. `by` is for numbers."""
+    """A field that differs; for a list, the entry that differs most, with its index. `by` is the difference of numbers."""
 
     field: str
     then: str
@@ -28,7 +28,7 @@ class FieldDifference:
 
 
 def differences(then: Message, now: Message, but: frozenset[str] = NONE) -> list[FieldDifference]:
-    """What differs between two messages, bit for bit; what is of the moment is left out, and the fields named `but`."""
+    """The fields of two messages that are not equal bit for bit, without those of the moment and those named in `but`."""
     return list(_walk(then.model_dump(mode="json"), now.model_dump(mode="json"), "", OF_THE_MOMENT | but))
 
 

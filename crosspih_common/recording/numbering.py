@@ -1,18 +1,18 @@
-"""What a publisher's numbers say of samples that never came, when some come late and some may be forged.
+"""Finds missing samples by a publisher's sequence numbers, although some samples come late and some may be forged.
 
-One number says little. A gap of more than `JUMP` and a new beginning are believed when the next number goes on from
-there; a number that fits nowhere is a stray, and no gap. So no number can claim a loss beyond what can have been sent.
+A gap of more than `JUMP`, or a restart of the count, is accepted only when the next number continues from there; a
+number that fits nowhere is a stray and no gap. So a forged number cannot claim more losses than samples were possible.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-# a jump of so few numbers is believed at once: the publisher's cache holds as many
+# a jump of at most this many numbers is accepted at once: the publisher's cache holds as many
 JUMP = 64
-# how often a publisher may speak beyond its usual rate
+# how much more often than its usual rate a publisher may send
 RATE_MARGIN = 4.0
-HOLES = 256  # that are kept, a key, to be filled by samples that come late
+HOLES = 256  # gaps kept for each key, which late samples may fill
 
 
 @dataclass(slots=True)
@@ -20,7 +20,7 @@ class Line:
     """The numbers of one publisher on one key, as far as they are known.
 
     `expected` is the next one. `holes` are the ranges [begin, end) that did not come yet. `stray` is the number after
-    one that fitted nowhere: if it comes next, that is where the publisher's numbers go on.
+    one that fitted nowhere: if it comes next, the publisher's numbers continue from there.
     """
 
     expected: int
@@ -41,7 +41,7 @@ class Line:
         self.given_up = self.strays = self.restarts = 0
 
     def count_sample(self, seq: int, now_s: float, rate_hz: float) -> None:
-        """A sample with this number came, at a time of any clock that only goes forward."""
+        """Count a received sample by its number, with the time, s, of any monotonic clock."""
         if seq == self.expected:
             self.expected = seq + 1
         elif self.expected < seq <= self.expected + JUMP:
@@ -56,7 +56,7 @@ class Line:
         self.heard_s = now_s
 
     def _go_on_at(self, seq: int, plausible: float) -> None:
-        """Two in a row where none was expected: that is where the publisher is now, started again or after a gap."""
+        """Accept two consecutive unexpected numbers as the publisher's new count, after a restart or a gap."""
         # the one before belongs to it, unless it was counted for the recording before
         self.strays = max(self.strays - 1, 0)
         self.stray = None

@@ -9,12 +9,12 @@ _PART = re.compile(r"(?P<first>.+)\.part(?P<number>[1-9]\d*)\.mcap")
 
 
 def part_path(first: Path, number: int) -> Path:
-    """Where a part lies; the first is the recording's own name."""
+    """The path of a part; the first part has the recording's own name."""
     return first if number == 1 else first.with_name(f"{first.stem}.part{number}.mcap")
 
 
 def part_number(path: Path) -> int:
-    """Which part a file is."""
+    """The number of a file's part."""
     match = _PART.fullmatch(path.name)
     return int(match["number"]) if match else 1
 
@@ -28,7 +28,7 @@ def first_part(path: Path) -> Path:
 def parts_of(path: Path) -> list[Path]:
     """The files of a recording that is named by its first one, in order. A later part by itself is that part alone.
 
-    A file that is missing is no part; whoever reads the first one sees by its name that it is not there.
+    Missing files are not listed; the reader of the first part notices a missing file by its name.
     """
     if first_part(path) != path:
         return [path]

@@ -1,8 +1,8 @@
-"""Read a recording back into typed messages, also one that a kill -9 or a power cut tore off.
+"""Read a recording back into typed messages, also one that a kill -9 or a power cut left incomplete.
 
-A torn MCAP file has no footer and no index, and its last record may be cut; everything before that is whole. So a file
-is always read from the front, record by record, and past what is damaged (scanning.py). A recording may have several
-files, its parts (parts.py): they are read as one.
+An incomplete (torn) MCAP file has no footer and no index, and its last record may be cut; everything before that is
+intact. So a file is always read from the start, record by record, and damage is skipped (scanning.py). A recording may
+have several files, its parts (parts.py): they are read as one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PayloadT = TypeVar("PayloadT", bound=Payload)
 RequestT = TypeVar("RequestT", bound=BusMessage)
 ReplyT = TypeVar("ReplyT", bound=BusMessage)
 OVERTAKEN_NS = 50_000_000  # of the recorder's clock
-RATE_HZ = 1000.0  # no key is spoken on more often
+RATE_HZ = 1000.0  # the highest rate of any key
 
 
 class RecordingError(CrosspihError):
@@ -85,19 +85,19 @@ class Recording:
         self.metadata: dict[str, dict[str, str]] = {}
         self.samples: dict[str, list[Recorded]] = {}
         self.schemas: dict[str, tuple[str, str]] = {}
-        self.shown: Counter[str] = Counter()  # messages a topic for viewers, which nothing here reads
+        self.shown: Counter[str] = Counter()  # number of messages for each viewer topic; their content is not read here
         self.problems: list[str] = []
 
     @classmethod
     def empty(cls, path: str | Path) -> Recording:
-        """One of that name in which nothing is recorded yet: no file is read."""
+        """An empty recording with this name; no file is read."""
         recording = cls.__new__(cls)
         recording._begin(Path(path))
         return recording
 
     @property
     def cell(self) -> str:
-        """The cell's name, from the metadata or else from the keys; empty when neither tells."""
+        """The cell's name, from the metadata or else from the keys; empty if neither has it."""
         named = self.metadata.get("cell", {}).get("name", "")
         if named:
             return named
@@ -138,13 +138,13 @@ class Recording:
         return messages[-1] if messages else None
 
     def answered(self, command: Command[RequestT, ReplyT]) -> list[tuple[Sent[RequestT], Sent[ReplyT] | None]]:
-        """Each request of a command, in order, with its reply; None where none is recorded, as of one that was refused.
+        """Each request of a command, in order, with its reply; None if no reply is recorded, as for a refused request.
 
-        What is recorded as refused (`refusals`) has none.
+        Requests that are recorded as refused (`refusals`) have no reply.
 
-        A server answers one request after the other and repeats both on keys of their own, whose samples may overtake
-        each other by a little: with as many replies as requests they belong together in order; else a reply belongs to
-        the last request before it that has none, or to one that comes within `OVERTAKEN_NS`.
+        A server answers one request after the other and repeats request and reply on two keys, whose samples may
+        overtake each other slightly. If there are as many replies as requests, they are paired in order. Else a reply
+        belongs to the last request before it without a reply, or to one that comes within `OVERTAKEN_NS`.
         """
         every, replies = self.sent(command.request_echo), self.sent(command.reply_echo)
         refused = self.refusals(command)
@@ -153,7 +153,7 @@ class Recording:
         return [(request, answers.get(id(request))) for request in every]
 
     def refusals(self, command: Command[Any, Any]) -> dict[int, CommandRefusal]:
-        """Why requests of a command were refused, by the `seq` of the request; empty in recordings of before."""
+        """Why requests of a command were refused, by the `seq` of the request; empty in old recordings."""
         said = [refusal for refusal in self.messages(REFUSAL) if refusal.command == command.path]
         return {refusal.request_seq: refusal for refusal in said if refusal.request_seq >= 0}
 
@@ -162,7 +162,7 @@ class Recording:
         if len(requests) == len(replies):
             return list(replies)
         found: list[Sent[ReplyT] | None] = [None] * len(requests)
-        after = 0  # whatever was asked before the last reply's request has had its turn
+        after = 0  # requests before the one of the last reply are done
         for reply in replies:
             free = [index for index in range(after, len(requests)) if requests[index].wall_ns <= reply.wall_ns]
             if not free and after < len(requests) and requests[after].wall_ns <= reply.wall_ns + OVERTAKEN_NS:
@@ -176,7 +176,7 @@ class Recording:
         return tuple(sorted({key.split("/", 2)[-1] for key in self.samples if key.startswith(f"{ROOT}/")}))
 
     def result(self) -> AssemblyResult | None:
-        """How the last assembly that is recorded ended; None where none did."""
+        """The result of the last recorded assembly; None if there is none."""
         return self.last(ASSEMBLE.reply_echo)
 
     def to_pandas(self, topic: Topic[Any] | str) -> pandas.DataFrame:
@@ -201,7 +201,7 @@ class Recording:
         return (min(stamps), max(stamps)) if stamps else (0, 0)
 
     def numbers(self) -> dict[str, Line]:
-        """What the numbers of each key's samples say; of a file that has them as 32 bits."""
+        """The sequence numbers of each key, as far as they are known; the file stores them with 32 bits."""
         lines: dict[str, Line] = {}
         for key, samples in self.samples.items():
             for sample in samples:
@@ -212,11 +212,11 @@ class Recording:
         return lines
 
     def seq_gaps(self) -> dict[str, int]:
-        """Samples that never came, key by key (numbering.py); a publisher that was started again is no gap."""
+        """The number of missing samples of each key (numbering.py); a restart of a publisher is no gap."""
         return {key: missing for key, line in self.numbers().items() if (missing := line.missing())}
 
     def gaps_that_matter(self) -> dict[str, int]:
-        """Those of `seq_gaps` of which people are to be told (gaps.py)."""
+        """Those of `seq_gaps` that deserve a warning (gaps.py)."""
         kinds = {key: topic.kind for topic in topics() for key in self.keys_of(topic)}
         return {
             key: missing
@@ -264,7 +264,7 @@ def _take(said: WalkedMessage, recording: Recording) -> None:
 
 
 def _sum_up(recording: Recording) -> None:
-    """What all parts say together: the words of the first, drops added up, and whether each of them is whole."""
+    """Merge the parts: the metadata of the first, the sum of dropped samples, and whether each part is complete."""
     drops: Counter[str] = Counter()
     for part in recording.parts:
         for name, entries in part.metadata.items():

@@ -1,7 +1,7 @@
 """MCAP's records, read strictly: a record is exactly what its length says, or it is malformed.
 
-Format: https://mcap.dev/spec. Only what is protected by a check (a chunk's or an attachment's CRC, the summary's, the
-seal of a metadata record) is believed where a file is damaged.
+Format: https://mcap.dev/spec. In a damaged file only data with a checksum is trusted: a chunk's, an attachment's or the
+summary's CRC, or the seal of a metadata record.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SEAL = "crc32"
 
 
 class Malformed(ValueError):
-    """Bytes that are not the record that they should be."""
+    """Bytes that are not a valid record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Metadata:
-    """Words about the file. `sealed` says whether it carries a check, and so cannot have been altered unseen."""
+    """Information about the file. `sealed` says whether it carries a checksum that detects any change."""
 
     name: str
     entries: dict[str, str]
@@ -88,7 +88,7 @@ class Definitions:
     channels: dict[int, Channel] = field(default_factory=dict)
 
     def add(self, record: Schema | Channel) -> None:
-        """Learn one."""
+        """Add a definition."""
         if isinstance(record, Schema):
             self.schemas.setdefault(record.id, record)
         else:
@@ -96,7 +96,7 @@ class Definitions:
 
 
 class _Fields:
-    """Reads one field after the other; whoever asks for more than there is gets Malformed."""
+    """Reads one field after the other; raises Malformed when the record has too few bytes."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0
@@ -179,7 +179,7 @@ def metadata_of(content: bytes) -> Metadata:
 
 
 def seal_of(name: str, entries: Mapping[str, str]) -> str:
-    """The check of a metadata record, which MCAP gives none: CRC-32 of its name and its entries in order."""
+    """The checksum of a metadata record, for which MCAP has none: CRC-32 of its name and its entries in order."""
     total = zlib.crc32(name.encode())
     for pair in sorted(entries.items()):
         for text in pair:
@@ -233,8 +233,9 @@ def chunk_data(content: bytes, unchecked: bool) -> bytes:
 
 
 def unpacked_zstd(packed: bytes, most: int) -> bytes:
-    """One zstd frame, `most` bytes at most. Raises ZstdError, and Malformed for one that says it is larger: zstandard
-    would believe it whatever `max_output_size` is, and a damaged or hostile head asks for gigabytes."""
+    """Unpack one zstd frame of `most` bytes at most. Raises ZstdError, and Malformed for a frame that declares more:
+    zstandard trusts the declared size despite `max_output_size`, and a damaged or hostile header may ask for
+    gigabytes."""
     if zstandard.frame_content_size(packed) > most:
         raise Malformed(f"packed bytes that stand for more than {most}")
     return zstandard.ZstdDecompressor().decompress(packed, max_output_size=most)
@@ -276,7 +277,7 @@ def chunk_records(data: bytes) -> Iterator[Schema | Channel | Entry]:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The end of a finished file, its check passed: every definition, and how many messages were written."""
+    """The verified summary of a finished file: every definition, and the number of messages written."""
 
     definitions: Definitions
     messages: int | None
@@ -284,7 +285,7 @@ class Summary:
 
 
 def summary_of(data: bytes | memoryview) -> Summary | None:
-    """The summary of a whole file's bytes; None where it has none that can be believed."""
+    """The summary in a file's bytes; None if it has none or its checksum is wrong."""
     foot = len(data) - len(MAGIC) - _FOOTER.size - FRAME.size
     if foot < len(MAGIC) or bytes(data[-len(MAGIC) :]) != MAGIC or FRAME.unpack_from(data, foot) != (FOOTER, 20):
         return None

@@ -1,4 +1,4 @@
-"""What came of going through a recording again with a service's own core: counts, and what differs."""
+"""The outcome of processing a recording again with a service's core: counts and differences."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def begun_ns(recording: Recording) -> int:
 
 @dataclass(slots=True)
 class Rerun:
-    """The outcome so far. `parts` are [equal, all] by what was compared; `rows` what differs, in order."""
+    """The outcome so far. `parts` are [equal, all] counts for each compared part; `rows` are the differences, in order."""
 
     start_ns: int
     parts: dict[str, list[int]] = field(default_factory=dict)
@@ -35,13 +35,13 @@ class Rerun:
     notes: list[str] = field(default_factory=list)
 
     def at_s(self, stamp_ns: int) -> float:
-        """Since the recording began."""
+        """The time since the recording began, s."""
         return (stamp_ns - self.start_ns) * 1e-9
 
     def compare(
         self, part: str, what: str, at_ns: int, then: Message, now: Message, but: frozenset[str] = frozenset()
     ) -> bool:
-        """Count one pair; whether both are equal, but for what is of the moment and the fields named `but`."""
+        """Compare and count one pair; True if both are equal, except the fields of the moment and those in `but`."""
         found = differences(then, now, but)
         self.count(part, not found)
         for row in found:
@@ -59,7 +59,7 @@ class Rerun:
         self.rows.append({"at_s": self.at_s(at_ns), "asked": what, **row.as_json()})
 
     def as_json(self) -> dict[str, Any]:
-        """For whoever started this process."""
+        """The outcome as JSON, for the process that started this one."""
         return {"parts": self.parts, "differences": self.rows, "notes": self.notes}
 
 

@@ -1,7 +1,7 @@
-"""Walks through a recording's bytes, and past damage: what carries a check and passes it is found again after it.
+"""Walks through a recording's bytes and skips damage: it resumes at the next record with a valid checksum.
 
-Where a record is malformed the walk goes on byte by byte until a chunk, a metadata record or an attachment begins that
-is whole. So damage costs the records that it touches, and nothing before or behind them.
+After a malformed record the walk searches byte by byte for the start of an intact chunk, metadata record or attachment.
+So damage costs only the records that it touches.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ _BARE: dict[int, Callable[[bytes], Schema | Channel | Entry]] = {
     CHANNEL: channel_of,
     MESSAGE: entry_of,
 }
-_PRIVATE = 0x80  # opcodes from here on are nobody's business but their writer's
+_PRIVATE = 0x80  # opcodes from here on are private to the program that wrote them
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Bytes [offset, end) that are no whole record; `torn` where nothing whole comes after them."""
+    """Bytes [offset, end) that are no intact record; `torn` if no intact record follows."""
 
     offset: int
     end: int
@@ -77,7 +77,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """A record that is whole: what it holds, None where that is of no use here. `records` are those of a chunk."""
+    """An intact record: its content, None if it is not used here. `records` are those of a chunk."""
 
     offset: int
     end: int
@@ -87,7 +87,7 @@ class Whole:
 
 
 class Scan:
-    """One file's bytes. `definitions` are those that a check outside the chunks protects; `summary` is its end's."""
+    """One file's bytes. `definitions` are those protected by a checksum outside the chunks; `summary` is the file's."""
 
     def __init__(self, data: mmap.mmap | bytes) -> None:
         self._data = data
@@ -104,7 +104,7 @@ class Scan:
 
     def __iter__(self) -> Iterator[Whole | Damage]:
         at = len(MAGIC) if self._data[: len(MAGIC)] == MAGIC else 0
-        checked = at  # up to here a check says that all is whole; a mere length may have led too far
+        checked = at  # verified by a checksum up to here; after it, a wrong length may have led the walk too far
         while at < self._records_end:
             try:
                 found = self._at(at)
@@ -112,7 +112,7 @@ class Scan:
                 after = self._resume(checked)
                 end = self._records_end if after is None else after.offset
                 at = at if at < end else checked
-                # a summary that passed its check follows: then it is no tear
+                # a valid summary follows, so the file is not torn here
                 yield Damage(at, end, str(error), after is None and self.summary is None)
                 if after is None:
                     return
@@ -129,7 +129,7 @@ class Scan:
                 return
 
     def _resume(self, begin: int) -> Whole | None:
-        """The next record behind damage that is whole beyond doubt."""
+        """The next record after damage that a checksum confirms."""
         at = begin
         while (match := _BEGINS.search(self._data, at, self._records_end)) is not None:
             try:
@@ -170,7 +170,7 @@ class Scan:
         raise Malformed(f"no record begins here (opcode 0x{opcode:02x})")
 
     def _chunk(self, at: int, begin: int, end: int, resuming: bool) -> Whole:
-        # what can be told without copying it comes first: noise has many beginnings
+        # cheap checks without a copy come first: random bytes often look like the start of a record
         if end - begin < CHUNK_HEAD.size + 8:
             raise Malformed("a chunk without its head")
         _, _, size, _, named = CHUNK_HEAD.unpack_from(self._data, begin)
@@ -187,8 +187,8 @@ class Scan:
         return Whole(at, end, attachment_of(self._data[begin:end]))
 
     def learn_definitions(self) -> Definitions:
-        """The schemas and channels that the summary and the recorder's attachments repeat, by a walk of its own that
-        opens no chunk: so that one damaged chunk does not take the meaning of all that follow."""
+        """Collect the schemas and channels that the summary and the recorder's attachments repeat, in a separate walk
+        that opens no chunk. So a damaged chunk does not make the later messages unreadable."""
         if self.summary is not None and self.summary.definitions.channels:
             self.definitions = self.summary.definitions
             return self.definitions

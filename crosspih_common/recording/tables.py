@@ -1,7 +1,7 @@
 """A recorded topic as a pandas table: rows are samples, columns their fields with the unit in the name.
 
-- `t_s` is cell time since the recording began, `stamp_ns` the cell's clock itself, `seq` the sample's number; of topics
-  that every service has, `service` is whose it is.
+- `t_s` is cell time since the recording began, `stamp_ns` the cell's clock itself, `seq` the sample's number; for topics
+  that every service has, `service` names the service.
 - A wrench is `force_x_n`, `force_y_n`, `force_z_n`, `moment_x_nm`, ...; any other field of six such numbers has its
   name before that (`wrench_sd_force_x_n`). A position is `pose_base_peg_x_m`, ..., a rotation
   `pose_base_peg_quaternion_x`, ..., a joint `joint_1_rad`, ... from the base, another vector `<name>_x_<unit>`.
@@ -54,7 +54,7 @@ def table_of(recording: Recording, topic: Topic[Any] | str) -> pandas.DataFrame:
         rows += _rows(one, begun, _service_of(one.key, row) if of_all else None)
     rows.sort(key=lambda entry: entry["stamp_ns"])  # of several services, one after the other in time
     table = pandas.DataFrame.from_records(rows)
-    # of a part that is there in some rows alone: its fields have columns of their own
+    # a part that only some rows have: its fields become columns of their own
     parts = [
         name for name in table if table[name].isna().all() and any(other.startswith(f"{name}_") for other in table)
     ]

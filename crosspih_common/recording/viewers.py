@@ -1,4 +1,4 @@
-"""What in a recording was made for viewers, from messages that are in it themselves: not for our own readers."""
+"""Identifies the content of a recording that was made for viewers; our own readers skip it."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ URDF = "arm.urdf"  # the attachment with the arm
 
 
 def for_viewers(topic: str) -> bool:
-    """Whether a channel's messages follow from those of others."""
+    """Whether a channel holds only messages derived from other channels, for viewers."""
     return topic.startswith(PREFIX)

@@ -1,4 +1,4 @@
-"""Every message of a file with what is known of its channel, in the order in which they lie there."""
+"""Every message of a file with its channel, in file order."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _BARE = (Schema, Channel, Entry)
 class ReadPart:
     """One file of a recording, filled while it is walked through.
 
-    `declared` is the number of messages that its end says it holds, `nameless` are whole messages whose channel lay in
-    what is damaged.
+    `declared` is the number of messages according to its summary; `nameless` are intact messages whose channel
+    definition was in a damaged part.
     """
 
     path: Path
@@ -35,7 +35,7 @@ class ReadPart:
 
     @property
     def tear(self) -> str:
-        """What is wrong with it; empty for a whole file."""
+        """What is wrong with the file; empty for a complete one."""
         if self.finished:
             return ""
         return "; ".join(map(str, self.damage)) or "it has no end: the recorder was killed or the disk failed"
@@ -51,7 +51,7 @@ class WalkedMessage:
 
 
 def walk(path: Path, part: ReadPart) -> Iterator[WalkedMessage]:
-    """The messages of one file, past what is damaged; `part` learns the rest. Raises OSError."""
+    """The messages of one file, without damaged ones; other information goes to `part`. Raises OSError."""
     with scanning(path) as scan:
         part.size, part.is_mcap = scan.size, scan.is_mcap
         part.declared = None if scan.summary is None else scan.summary.messages
@@ -82,14 +82,14 @@ def walk(path: Path, part: ReadPart) -> Iterator[WalkedMessage]:
 
 
 class Repeats:
-    """Tells what a new part repeats of the one before: the states that are known, and each service's last event."""
+    """Detects what a new part repeats from the one before: known states, and each service's last event."""
 
     def __init__(self) -> None:
         self._last: dict[str, Entry] = {}
         self._first_here: set[str] = set()
 
     def begin_part(self) -> None:
-        """What comes now lies in another file."""
+        """A new file begins."""
         self._first_here = set(self._last)
 
     def has(self, said: WalkedMessage) -> bool:
