@@ -1,4 +1,4 @@
-"""The kinds of keys of the bus: a topic with samples, or a command with a server. The keys themselves are in keys.py."""
+"""The kinds of keys of the bus: a topic with samples, or a command with a server. The keys are in keys.py."""
 
 from __future__ import annotations
 

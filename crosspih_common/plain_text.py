@@ -33,7 +33,7 @@ def is_plain_json(payload: bytes) -> bool:
         return True
     try:
         return not any(_is_obeyed(one) and one not in _LINES for text in _texts(json.loads(payload)) for one in text)
-    except (RecursionError, ValueError):  # nested too deep, or not JSON for Python, although it may have been valid as a message
+    except (RecursionError, ValueError):  # nested too deep, or not JSON for Python
         return False
 
 

@@ -1,4 +1,4 @@
-"""A strict YAML loader. PyYAML's safe loader accepts some likely mistakes: of a setting that is given twice the last one
+"""A strict YAML loader. PyYAML's safe loader accepts likely mistakes: of a setting that is given twice the last one
 counts without a warning, 010 is 8, 1:30 is 90, and ten lines of aliases can expand beyond any memory. Here these are
 errors that name the line, and so are texts on which the loader itself fails.
 """
@@ -84,7 +84,7 @@ def yaml_of(text: str) -> Any:
 
 
 def require_regular(path: Path) -> os.stat_result:
-    """The stat result of a regular file. Raises OSError for others: a read would block on a pipe, and a device has no end."""
+    """The stat result of a regular file. Raises OSError for pipes (a read would block) and devices (without an end)."""
     about = path.stat()
     if stat.S_ISDIR(about.st_mode):
         raise IsADirectoryError(errno.EISDIR, "Is a directory", str(path))

@@ -17,8 +17,8 @@ def topic_named(topic: Topic[Any] | str, reader: str | None = None) -> Topic[Any
     """The row of the key table. Of a topic that every service has, the path of one service (`service/vision/status`)
     means that one's, `service/{service}/status` or `service/*/status` everybody's.
 
-    Raises ConfigError where there is none of that path, with the nearest ones, and where `reader` may not read it: in a
-    cell with certificates it would hear nothing.
+    Raises ConfigError for an unknown path, with the nearest ones, and if `reader` may not read the topic: in a cell
+    with certificates it would receive nothing.
     """
     found = _row(topic) if isinstance(topic, str) else topic
     if reader is not None and reader not in found.readers:

@@ -1,7 +1,7 @@
 """A hand-written encoder of protobuf's wire format, for messages that are sent many times a second.
 
-Making the library's objects takes ten times as long. tests/common/test_foxglove.py checks each message with the library.
-Format: https://protobuf.dev/programming-guides/encoding
+Making the library's objects takes ten times as long. tests/common/test_foxglove.py checks each message with the
+library. Format: https://protobuf.dev/programming-guides/encoding
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ def code_version(*further: str) -> str:
 
 
 class SourceWatch:
-    """Watches whether the sources below `root` are still those of a version: a stack started later runs changed sources.
+    """Watches whether the sources below `root` are still those of a version: a stack started later runs the new ones.
 
     It compares times and sizes, and hashes the sources again only if these have changed.
     """

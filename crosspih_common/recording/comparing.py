@@ -15,7 +15,7 @@ NONE: frozenset[str] = frozenset()
 
 @dataclass(frozen=True, slots=True)
 class FieldDifference:
-    """A field that differs; for a list, the entry that differs most, with its index. `by` is the difference of numbers."""
+    """A field that differs; for a list, the entry that differs most, with its index. `by` is for numbers."""
 
     field: str
     then: str
@@ -28,7 +28,7 @@ class FieldDifference:
 
 
 def differences(then: Message, now: Message, but: frozenset[str] = NONE) -> list[FieldDifference]:
-    """The fields of two messages that are not equal bit for bit, without those of the moment and those named in `but`."""
+    """The fields of two messages that are not equal bit for bit; those of the moment and in `but` are left out."""
     return list(_walk(then.model_dump(mode="json"), now.model_dump(mode="json"), "", OF_THE_MOMENT | but))
 
 

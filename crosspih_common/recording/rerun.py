@@ -27,7 +27,7 @@ def begun_ns(recording: Recording) -> int:
 
 @dataclass(slots=True)
 class Rerun:
-    """The outcome so far. `parts` are [equal, all] counts for each compared part; `rows` are the differences, in order."""
+    """The outcome so far. `parts` are [equal, all] counts of each compared part; `rows` the differences, in order."""
 
     start_ns: int
     parts: dict[str, list[int]] = field(default_factory=dict)

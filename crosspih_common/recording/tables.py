@@ -1,7 +1,7 @@
 """A recorded topic as a pandas table: rows are samples, columns their fields with the unit in the name.
 
-- `t_s` is cell time since the recording began, `stamp_ns` the cell's clock itself, `seq` the sample's number; for topics
-  that every service has, `service` names the service.
+- `t_s` is cell time since the recording began, `stamp_ns` the cell's clock itself, `seq` the sample's number; for
+  topics that every service has, `service` names the service.
 - A wrench is `force_x_n`, `force_y_n`, `force_z_n`, `moment_x_nm`, ...; any other field of six such numbers has its
   name before that (`wrench_sd_force_x_n`). A position is `pose_base_peg_x_m`, ..., a rotation
   `pose_base_peg_quaternion_x`, ..., a joint `joint_1_rad`, ... from the base, another vector `<name>_x_<unit>`.

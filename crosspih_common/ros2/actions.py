@@ -1,4 +1,4 @@
-"""What a ROS 2 action is made of: three services, two topics, and the types that rosidl derives from its definition.
+"""The parts of a ROS 2 action: three services, two topics, and the types that rosidl derives from its definition.
 
 Source: design.ros2.org, "Actions", and rosidl_parser/definition.py of ROS 2 (class Action).
 """

@@ -1,4 +1,4 @@
-"""What rmw_zenoh attaches to each sample, request and reply: number, time, and who sent it.
+"""The attachment of rmw_zenoh to each sample, request and reply: number, time and sender.
 
 `rmw_zenoh_cpp/src/detail/attachment_helpers.cpp` since 0.1.2, 0.2.4 and 0.6.0: int64 number, int64 ns since 1970, both
 little-endian, one byte 16, and the 16 bytes of the sender's gid. Releases before those wrote the fields' names as well
@@ -27,12 +27,12 @@ class SampleAttachment:
             raise ValueError(f"gid has {len(self.gid)} bytes, want {GID_BYTES}")
 
     def to_bytes(self) -> bytes:
-        """As it travels, 33 bytes."""
+        """The attachment as 33 bytes."""
         return _HEAD.pack(self.sequence, self.stamp_ns, GID_BYTES) + self.gid
 
     @classmethod
     def of(cls, raw: bytes) -> SampleAttachment:
-        """ValueError where these are not such bytes."""
+        """From the 33 bytes. Raises ValueError for other bytes."""
         if len(raw) != _HEAD.size + GID_BYTES or raw[_HEAD.size - 1] != GID_BYTES:
             raise ValueError(
                 f"{len(raw)} bytes are no attachment of rmw_zenoh, want {_HEAD.size + GID_BYTES}: releases of before "

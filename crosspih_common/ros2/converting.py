@@ -1,4 +1,4 @@
-"""Our messages as ROS 2's: for the bridge, and for recordings exported as bags. Stamps are ns of whatever clock."""
+"""Converts our messages to ROS 2's, for the bridge and for export as bags. Stamps are ns of the caller's clock."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Converter:
         return self._make("std_msgs/msg/String", data=text)
 
     def joint_state(self, names: Sequence[str], state: JointState, stamp_ns: int, frame: str) -> Any:
-        """sensor_msgs/JointState: the encoders. Nothing is said of efforts."""
+        """sensor_msgs/JointState from the encoders. Efforts stay empty."""
         return self._make(
             "sensor_msgs/msg/JointState", header=self.header(stamp_ns, frame), name=list(names),
             position=np.array(state.joints_rad), velocity=np.array(state.speeds_rad_s), effort=np.zeros(0),
@@ -142,7 +142,7 @@ class Converter:
     def diagnostics(
         self, statuses: Iterable[ServiceStatus], events: Iterable[Event], silent: Iterable[str], stamp_ns: int
     ) -> Any:
-        """diagnostic_msgs/DiagnosticArray: a line a service, one for each that fell silent, and the events since."""
+        """diagnostic_msgs/DiagnosticArray: one status per service, one per silent service, and the new events."""
         lines = [self._status(status) for status in statuses]
         lines += [self._line(name, ERROR, "says nothing any more", {}) for name in silent]
         lines += [

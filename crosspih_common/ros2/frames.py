@@ -1,4 +1,4 @@
-"""The cell's frames under the names that ROS knows them by, and the arm by its joints and links."""
+"""The cell's frames by their ROS names, and the arm by its joints and links."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def ros_arm(
     workcell: Workcell, field: str, joint_names: Sequence[str] | None = None, base: str | None = None,
     flange: str | None = None,
 ) -> RosArm:  # fmt: skip
-    """The cell's arm as ROS is told of it: the URDF file of the cell as it is, or a URDF written from the arm's model.
+    """The cell's arm for ROS: the cell's URDF file, or a URDF written from the arm's model.
 
     `field` is the section whose `joint_names`, `base_frame`, `flange_frame` these are. Raises ConfigError.
     """

@@ -17,7 +17,7 @@ _NODE_PARTS, _ENDPOINT_PARTS = 9, 13
 
 
 class Entity(str, Enum):
-    """What a token stands for."""
+    """The kind of graph entity that a token describes."""
 
     NODE = "NN"
     PUBLISHER = "MP"
@@ -35,7 +35,7 @@ def dds_type(ros_type: str) -> str:
 
 
 def ros_type(name: str) -> str:
-    """The way back; a name of another form is left as it is."""
+    """The inverse of `dds_type`; a name of another form is left as it is."""
     parts = name.split("::")
     if len(parts) != 4 or parts[2] != "dds_":
         return name
@@ -55,13 +55,13 @@ def topic_key(domain_id: int, name: str, type_name: str, type_hash: str) -> str:
 
 
 def mangled(name: str) -> str:
-    """A name as one part of a token."""
+    """A name encoded as one part of a token."""
     return name.replace("/", "%")
 
 
 @dataclass(frozen=True, slots=True)
 class GraphEntity:
-    """A node, or what a node has: `name`, `type_name`, `type_hash` and `qos` are empty for the node itself."""
+    """A node, or an endpoint of a node; `name`, `type_name`, `type_hash` and `qos` are empty for the node itself."""
 
     entity: Entity
     domain_id: int
@@ -86,7 +86,7 @@ class GraphEntity:
         return "/".join(parts)
 
     def gid(self) -> bytes:
-        """16 bytes that no other endpoint has. rmw_zenoh takes another hash of the token; nothing compares the two."""
+        """A unique id of 16 bytes. rmw_zenoh uses another hash of the token; nothing compares the two."""
         return hashlib.sha256(self.token().encode()).digest()[:GID_BYTES]
 
     @property
@@ -96,7 +96,7 @@ class GraphEntity:
 
     @classmethod
     def of(cls, token: str) -> GraphEntity:
-        """ValueError where it is no token of rmw_zenoh."""
+        """Parse a token. Raises ValueError if it is no token of rmw_zenoh."""
         parts = token.split("/")
         if len(parts) < _NODE_PARTS or parts[0] != ADMIN_SPACE or not all(parts):
             raise ValueError(f"{token!r} is no liveliness token of rmw_zenoh")

@@ -1,4 +1,4 @@
-"""Where ROS 2 is: the settings that the bridge and the ROS 2 devices share."""
+"""The settings of the ROS 2 network that the bridge and the ROS 2 devices share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_DOMAINS = 232
 
 
 class RosNetwork(Section):
-    """The router that ROS's nodes are at, their domain and their distribution."""
+    """The router of the ROS nodes, their domain and their distribution."""
 
     endpoint: str | None = Field(
         default=None, description="of the router that rmw_zenoh's nodes connect to; the cell's own where not given"

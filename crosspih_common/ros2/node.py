@@ -104,7 +104,7 @@ class RosNode:
         return topic_key(self.domain_id, endpoint.name, endpoint.type_name, endpoint.type_hash)
 
     def publisher(self, name: str, ros_type: str, qos: RosQos = RELIABLE) -> RosPublisher:
-        """A publisher; with `transient_local` what it said last is kept for those who come late."""
+        """A publisher; with `transient_local` its last messages are kept for late subscribers."""
         endpoint = self._endpoint(Entity.PUBLISHER, name, ros_type, qos)
         reliability = zenoh.Reliability.RELIABLE if qos.reliable else zenoh.Reliability.BEST_EFFORT
         drop = zenoh.CongestionControl.DROP
@@ -176,7 +176,7 @@ class RosNode:
     def serve_later(
         self, name: str, ros_type: str, accept: Callable[[bytes, Callable[[Any], None]], None]
     ) -> GraphEntity:  # fmt: skip
-        """Give a service's requests (CDR) away, each with what is called with the response: at once or later, once.
+        """Pass each request (CDR) of a service to `accept`, with a function for its one response, at once or later.
 
         `accept` is called on Zenoh's own thread: it must only enqueue.
         """
@@ -205,14 +205,14 @@ class RosNode:
         return endpoint
 
     def graph(self, entity: Entity | None = None, name: str | None = None) -> list[GraphEntity]:
-        """What is there now, this node's own included: all of the domain, or one kind, or what has one name."""
+        """The present graph entities, this node's own included: all of the domain, or of one kind, or of one name."""
         found = []
         full = None if name is None else resolved(name, self.namespace)
         expression = graph_expression(self.domain_id, entity)
         for reply in self._session.liveliness().get(expression, timeout=GRAPH_DEADLINE_S):
             if reply.ok is None:
                 continue
-            with contextlib.suppress(ValueError):  # somebody else's token, which is no business of ours
+            with contextlib.suppress(ValueError):  # a token of another program, which is ignored
                 endpoint = GraphEntity.of(str(reply.ok.key_expr))
                 if full is None or endpoint.name == full:
                     found.append(endpoint)

@@ -32,7 +32,7 @@ class RosQos:
 
     @classmethod
     def decode(cls, text: str) -> RosQos:
-        """ValueError where the text is no such part."""
+        """Parse the last part of a token. Raises ValueError for any other text."""
         parts = text.split(":")
         if len(parts) < 6 or "," not in parts[2]:
             raise ValueError(f"{text!r} is no quality of service of rmw_zenoh")

@@ -1,17 +1,17 @@
-"""The cell's clock seen from the wall's: for ROS, whose time is the wall's."""
+"""Maps the cell's clock to the wall clock, because ROS uses wall time."""
 
 from __future__ import annotations
 
-NEAR_NS = 1_000_000_000  # a cell's clock as near to the wall's is the wall's
+NEAR_NS = 1_000_000_000  # a cell's clock within this of the wall clock is taken as wall time
 JUMP_NS = 200_000_000
 
 
 class WallOfCell:
     """Cell stamps as wall stamps, ns.
 
-    A clock that is the wall's already is left as it is. Any other is anchored at its first tick, and again with each
-    new boot and where it has fallen behind or run ahead by more than `JUMP_NS`: a simulated cell stands still between
-    commands, or runs faster.
+    A cell clock that already is wall time stays as it is. Any other is anchored at its first tick, and again at each
+    new boot and whenever it is behind or ahead by more than `JUMP_NS`: a simulated cell stands still between commands,
+    or runs faster.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class WallOfCell:
         self._boot_id = ""
 
     def observe(self, stamp_ns: int, wall_ns: int, boot_id: str) -> None:
-        """A tick of the cell's clock, heard at that time of the wall's."""
+        """A tick of the cell's clock, ns, and the wall time of its arrival, ns."""
         offset_ns = wall_ns - stamp_ns
         if self._offset_ns is None or boot_id != self._boot_id or abs(offset_ns - self._offset_ns) > JUMP_NS:
             self._offset_ns = 0 if abs(offset_ns) < NEAR_NS else offset_ns

@@ -65,7 +65,7 @@ def _info(camera: CameraModel, turn: Array, focal: float, centre: tuple[float, f
 
 
 def calibration_of(left: CameraInfo, right: CameraInfo, pose_base_camera: Pose, rectified: bool) -> CameraCalibration:
-    """The way back, `rectified` for pictures that are already. ValueError naming the number that cannot be."""
+    """The inverse; `rectified` is for pictures that are rectified already. ValueError names an invalid number."""
     for side, info in (("left", left), ("right", right)):
         if info.width <= 0 or info.height <= 0 or not info.k[0, 0] > 0.0:
             raise ValueError(f"{side} camera_info is empty ({info.width} x {info.height}, fx {info.k[0, 0]:g}): the "

@@ -1,4 +1,4 @@
-"""The cell as ROS 2 topics: which they are, and what goes into each; for the bridge, and for recordings as bags."""
+"""The cell's ROS 2 topics and their contents, for the bridge and for recordings exported as bags."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from crosspih_common.ros2.types import RosTypes
 
 STREAM, LATCHED = RosQos(depth=10), RosQos(transient_local=True, depth=1)
 TF = RosQos(depth=100)  # tf2_ros::DynamicBroadcasterQoS; LATCHED is its StaticBroadcasterQoS
-SILENT_NS = 3_000_000_000  # a service says how it is once a second
+SILENT_NS = 3_000_000_000  # a service publishes its status once a second
 CAMERA_FRAMES = (Frame.CAMERA_LEFT.value, Frame.CAMERA_RIGHT.value)
 INFO, IMAGE = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Image"
 
@@ -58,7 +58,7 @@ class Topics:
         self, publishers: Publishers, arm: RosArm, workcell: Workcell, now_ns: Callable[[], int], *,
         stamps: Literal["wall", "cell"] = "wall", tf_hz: float = 50.0, has: frozenset[str] = frozenset(),
     ) -> None:  # fmt: skip
-        """`now_ns` is the wall's clock; `has` are the devices that are ROS's own: what they say is not said twice."""
+        """`now_ns` is the wall clock; `has` are the devices that come from ROS: they are not published again."""
         self._arm, self._frames, self._now_ns = arm, arm.frames, now_ns
         self._stamps, self._tf_hz = stamps, tf_hz
         self._mounting = workcell.sensor_mounting()
@@ -112,7 +112,7 @@ class Topics:
         self._wrench.publish(self._convert.wrench(wrench.wrench, frame, self._stamp_ns(wrench.stamp_ns)))
 
     def raw_batch(self, batch: RawWrenchBatch) -> None:
-        """/wrench_raw: every sample of the sensor, bias and weight in it, as a load on the peg."""
+        """/wrench_raw: every sample of the sensor as a load on the peg, bias and weight included."""
         for index, sample in enumerate(batch.samples):
             on_peg = (self._mounting.peg_of_raw @ sample).tolist()
             stamp_ns = self._stamp_ns(batch.stamp_ns + index * batch.period_ns)
@@ -126,7 +126,7 @@ class Topics:
         self._place(Frame.HOLE.value, self._frames.base, pose, stamp_ns)
 
     def assembled(self, result: AssemblyResult) -> None:
-        """/assembled_pose and the frame `hole`: where the seated peg says that the hole is (T2)."""
+        """/assembled_pose and the frame `hole`: the hole's pose measured with the seated peg (T2)."""
         if not result.inserted or result.pose_base_hole is None:
             return
         stamp_ns, pose = self._stamp_ns(result.stamp_ns), result.pose_base_hole.pose()
@@ -176,12 +176,12 @@ class Topics:
         self._tf_static.publish(self._convert.tf(transforms))
 
     def status(self, status: ServiceStatus) -> None:
-        """A service's own word of how it is."""
+        """Take a service's status."""
         with self._lock:
             self._statuses[status.service] = self._now_ns(), status
 
     def event(self, event: Event) -> None:
-        """What people should know."""
+        """Take an event."""
         with self._lock:
             self._events.append(event)
 

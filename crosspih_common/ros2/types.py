@@ -33,7 +33,7 @@ class RosTypes:
         self.add_service(TRIGGER, [], [("success", "bool"), ("message", "string")])
 
     def add_service(self, name: str, request: list[tuple[str, str]], response: list[tuple[str, str]]) -> None:
-        """A service by the fields (name, basic type) of its request and response, which rosbags has none of."""
+        """Add a service by the fields (name, basic type) of its request and response; rosbags itself has none."""
         definitions: dict[str, list[tuple[str, Any]]] = {
             f"{name}_Request": [(field, _basic(kind)) for field, kind in request],
             f"{name}_Response": [(field, _basic(kind)) for field, kind in response],

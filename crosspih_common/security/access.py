@@ -1,8 +1,8 @@
-"""Zenoh's access rules, made from the key table: what no row allows is denied.
+"""Zenoh's access rules, made from the key table: whatever no row allows is denied.
 
-Each service may publish, read, ask and answer what its rows say, under the common name of its certificate. Besides the
-keys themselves these are the declarations that Zenoh sends for them, both ways, and those of its advanced publishers,
-which stand below `<key>/@adv/`. `*` stands for the cell: one router serves one or several.
+Each service, identified by the common name of its certificate, may publish, read, query and answer the keys in its
+rows. The rules also allow the declarations that Zenoh sends for these keys, both ways, and the keys of its advanced
+publishers below `<key>/@adv/`. `*` stands for the cell: a router may serve several.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ ROUTER = "router"
 SERVICES = (*ALL, CAMERA_ALIVE, ROUTER)  # whoever has a certificate
 ADVANCED = "/@adv/**"  # where Zenoh's advanced publishers keep what they need beside their key
 IN, OUT = "ingress", "egress"
-# What ROS 2 hears that a command answered: where the hole is, and how an assembly ended.
+# Replies of commands that ROS 2 receives: the pose of the hole, and how an assembly ended.
 ANSWERS_TO_ROS2 = (ASSEMBLE, LOCATE)
-# What Foxglove shows besides: what commands were asked and answered.
+# Foxglove also shows the requests and replies of commands.
 REQUESTS_TO_FOXGLOVE = (ASSEMBLE, FOLLOW)
 ANSWERS_TO_FOXGLOVE = (ADVISE_INSERTION, ASSEMBLE, CAPTURE, ESTIMATE, LOCATE, NETWORK, SEATED, SEQUENCE_NETWORK)
-# The page shows besides what the planner was told of the hole, by whomever.
+# The web page also shows the estimates of the hole that the planner received.
 ANSWERS_TO_VIEWER = (ASSEMBLE, WITHDRAW, LOCATE, ESTIMATE, SEATED, NETWORK, SEQUENCE_NETWORK)
 # ROS 2's own keys: its domains and its tokens, for the services that speak it
 ROS2_SPEAKERS = ("ros2", "hardware")
@@ -70,7 +70,7 @@ class _Table:
                 self.allowed[service, flow, message].update(keys)
 
     def publish(self, service: str, key: str, read_as: str, recover: bool) -> None:
-        """A service publishes `key`, and is told of readers of `read_as`, which may be wider."""
+        """A service publishes `key`, and is notified of readers of `read_as`, which may be wider."""
         self.allow([service], IN, ["put"], [key])
         self.allow([service], OUT, ["declare_subscriber"], [key, read_as])
         if recover:
@@ -98,7 +98,7 @@ class _Table:
         self.allow([service], OUT, ["reply", "declare_queryable"], [key])
 
     def live(self, service: str, names: Iterable[str]) -> None:
-        """A service has tokens under its names, and sees everybody's."""
+        """A service declares tokens under its names, and sees all tokens."""
         for name in names:
             self.allow([service], IN, ["liveliness_token"], [alive_key(CELL, name), author_key(CELL, name)])
         everyone = [alive_key(CELL), author_key(CELL)]
@@ -141,7 +141,7 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
         if command in REQUESTS_TO_FOXGLOVE:
             table.read("foxglove", command.request_echo.key(CELL), recover=True)
     for service in SERVICES:
-        table.read(service, CLOCK.key(CELL), recover=True)  # every bus goes by it
+        table.read(service, CLOCK.key(CELL), recover=True)  # every bus follows the cell's clock
         table.live(service, (service, CAMERA_ALIVE) if service == CAPTURE.server else (service,))
     table.allow(ROS2_SPEAKERS, IN, EVERY_MESSAGE, ROS2_KEYS)
     table.allow(ROS2_SPEAKERS, OUT, EVERY_MESSAGE, ROS2_KEYS)
@@ -149,9 +149,9 @@ def allowed() -> dict[tuple[str, str, str], frozenset[str]]:
 
 
 def linked() -> dict[tuple[str, str, str], frozenset[str]]:
-    """What another machine's router is allowed besides: all that its services may do, for it speaks for all of them.
+    """The additional rights of another machine's router: all that its services may do, because it forwards for them.
 
-    Which of them it speaks for cannot be seen here: it has judged them by their certificates, as this one its own.
+    This router cannot see which service a message is from: the other router has checked their certificates.
     """
     everything = frozenset([f"{ROOT}/**", f"{ROOT}/**{ADVANCED}", *ROS2_KEYS])
     return {(ROUTER, flow, message): everything for flow in (IN, OUT) for message in EVERY_MESSAGE}

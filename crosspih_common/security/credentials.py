@@ -1,4 +1,4 @@
-"""Where a service's certificate and key lie, and what Zenoh is told of them: paths alone, never what is in them."""
+"""The paths of a service's certificate and key, for Zenoh's configuration; their contents are never read here."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Credentials:
             raise ConfigError(f"{CERTIFICATES}: others may read {self.key}; `chmod 600` it, or make new ones")
 
     def listening(self) -> dict[str, Any]:
-        """Zenoh's settings of a router that lets in nobody without a certificate of this authority."""
+        """Zenoh's settings of a router that accepts only clients with a certificate of this authority."""
         return self._tls(
             listen_certificate=str(self.certificate), listen_private_key=str(self.key), enable_mtls=True
         )  # fmt: skip
@@ -93,7 +93,7 @@ def secure_endpoint(endpoint: str) -> str:
 
 
 def open_to_whom(endpoint: str) -> str:
-    """What a plain stack says of itself; empty where certificates are asked for."""
+    """A warning of a stack without certificates about who can connect; empty if certificates are required."""
     if os.environ.get(CERTIFICATES):
         return ""
     host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> object:
-        """When it is first asked for (PEP 562): the router tells the launcher that it is up, and needs no more."""
+        """Import on first use (PEP 562): the router only notifies the launcher, and needs nothing else from here."""
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         found = getattr(import_module(f"{__name__}.lifecycle"), name)

@@ -1,4 +1,4 @@
-"""How a process with a Zenoh session ends once all is closed."""
+"""Ends a process with Zenoh sessions safely."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from crosspih_common.bus.closing import close_all
 
 
 def end_process(status: int) -> NoReturn:
-    """End this process with that exit status, as `sys.exit` does in the main thread, but for Python's own dismantling.
+    """End this process with an exit status, like `sys.exit` in the main thread, but without Python's finalization.
 
-    A thread of Zenoh that is about to call Python while the interpreter is dismantled is ended by it in the middle of
-    Zenoh's code, and that aborts the process ("FATAL: exception not rethrown", status -6: 1 of 24 ends on a machine
-    with 25 busy processes a core). Sessions that were left open are closed, what was registered for the end is done,
-    threads that are to be waited for are.
+    If a Zenoh thread calls Python during finalization, Python ends that thread in the middle of Zenoh's code, and that
+    aborts the process ("FATAL: exception not rethrown", status -6: 1 of 24 ends on a machine with 25 busy processes a
+    core). Open sessions are closed, functions registered with atexit run, and non-daemon threads are joined.
     """
-    close_all()  # first: Zenoh's callback threads are among those that are waited for
+    close_all()  # first: Zenoh's callback threads are among those that are joined
     for thread in threading.enumerate():
         if thread is not threading.main_thread() and not thread.daemon:
             thread.join()

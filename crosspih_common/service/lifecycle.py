@@ -1,4 +1,4 @@
-"""Start a service, keep it visible, end it cleanly.
+"""Start a service, publish its status, end it cleanly.
 
 `python -m services.<name>` calls `run_service(name, Config, build)`. `build` gets a context with the bus, and the
 service's own section of the cell's file as a `Config`; it binds the service's core to its keys, and returns what must
@@ -35,20 +35,20 @@ from crosspih_common.service.wall_clock import ClockOffset, ClockWatch, this_hos
 from crosspih_common.service.works import Works, end_hard_after
 
 STATUS_PERIOD_S = 1.0
-SECOND_WAITS_S = 7.0  # the name of one whose machine went silent is free again after the link's lease
+SECOND_WAITS_S = 7.0  # how long to wait for the name: that of a lost machine is free after the link's lease
 SectionT = TypeVar("SectionT", bound=Section)
 
 
 class ServiceResource(Protocol):
-    """What a service opened."""
+    """Something that a service opened and must close (protocol)."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
 
 
 @dataclass(eq=False)
 class ServiceContext:
-    """What a service is given."""
+    """The context of a service: its bus, its cell and its status."""
 
     name: str
     cell: CellFile
@@ -57,10 +57,10 @@ class ServiceContext:
     state: ServiceState = ServiceState.STARTING
     reason: str = ""
     works: Works = field(init=False)
-    clocks: ClockWatch | None = None  # None in the cell's own service, whose clock the others are measured against
+    clocks: ClockWatch | None = None  # None in the hardware service, whose wall clock is the reference
     _last_error: tuple[float, str] = (-math.inf, "")
     _started_at: float = field(default_factory=time.monotonic)
-    _said_at: dict[str, float] = field(default_factory=dict)  # code: when it was last said
+    _said_at: dict[str, float] = field(default_factory=dict)  # code: when it was last published
 
     def __post_init__(self) -> None:
         self.works = Works(self.bus.duties)
@@ -76,7 +76,7 @@ class ServiceContext:
         self._last_error = (time.monotonic(), plain(text, MAX_TEXT))
 
     def event(self, severity: Severity, code: str, text: str) -> None:
-        """Tell people, in one line, for a part may be a stranger's: on the bus, and on standard error for the log."""
+        """Publish an event on the bus and print it on standard error; one line, because part of it may be untrusted."""
         text = plain(text, MAX_TEXT)
         if severity is not Severity.INFO:
             self.last_error = f"{code}: {text}"
@@ -85,13 +85,13 @@ class ServiceContext:
             self.bus.publisher(EVENTS).publish(Event(service=self.name, severity=severity, code=code, text=text))
 
     def fail(self, reason: str) -> None:
-        """The service cannot go on: it says so and ends with status 1."""
+        """The service cannot go on: publish the reason and end with status 1."""
         self.state, self.reason = ServiceState.FAILED, plain(reason, MAX_TEXT)
         self.event(Severity.ERROR, "failed", reason)
         self.stop.set()
 
     def status(self) -> ServiceStatus:
-        """How the service is now."""
+        """The present status of the service."""
         state = self.state
         if state is ServiceState.READY and self.bus.busy:
             state = ServiceState.ACTIVE
@@ -120,7 +120,7 @@ class ServiceContext:
         return None if self.clocks is None else self.clocks.difference
 
     def watch_clocks(self) -> None:
-        """From now on measure this machine's wall clock against the cell's, and say when they are apart."""
+        """Start to compare this machine's wall clock with that of the cell's machine; publish a change."""
 
         def tell(apart: bool, found: ClockOffset) -> None:
             if apart:
@@ -237,7 +237,7 @@ def run_service(
 
 
 def _report_rejection(context: ServiceContext, code: str, why: str) -> None:
-    """Say at most one of a code a second aloud, on a thread of its own (this is a bus callback); all are counted."""
+    """Publish at most one event per code and second, on a separate thread (this is a bus callback); all are counted."""
     now = time.monotonic()
     context.last_error = why
     if now - context._said_at.get(code, 0.0) >= 1.0:

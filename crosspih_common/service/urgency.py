@@ -1,4 +1,4 @@
-"""A process that does little, but must do it in time, ahead of those that compute."""
+"""Raises the scheduling priority of a process that does little but must be on time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def be_urgent() -> str:
         try:
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
         except OSError:
-            pass  # not ours to have; the next best
+            pass  # not permitted; try the next best
         else:
             return "real time"
     try:

@@ -1,7 +1,7 @@
 """How far this machine's wall clock is from that of the cell's machine, bounded from both sides.
 
-Stamps are the cell's clock, and no service's wall clock has a part in them. The log times of recordings and logs, and
-the dates of calibrations, are each machine's own wall clock: where two differ, they cannot be laid side by side.
+Stamps use the cell's clock, never a wall clock. The log times of recordings and logs, and the dates of calibrations,
+use each machine's wall clock: if two of these differ, such times cannot be compared.
 
 The cell's machine is asked for its time. Its answer was made between the question and its arrival here, so the
 difference is known to half the round trip, however the way there and the way back differ (Cristian 1989). Several such
@@ -23,7 +23,7 @@ from crosspih_common.keys import WALL_CLOCK
 from crosspih_common.messages import AskWallClock
 
 KEPT = 8
-DRIFT = 1e-4  # two clocks that nobody sets go apart by less, s a second
+DRIFT = 1e-4  # upper bound of the drift between two clocks that nobody sets, s per second
 END_S = 0.5
 FIRST_S, PERIOD_S = 1.0, 10.0  # between the first KEPT exchanges, and after them
 ASK_S = 2.0
@@ -39,7 +39,7 @@ def this_host() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One question and its answer: wall clock here at both ends, ns; there when it was answered; when, s, monotonic."""
+    """One exchange: local wall clock at request and answer, ns; remote wall clock, ns; local monotonic time, s."""
 
     sent_ns: int
     there_ns: int
@@ -48,12 +48,12 @@ class Exchange:
 
     @property
     def offset_s(self) -> float:
-        """The clock here minus the one there, were both ways equally long."""
+        """The local clock minus the remote one, if both ways take equally long, s."""
         return (0.5 * (self.sent_ns + self.back_ns) - self.there_ns) * 1e-9
 
     @property
     def bound_s(self) -> float:
-        """By how much that may be wrong."""
+        """The largest possible error of `offset_s`, s."""
         return 0.5 * (self.back_ns - self.sent_ns) * 1e-9
 
 
@@ -67,7 +67,7 @@ class ClockOffset:
 
     @property
     def least_s(self) -> float:
-        """How far apart they are at the least."""
+        """The least possible difference of the two clocks, s."""
         return max(abs(self.offset_s) - self.bound_s, 0.0)
 
     def __str__(self) -> str:
@@ -79,7 +79,7 @@ class ClockOffset:
 
 
 def narrowed(exchanges: Sequence[Exchange], host: str) -> ClockOffset | None:
-    """What all exchanges, oldest first, leave possible; older ones than one that a clock was set after do not count."""
+    """The offset that agrees with all exchanges, oldest first; exchanges from before a clock was set do not count."""
     if not exchanges:
         return None
     newest = exchanges[-1]
@@ -97,13 +97,13 @@ def exchange(bus: Bus, deadline_s: float = ASK_S) -> tuple[Exchange, str]:
     """Ask once; also the name of the cell's machine. Raises CrosspihError where nobody answers."""
     sent_ns, began_ns = time.time_ns(), time.monotonic_ns()
     answer = bus.call(WALL_CLOCK, AskWallClock(), deadline_s, 0.0)
-    # by the other clock: this one may be set meanwhile
+    # by the monotonic clock: the wall clock may be set meanwhile
     now_ns = time.monotonic_ns()
     return Exchange(sent_ns, answer.wall_ns, sent_ns + now_ns - began_ns, now_ns * 1e-9), answer.host
 
 
 def measured(bus: Bus, times: int = 4, deadline_s: float = ASK_S) -> ClockOffset | None:
-    """Asked so often, one after the other; None where nobody answers."""
+    """The offset after `times` exchanges, one after the other; None if nobody answers."""
     found, host = [], ""
     try:
         for _ in range(times):
@@ -115,8 +115,8 @@ def measured(bus: Bus, times: int = 4, deadline_s: float = ASK_S) -> ClockOffset
 
 
 class ClockWatch:
-    """Measures again and again, on a thread of its own; `tell` is called where the clocks come to be apart (True) or
-    are together again (False)."""
+    """Measures the offset periodically, on a thread of its own; calls `tell(True)` when the clocks start to differ, and
+    `tell(False)` when they agree again."""
 
     def __init__(self, bus: Bus, tell: Callable[[bool, ClockOffset], None]) -> None:
         self._bus, self._tell = bus, tell
@@ -151,7 +151,7 @@ class ClockWatch:
             self._tell(apart, found)
 
     def close(self) -> None:
-        """End. An open question is waited for a moment: the interpreter must not end within Zenoh's code."""
+        """End the thread. Waits a moment for an open request: the interpreter must not end within Zenoh's code."""
         self._stop.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(END_S)

@@ -1,8 +1,8 @@
-"""Whether a service works, told from its working threads: the launcher's watchdog is fed for them, not for the status.
+"""Whether a service works, judged by its working threads: they feed the launcher's watchdog, not the status thread.
 
-A thread that carries out commands and has died, or has been at one job for longer than a job may take, leaves a service
-that shows its status every second and does nothing. Such a service does not feed the watchdog any more, says which
-thread it is, and ends, so that the launcher starts it again; one that cannot even end is ended hard.
+If a thread that carries out commands has died, or hangs in one job, the service may still publish its status every
+second but does no work. It then stops feeding the watchdog, names the thread, and ends, so that the launcher starts it
+again. A service that cannot even end is killed.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ END_S = 5.0  # for closing what was opened, beside a thread that hangs
 
 
 class Works:
-    """`duties` tells the bus's threads, and `watch` adds what a service has of its own."""
+    """`duties` returns the accounts of the bus's threads; `watch` adds a service's own threads."""
 
     def __init__(self, duties: Callable[[], Iterable[Duty]]) -> None:
         self._duties = duties
         self._watched: list[tuple[str, Callable[[], bool]]] = []
 
     def watch(self, name: str, alive: Callable[[], bool]) -> None:
-        """A thread of the service's own; `alive` says whether it still runs."""
+        """Add a thread of the service; `alive` says whether it still runs."""
         self._watched.append((name, alive))
 
     def trouble(self) -> str:
-        """What does not work; empty when all does."""
+        """A description of what does not work; empty when all works."""
         now = time.monotonic()
         said = [duty.trouble(now) for duty in self._duties()]
         said += [f"{name} has died" for name, alive in self._watched if not alive()]
         return "; ".join(filter(None, said))
 
     def feed(self) -> str:
-        """Feed the watchdog, or say why not."""
+        """Feed the watchdog if all works; else return the reason."""
         trouble = self.trouble()
         if not trouble:
             notify.watchdog()
@@ -46,7 +46,7 @@ class Works:
 
 
 def end_hard_after(seconds: float = END_S) -> None:
-    """End this process with status 1 then, wherever its threads are: it is to be started again."""
+    """Kill this process with status 1 after a delay, whatever its threads do, so that it is started again."""
 
     def end() -> None:
         print("what hangs does not let the service end: it is ended hard", file=sys.stderr, flush=True)

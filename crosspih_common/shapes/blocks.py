@@ -1,9 +1,9 @@
 """The plate around a chamfered opening as convex blocks, exactly.
 
-For every edge of the opening there is a block that has this edge whole on its border and reaches as far as it can:
-behind the lines of other edges, where it must pass these. All its walls recede together along the chamfer. So the
-union of the blocks is right at every depth, also at the corners, where two blocks overlap (a corner that turns into
-the hole) or one has both walls (a corner that turns into the plate); no seam ends on a wall.
+Every edge of the opening has a block with this whole edge on its border. The block reaches as far as possible, bounded
+by the lines of other edges that it would cross. All its walls recede together along the chamfer. So the union of the
+blocks is exact at every depth, also at the corners: at a corner that turns into the hole two blocks overlap, at a
+corner that turns into the plate one block has both walls. No seam ends on a wall.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def plate_blocks(outline: Outline, chamfer_m: float, depth_m: float, half_size_m
             if chosen not in walls:
                 walls.append(chosen)
     regions = {back: [_region(plate, outline, chosen, back) for chosen in walls] for back in openings}
-    # what no block reaches is filled behind the chamfer, straight
+    # areas that no block reaches are filled behind the chamfer, with straight walls
     rest = polygons(plate - openings[chamfer_m] - union_all(regions[chamfer_m]))
     fillers = [triangle for part in rest for triangle in get_parts(constrained_delaunay_triangles(part))]
     for back, opening in openings.items():
@@ -95,14 +95,16 @@ def _walls_of(outline: Outline, outer: Outline, edge: int, plate: Polygon) -> li
 def _separating(
     outline: Outline, outer: Outline, edge: int, segments: Array, opening: Polygon, plate: Polygon
 ) -> tuple[int, ...] | None:
-    """Edges, this one and others, in order, whose lines keep the opening out of the region behind them and the
-    segments in it: (2, 2, 2), both ends on the bore's rim, then on the face's."""
+    """The edges, including this one, whose lines separate the opening from a region that holds the segments.
+
+    segments (2, 2, 2): both ends on the bore's rim, then both on the face's rim.
+    """
     in_front = [
         np.all(ends @ outline.normals.T - rim.offsets_m >= -TOLERANCE_M, axis=0)
         for ends, rim in zip(segments, (outline, outer), strict=True)
     ]
     lines = np.column_stack([outline.normals, outline.offsets_m])
-    # of edges on one line the first one stands for all
+    # of several edges on one line only the first is kept
     same = np.argmax(np.max(np.abs(lines[:, None] - lines[None]), axis=-1) < TOLERANCE_M, axis=1)
     usable = sorted({int(same[other]) for other in np.flatnonzero(np.all(in_front, axis=0))})
     chosen = [int(same[edge])]
@@ -110,7 +112,7 @@ def _separating(
     while sum(part.area for part in polygons(region & opening)) > MIN_AREA_M2:
         best: tuple[int, int, int] | None = None
         for other in usable:
-            # a line that bounds the region already cuts nothing off, but for rounding all of it
+            # a line that already bounds the region cuts off nothing, or by rounding all of it
             if other in chosen:
                 continue
             cut = region & half_plane(_behind(outline, other, 0.0))
@@ -138,7 +140,7 @@ def _wall_planes(outline: Outline, walls: tuple[int, ...], chamfer_m: float) -> 
 
 
 def _sides(region: Polygon, half_size_m: float) -> list[Plane]:
-    """Those sides of the plate that the region reaches."""
+    """The sides of the plate that the region reaches."""
     low_x, low_y, high_x, high_y = region.bounds
     reached = ((1.0, 0.0, high_x), (-1.0, 0.0, -low_x), (0.0, 1.0, high_y), (0.0, -1.0, -low_y))
     return [((nx, ny, 0.0), half_size_m) for nx, ny, far in reached if abs(far - half_size_m) < TOLERANCE_M]

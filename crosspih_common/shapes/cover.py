@@ -1,7 +1,7 @@
-"""Convex parts that overlap and together are a polygon, for bodies that a physics engine feels as one.
+"""Overlapping convex parts whose union is a polygon, for a body that a physics engine treats as one.
 
-An engine knows convex bodies only, and where two of them meet it may feel the seam. So the parts here are as large as
-they go and overlap: the borders of a part run along the polygon's own edges and their prolongations, which lie inside
+An engine supports convex bodies only, and contacts may catch at the seam between two of them. So the parts here overlap
+and are as large as possible: the borders of a part run along the polygon's edges and along their extensions inside
 other parts, where nothing touches them.
 """
 
@@ -37,7 +37,7 @@ Line = tuple[float, float, float]
 
 
 def half_plane(line: Line) -> Polygon:
-    """A square far larger than anything here, for its edge on the line."""
+    """The half-plane behind a line, as a very large square with one edge on the line."""
     nx, ny, d = line
     foot, along = np.array([nx, ny]) * d, np.array([-ny, nx]) * FAR_M
     back = np.array([nx, ny]) * FAR_M
@@ -45,13 +45,13 @@ def half_plane(line: Line) -> Polygon:
 
 
 def polygons(geometry: Geometry) -> list[Polygon]:
-    """The polygons of a geometry that are more than a numerical speck."""
+    """The polygons of a geometry, without those of negligible area."""
     found = [part for part in get_parts(geometry) if isinstance(part, Polygon)]
     return [part for part in found if part.area > MIN_AREA_M2]
 
 
 def ring(polygon: Polygon) -> Array:
-    """The corners (k, 2) counter-clockwise, those that coincide but for rounding taken once."""
+    """The corners (k, 2) counter-clockwise, without numerical duplicates."""
     corners = np.array(polygon.exterior.coords[:-1])
     if not polygon.exterior.is_ccw:
         corners = corners[::-1]
@@ -59,7 +59,7 @@ def ring(polygon: Polygon) -> Array:
 
 
 def region_of(polygon: Polygon, lines: Sequence[Line]) -> ConvexRegion:
-    """A convex polygon with its edges told exactly: those of the lines that bound it."""
+    """A convex polygon with exact edges: they are taken from the lines that bound it."""
     corners = ring(polygon)
     candidates = np.array(list(dict.fromkeys(lines)))
     beyond = corners @ candidates[:, :2].T - candidates[:, 2]
@@ -114,7 +114,7 @@ def _area(region: Polygon, edges: Sequence[Line]) -> float:
 
 
 def _edges_kept(region: Polygon, edges: Sequence[Line]) -> float:
-    """How much of its border is the outline's own, m."""
+    """The length of a region's border that lies on the outline, m."""
     corners = ring(region)
     ends = np.roll(corners, -1, axis=0)
     lines = np.array(edges)
@@ -154,7 +154,7 @@ def _grown(polygon: Polygon, edges: list[Line], seed: Array, measure: Measure) -
         best: tuple[float, Polygon, Line] | None = None
         for line in dict.fromkeys(line for choice in forced or cuts for line in choice):
             kept = [part for part in polygons(region & half_plane(line)) if part.contains(middle)]
-            # a cut that leaves all as it is would never end
+            # a cut that changes nothing would loop forever
             if kept and kept[0].area < region.area - MIN_AREA_M2:
                 left = measure(kept[0], edges)
                 if best is None or left > best[0]:

@@ -1,7 +1,7 @@
 """The Greek-cross peg with a tapered tip, and the chamfered Greek-cross hole.
 
-Both are sized after the peg that the paper's own Table 6 betrays: the taper shrinks linearly to an apex 89.7 mm ahead
-of the F/T origin with 0.25 of half-width lost a length, half-length three times the half-width.
+The sizes of both follow from the paper's Table 6: the taper shrinks linearly to an apex 89.7 mm ahead of the F/T
+origin, the half-width falls by 0.25 per unit of length, and the half-length is three times the half-width.
 
 Frames
 ------

@@ -135,9 +135,9 @@ _AXIS = Polygon([(0.0, 0.0), (1e-9, 0.0), (0.0, 1e-9)]).representative_point()
 
 
 def symmetry_of(corners_m: Array, tolerance_m: float = 1e-5) -> int:
-    """How many turns about the origin bring a polygon (n, 2) onto itself within a tolerance (m); 0 when round.
+    """The number of rotations about the origin that map a polygon (n, 2) onto itself within a tolerance, m; 0 if round.
 
-    By its corners where they are spread alike, else by the line that they make.
+    It compares the corners if they are evenly spread, else the line that they form.
     """
     count = len(corners_m)
     points = corners_m[:, 0] + 1j * corners_m[:, 1]

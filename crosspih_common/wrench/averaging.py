@@ -10,8 +10,8 @@ from crosspih_common.geometry.pose import Array
 def mean_and_sd(samples: Array) -> tuple[Array, Array]:
     """Mean (6,) of samples (n, 6) in order of time, and the standard deviation (6,) of that mean.
 
-    A sample that repeats the one before it, in all channels, is the same one told again (a sensor that is asked more
-    often than it measures) and counts once. The deviation of a single sample is not known: zeros.
+    A sample equal to the one before it in all channels is a repeated reading (the sensor is read more often than it
+    measures) and counts once. The deviation of a single sample is unknown: zeros.
     """
     given = np.asarray(samples, dtype=float)
     own = np.concatenate([[True], np.any(given[1:] != given[:-1], axis=1)])

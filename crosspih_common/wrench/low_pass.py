@@ -1,4 +1,4 @@
-"""A first-order low-pass by its cutoff and the period of its samples, a sample at a time or in batches."""
+"""A first-order low-pass filter, given by cutoff and sample period, for single samples or batches."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class LowPass:
         given = np.atleast_2d(np.asarray(samples, dtype=float))
         if given.shape[0] == 0:
             return self, given
-        from scipy.linalg.lapack import dtbtrs  # not for whoever only reads what the filter is set to
+        from scipy.linalg.lapack import dtbtrs  # imported only when batches are filtered
 
         start = given[0] if self.last is None else np.asarray(self.last)
         rest = 1.0 - self.gain

@@ -1,7 +1,7 @@
 """How a force/torque sensor is mounted and how its numbers are to be read.
 
-Three frames: *raw* is what the sensor's driver says, in the driver's own units, axes and sign; *sensor* is the same
-load in N and Nm in the sensor's frame {K}, as the load on the peg; *peg* is that load about the peg frame's origin.
+Three forms: *raw* is the driver's reading in its own units, axes and sign; *sensor* is the same load in N and Nm in the
+sensor's frame {K}, as the load on the peg; *peg* is that load about the peg frame's origin.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from crosspih_common.geometry.wrench import adjoint_wrench
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorMounting:
-    """From raw readings to wrenches on the peg, and back; the default is a sensor in the peg frame that says N, Nm.
+    """From raw readings to wrenches on the peg, and back; the default is a sensor in the peg frame with N and Nm.
 
-    pose_peg_sensor: the sensor's frame in the peg frame. sign: +1 where the sensor tells the load on the peg, -1
-    where it tells the reaction. axes (3, 3): the proper rotation that takes the three reported numbers to x, y, z of
+    pose_peg_sensor: the sensor's frame in the peg frame. sign: +1 if the sensor reports the load on the peg, -1
+    if it reports the reaction. axes (3, 3): the proper rotation that takes the three reported numbers to x, y, z of
     the sensor's frame. n_per_unit, nm_per_unit: what one reported unit of force is in N, one of moment in Nm.
 
     sensor_of_raw, peg_of_sensor, peg_of_raw (6, 6) follow, and the ways back raw_of_sensor, sensor_of_peg.
@@ -70,7 +70,7 @@ class SensorMounting:
         return _spread(self.peg_of_raw, raw_sd)
 
     def raw(self, wrench_peg: ArrayLike) -> Array:
-        """What the sensor would say (..., 6) of wrenches (..., 6) on the peg, peg frame: the way back."""
+        """The raw readings (..., 6) for wrenches (..., 6) on the peg, peg frame: the inverse."""
         sensor = np.asarray(wrench_peg, dtype=float) @ self.sensor_of_peg.T
         return np.asarray(sensor @ self.raw_of_sensor.T, dtype=float)
 

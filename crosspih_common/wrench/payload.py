@@ -1,4 +1,4 @@
-"""What hangs behind the sensor, taken off its readings so that thresholds, caps and estimates see contact only.
+"""The payload behind the sensor, subtracted from its readings so that thresholds, caps and estimates see contact only.
 
 Without contact the sensor reads F = R^T L + F0 and M = r x R^T L + M0 in its own frame, with R its orientation in the
 base, L the payload's weight vector in the base, r the payload's centroid, F0 and M0 the bias (the paper's Eqs. 14-16).
@@ -68,7 +68,7 @@ class Payload:
 
     @classmethod
     def tare(cls, raw: ArrayLike, mounting: SensorMounting | None = None) -> Payload:
-        """All of a raw reading (6,) is bias: right as long as the orientation stays."""
+        """Take a whole raw reading (6,) as bias: valid as long as the orientation stays."""
         mounting = SensorMounting() if mounting is None else mounting
         return cls(mounting.sensor(raw), np.zeros(3), np.zeros(3), mounting)
 
@@ -88,12 +88,12 @@ class Payload:
         return np.asarray(self.bias + force @ self._sensor_of_force.T, dtype=float)
 
     def load(self, rotation_base_peg: ArrayLike) -> Array:
-        """What is not contact (..., 6), peg frame, N and Nm, at orientations of the peg frame (..., 3, 3)."""
+        """The wrench without contact (..., 6), peg frame, N and Nm, at orientations of the peg frame (..., 3, 3)."""
         force = self.weight_base_n @ np.asarray(rotation_base_peg, dtype=float)
         return np.asarray(self._peg_of_bias + force @ self._peg_of_force.T, dtype=float)
 
     def load_of(self, rotation_base_peg: Rows) -> list[float]:
-        """`load` (6,) at one orientation, row by row, in plain floats: for a loop that turns in every cycle."""
+        """`load` (6,) at one orientation, given row by row, in plain floats: for a loop that runs it in every cycle."""
         (lx, ly, lz), table = self._plain
         r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_base_peg
         fx = lx * r00 + ly * r10 + lz * r20
@@ -104,8 +104,8 @@ class Payload:
     def on_peg(self, raw: ArrayLike) -> Array:
         """Raw readings (..., 6) as wrenches on the peg, peg frame, N and Nm; `load` still in them.
 
-        A loop that keeps `load` while the orientation stays has the contact by one subtraction.
-        Raises ValueError for a reading that is not finite: compared with a limit it would pass as small.
+        A loop can keep `load` while the orientation stays, and subtract it to get the contact wrench.
+        Raises ValueError for a reading that is not finite: a comparison with a limit would treat it as small.
         """
         given = np.asarray(raw, dtype=float)
         if not (isfinite(sum(given.tolist())) if given.ndim == 1 else bool(np.all(np.isfinite(given)))):

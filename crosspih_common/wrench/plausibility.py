@@ -1,7 +1,7 @@
-"""Whether a payload can be: by the sensor's range, by gravity, and by what the sensor reads at rest now.
+"""Plausibility checks of a payload: by the sensor's range, by gravity, and by the present reading at rest.
 
-A wrong payload is worse than none: a bias of -55 N makes a push of 107 N look like one of 52 N. At rest and clear of
-everything, what a payload leaves of the reading is its own error, so it must be small beside the forces that matter.
+A wrong payload is worse than none: a bias of -55 N makes a push of 107 N look like one of 52 N. At rest and without
+contact the reading minus the payload is the payload's error, so it must be small beside the relevant forces.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ IMPLAUSIBLE = "implausible_payload"
 
 @dataclass(frozen=True, slots=True)
 class PayloadLimits:
-    """What a payload must keep to. `down_base` (3,), of any length, is the way things fall in the base frame.
+    """The limits of a plausible payload. `down_base` (3,), of any length, is the direction of gravity, base frame.
 
-    At rest |F| left over may be `residual_n` or `residual_share` of the weight, whichever is more, and 3 standard
-    deviations of the reading; |M| about the sensor `residual_nm` or that share of weight times centroid.
+    At rest the residual |F| may be the larger of `residual_n` and `residual_share` of the weight, plus 3 standard
+    deviations of the reading; |M| about the sensor the larger of `residual_nm` and that share of weight times centroid.
     """
 
     range_n: float = 300.0
@@ -38,7 +38,7 @@ class PayloadLimits:
 
 
 def judge_bounds(payload: Payload, limits: PayloadLimits) -> str | None:
-    """Why a payload cannot be, whatever the sensor reads: its field, its value and the mend; None where it can."""
+    """Why a payload is implausible for any reading: its field, value and remedy; None if it is plausible."""
     force, moment = (float(np.max(np.abs(part))) for part in (payload.bias[:3], payload.bias[3:]))
     weight, lever = payload.weight_n, float(np.linalg.norm(payload.centroid_sensor_m))
     if force > limits.range_n or moment > limits.range_nm:
@@ -66,7 +66,7 @@ def judge_bounds(payload: Payload, limits: PayloadLimits) -> str | None:
 def judge_payload(
     payload: Payload, raw_at_rest: ArrayLike, raw_sd: ArrayLike, rotation_base_peg: ArrayLike, limits: PayloadLimits
 ) -> str | None:
-    """Why a payload cannot be, beside a reading at rest in free air; None where it can.
+    """Why a payload is implausible given a reading at rest in free air; None if it is plausible.
 
     raw_at_rest (6,): the mean of raw readings now; raw_sd (6,): its standard deviation; rotation_base_peg (3, 3): now.
     """

@@ -1,4 +1,4 @@
-"""Whether a wrist sensor can have felt a wrench at all: what none can feel is refused before it is computed with."""
+"""Refuses wrenches that no wrist sensor can measure, before anything is computed with them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from crosspih_common.errors import CommandRefused
 from crosspih_common.geometry.pose import Array
 
-MAX_FORCE_N, MAX_MOMENT_NM = 1e5, 1e4  # of the largest wrist sensors that are made, several times
+MAX_FORCE_N, MAX_MOMENT_NM = 1e5, 1e4  # several times the range of the largest wrist sensors
 
 
 def refuse_implausible_wrench(wrench: Sequence[float] | Array, name: str) -> None:

@@ -1,8 +1,8 @@
 """A closed contour, and the polygon that a peg gets from it: the same one however the contour was drawn.
 
-Nothing here knows what segments a file had. Corners, straight sides, symmetry and roundness are read off the contour
-itself; between corners and straight sides its chords are cut by arc length, and of a contour that turns onto itself one
-sector is cut and turned about the axis.
+The result does not depend on the segments in the file. Corners, straight sides, symmetry and roundness are found on the
+contour itself. Between corners and straight sides it is divided into chords by arc length. For a rotationally symmetric
+contour one sector is divided, and copied by rotation about the axis.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ MAX_ANCHORS = 2000
 
 @dataclass(frozen=True, slots=True)
 class _Turns:
-    """Of each vertex its turn, rad, and of each side, from vertex i to i + 1, its length and what it would be off by
-    as a chord of an arc, m."""
+    """The turning angle of each vertex, rad; for each side from vertex i to i + 1, m, its length and its distance to an
+    arc of which it would be a chord."""
 
     turn_rad: Array
     side_m: Array
@@ -80,14 +80,14 @@ class Contour:
 
     @cached_property
     def round_radius_m(self) -> float | None:
-        """Of the circle about the centroid that it leaves by less than chords may; None where it is no circle."""
+        """The radius, m, of a contour that is a circle within the chords' tolerance; None if it is no circle."""
         farthest = float(np.max(np.hypot(*self.points_m.T)))
         nearest = float(LinearRing(self.points_m).distance(shapely_points(0.0, 0.0)))
         return farthest if farthest - nearest <= ROUND_M else None
 
     @cached_property
     def symmetry(self) -> int:
-        """How many turns about its centroid bring it onto itself; 0 for a round."""
+        """The number of rotations about its centroid that map it onto itself; 0 for a circle."""
         if self.round_radius_m is not None:
             return 0
         if len(self._anchors(ROUND_M)) > MAX_ANCHORS:

@@ -1,4 +1,4 @@
-"""What a reader gives: the curves that a file draws, and what it leaves out by name."""
+"""The output of a drawing reader: the curves of a file, and the names of entities that it leaves out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_POINTS = 500_000
 
 
 class DrawingRefused(ValueError):
-    """A drawing that is not read: the text names what in it, and the mend."""
+    """A drawing that cannot be used: the text names the entity and how to correct it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,13 +34,13 @@ class Curve:
 
     @property
     def closed(self) -> bool:
-        """Whether it ends where it began, and goes somewhere between."""
+        """Whether it is a closed curve with a length above zero."""
         return self.gap_m <= JOINED_M and len(self.points_m) > 3
 
 
 @dataclass(slots=True)
 class Sheet:
-    """What a file draws. `y_down`: its own y runs down the page; places are told in its own sense, in mm."""
+    """The curves of a file. `y_down`: the file's y axis points down; texts give places in the file's sense, in mm."""
 
     y_down: bool
     curves: list[Curve] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Sheet:
     points: int = 0
 
     def draw(self, entity: str, points_m: Array) -> None:
-        """One curve more; what has no length is none."""
+        """Add a curve; one without length is ignored."""
         if len(points_m) < 2 or float(np.max(np.ptp(points_m, axis=0))) <= FINE_M:
             return
         if not np.all(np.isfinite(points_m)) or float(np.max(np.abs(points_m))) > 1e3:
@@ -60,7 +60,7 @@ class Sheet:
         self.curves.append(Curve(entity, points_m))
 
     def count(self, entity: str) -> None:
-        """One part more is looked at; raises DrawingRefused where they become too many."""
+        """Count an entity; raises DrawingRefused if there are too many."""
         self.parts += 1
         if self.parts > MAX_PARTS:
             raise DrawingRefused(

@@ -1,4 +1,4 @@
-"""The curves that a DXF file draws in its model space: blocks followed, and what its layers hide left out."""
+"""The curves in the model space of a DXF file; blocks are inserted, and hidden layers are left out."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EXTRA = "install it with `pip install 'crosspih[shapes]'`"
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Where the walk is: the matrix of what is inserted, the layer that layer 0 stands for, and the blocks above."""
+    """The state inside a block: its matrix, the layer that layer 0 stands for, and the enclosing blocks."""
 
     matrix: Any = None
     layer: str = ""
@@ -99,7 +99,7 @@ class _Walk:
             self._entity(entity, block)
 
     def finish(self) -> None:
-        """What fills an outline that is drawn is left out; else its border is the outline."""
+        """Drop a fill whose outline is drawn as well; otherwise its border is used as the outline."""
         for filling in self._fillings:
             ring = LinearRing(filling.points_m)
             if self._sheet.curves and any(_on(ring, curve.points_m) for curve in self._sheet.curves):

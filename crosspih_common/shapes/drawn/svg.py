@@ -1,4 +1,4 @@
-"""The curves that an SVG file draws, mm on its page, everything that moves, scales or hides them taken account of."""
+"""The curves of an SVG file, mm on its page; all transforms, scales and visibility rules are applied."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _CLIP_SLACK_MM = 1e-2
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where the walk is: matrix (3, 3) from user units to mm on the page, the style above, and what cuts off."""
+    """The state of the walk: matrix (3, 3) from user units to mm on the page, inherited style, and clipping."""
 
     matrix: Array
     style: dict[str, str]

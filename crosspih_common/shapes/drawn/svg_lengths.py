@@ -21,7 +21,7 @@ _SHARE = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 @dataclass(frozen=True, slots=True)
 class Viewport:
-    """What percentages are of, user units."""
+    """The reference lengths of percentages, user units."""
 
     width: float
     height: float

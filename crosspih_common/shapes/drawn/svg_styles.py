@@ -1,6 +1,6 @@
-"""What of SVG's styling decides whether and where a shape is drawn: presentation attributes, style, and style sheets.
+"""The styling in SVG that decides whether and where a shape is drawn: attributes, `style`, and style sheets.
 
-Selectors of an element's name, class or id are understood; any other is refused where it says something that matters.
+Selectors by element name, class or id are understood; any other is refused if its rule has a relevant property.
 """
 
 from __future__ import annotations
