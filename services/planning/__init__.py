@@ -1,1 +1,1 @@
-"""Where to move next: trajectories, and the assembly as a state machine."""
+"""Motion planning: trajectories, and the assembly as a state machine."""

@@ -1,9 +1,9 @@
-"""`python -m services.planning.again FILE --cell CELL`: an assembly decided again on what was answered then, for
+"""`python -m services.planning.again FILE --cell CELL`: runs an assembly's decisions again on the recorded answers, for
 `crosspih replay`.
 
-The planner's core talks through ports. Here they answer from the recording: a request that equals the next one that was
-recorded of its command gets what was answered or refused then. The first one that differs is the first decision that
-differs: after it nothing that is recorded would be an answer.
+The planner's core talks through ports. Here they answer from the recording: if a request equals the next recorded one
+of its command, it gets the recorded answer or refusal. The first request that differs is the first decision that
+differs: after it the recording holds no valid answers.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from services.planning.result import result_of
 
 RequestT = TypeVar("RequestT", bound=Message)
 ReplyT = TypeVar("ReplyT", bound=Message)
-# of the shell around it: who holds the arm, and what every service asks of the time
+# commands of the shell around the core: the lease of the arm, and the wall clock
 NO_DECISIONS = (STOP, LEASE_TAKE, LEASE_GIVE, WALL_CLOCK)
 ASKED: tuple[Command[Any, Any], ...] = tuple(
     command for command in commands() if "planning" in command.callers and command not in NO_DECISIONS
@@ -63,9 +63,9 @@ TOPICS: tuple[Topic[Any], ...] = (
     *(echo for command in (ASSEMBLE, *ASKED) for echo in (command.request_echo, command.reply_echo)),
 )  # fmt: skip
 DECISIONS, PHASES, TOUCHES, RESULTS = "requests", "phases", "touches", "results"
-HOLDER = frozenset({"lease"})  # whose arm it was then
+HOLDER = frozenset({"lease"})  # the recorded lease; a new run has another one
 WALL_TIME = frozenset({"thinking_s"})
-# what the bus did to an assembly, and a recording does not repeat
+# failures caused by the bus, which a replay cannot repeat
 BY_THE_BUS = (Failure.SERVICE_LOST, Failure.ABORTED, Failure.ARM_STOPPED)
 
 
@@ -81,7 +81,7 @@ class RecordedRequest:
 
 
 class Departed(BaseException):
-    """The planner asks for what was not asked then. No Exception: to the assembly that would be a defect of its own."""
+    """The planner sends a request that was not recorded. A BaseException: the assembly must not handle it."""
 
     def __init__(self, what: str, at_ns: int, rows: Iterable[FieldDifference]) -> None:
         super().__init__(what)
@@ -89,11 +89,11 @@ class Departed(BaseException):
 
 
 class Untold(BaseException):
-    """The recording does not tell what came of a request."""
+    """The recording does not hold the outcome of a request."""
 
 
 def steps_of(recording: Recording, since_ns: int, until_ns: int) -> list[RecordedRequest]:
-    """What was asked between two instants of the recorder's clock, in the order of asking."""
+    """The requests between two times of the recorder's clock, in order."""
     found = []
     for command in ASKED:
         refused = recording.refusals(command)
@@ -109,7 +109,7 @@ def steps_of(recording: Recording, since_ns: int, until_ns: int) -> list[Recorde
 
 
 class RecordedPorts:
-    """Implements Ports by a recording."""
+    """Implements Ports with the answers of a recording."""
 
     def __init__(
         self,
@@ -126,18 +126,18 @@ class RecordedPorts:
 
     @property
     def left(self) -> RecordedRequest | None:
-        """The first recorded request that was not asked again."""
+        """The first recorded request that was not repeated."""
         return self._steps[0] if self._steps else None
 
     def look(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
-        """A stream that said nothing had the arm hold still once more."""
+        """See Ports. A stream without samples made the arm dwell once more."""
         outcome = dwell()
         while (after := self.left) is not None and after.command is DWELL:
             outcome = dwell()
         return outcome
 
     def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
-        """What was answered to the same request then. Raises Departed, Untold, and what the recorded answer was."""
+        """The recorded answer to the same request. Raises Departed, Untold, or the recorded refusal."""
         while True:
             step = self._next(command, request)
             found = differences(step.request, request, HOLDER)
@@ -154,10 +154,10 @@ class RecordedPorts:
                 raise told
             if self._heed_abort:
                 raise AssemblyFailed(Failure.ARM_STOPPED, str(told))
-            # the arm was taken anew, and asked once more
+            # the lease was taken anew, and the request sent once more
 
     def _next(self, command: Command[RequestT, ReplyT], request: RequestT) -> RecordedRequest:
-        """The next request of that command; echoes of two services may have overtaken each other."""
+        """The next recorded request of a command; echoes of two services may have overtaken each other."""
         for index, step in enumerate(self._steps):
             if step.command == command:
                 del self._steps[index]
@@ -201,7 +201,7 @@ class RecordedPorts:
 
 
 def rerun(recording: Recording, cell: CellFile, from_ns: int, outcome: Rerun) -> None:
-    """Every assembly of the recording that begins from then on."""
+    """Run again every assembly of the recording that begins at `from_ns` or later."""
     config = cell.section("planning", PlanningConfig)
     for request, reply in recording.answered(ASSEMBLE):
         if request.value.stamp_ns < from_ns:

@@ -1,4 +1,4 @@
-"""The assembly's ports over the bus: asks services, holds the arm, notices who is lost."""
+"""The assembly's ports over the bus: sends requests, holds the arm, detects lost services."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ BACKING_OFF_PATIENCE = 3.0  # times the patience
 
 
 class BusPorts:
-    """The ports over the bus. Counts the wall time in which the hardware was at work, and in which somebody had it
-    paused, so that thinking is the rest.
+    """The ports over the bus. They count the wall time in which the hardware was working or paused; the rest is the
+    thinking time.
     """
 
     def __init__(self, host: AssemblyHost, config: PlanningConfig, lease: ArmLease) -> None:
@@ -50,11 +50,11 @@ class BusPorts:
             return streams.require_fresh(dwell)
 
     def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
-        """Ask; again while the service is away, up to the patience.
+        """Send a request, and repeat it while the service is away, up to the patience.
 
-        A motion that may have begun is never asked for twice, and none at all of a cell that was started again since
-        the first: its arm stands elsewhere and knows no payload. Only backing off deals with such a cell, and with an
-        arm that has let go of its holder: it takes it anew.
+        A motion that may have begun is never requested twice. No motion is requested from a cell that was restarted
+        since the first one: its arm is elsewhere and knows no payload. Only backing off works with such a cell, and
+        with an arm that has released its holder: it takes the lease anew.
         """
         moves = command.server == "hardware"
         deadline_s = self._config.motion_deadline_s if moves else self._config.answer_deadline_s
@@ -87,7 +87,7 @@ class BusPorts:
                 continue
             except CommandRefused as refusal:
                 if refusal.code == BUSY and moves and not self._heed_abort and self._waits_for_rest(first_busy_at):
-                    # the motion that the link was lost in is being ended by the arm itself
+                    # the arm itself ends the motion during which the link was lost
                     first_busy_at = first_busy_at or time.monotonic()
                     self._host.closing.wait(RETRY_S)
                     continue
@@ -107,7 +107,7 @@ class BusPorts:
             return reply
 
     def _ask_once(self, command: Command[RequestT, ReplyT], request: RequestT, deadline_s: float) -> ReplyT:
-        """A service that is stopped in order is as lost as one that is killed: whoever started it may bring it back."""
+        """Send once. A service that was stopped counts as lost, like a killed one: the launcher may start it again."""
         try:
             return self._lease.ask(command, request, deadline_s)
         except CommandRefused as refusal:
@@ -120,11 +120,11 @@ class BusPorts:
 
     @property
     def _patience_s(self) -> float:
-        """With a lost service; longer where the peg is being taken out: nobody does that after this one gave up."""
+        """How long to wait for a lost service, s; longer while the peg is taken out: nothing else would do it."""
         return self._config.service_patience_s * (1.0 if self._heed_abort else BACKING_OFF_PATIENCE)
 
     def _take_anew(self) -> None:
-        """Also where the router is away that the arm was lost with: it is waited for as any service is."""
+        """Take the lease again. If the router is away as well, wait for it as for any service."""
         give_up_at = time.monotonic() + self._patience_s
         while True:
             try:

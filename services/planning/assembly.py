@@ -1,4 +1,4 @@
-"""The assembly as a whole: calibrate if needed, run a strategy, report the pose T2; whatever fails, back off."""
+"""The whole assembly: calibrate if needed, run a strategy, report the pose T2; after any failure, back off."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from services.planning.strategies.by_name import strategy_named
 from services.planning.touching import press, relax
 
 PRESS_ROUNDS = 3
-# the peg is in: when a press or its return is stopped or refused, a better pose is not worth taking it out again
+# the peg is in: if a press or its return is stopped or refused, the peg stays, without the refined pose
 STAYS_IN = (Failure.OVERLOAD, Failure.UNREACHABLE)
 WELL_EXPLAINED_SIGMA = 1.6
 
@@ -49,8 +49,7 @@ class Finished:
 def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: Assemble) -> Finished:
     """Do one assembly. Never raises for what can happen to an assembly: it ends with a named failure instead.
 
-    A cell that is not fit to be moved is not moved: CommandRefused `cell_unfit`. Nor is one for a strategy that cannot
-    be had: CommandRefused `no_strategy`.
+    Raises CommandRefused before any motion: `cell_unfit` for an unfit cell, `no_strategy` for an unknown strategy.
     """
     strategy = strategy_named(request.strategy, config)
     run = Run(workcell, config, ports, request.assembly_id)
@@ -82,7 +81,7 @@ def assemble(workcell: Workcell, config: PlanningConfig, ports: Ports, request: 
 
 
 def _warnings(run: Run, final: PoseErrorEstimate) -> tuple[str, ...]:
-    """What speaks against T2; nothing where vision was not asked, or saw no pose with a covariance."""
+    """Warnings that speak against T2; none if vision was not used or gave no pose with a covariance."""
     if run.hole.vision_pose is None or not run.hole.vision_covariance:
         return ()
     said = contradiction(
@@ -96,16 +95,16 @@ def _warnings(run: Run, final: PoseErrorEstimate) -> tuple[str, ...]:
 
 
 def _stays_in(error: AssemblyFailed) -> bool:
-    """Whether what ended the pressing leaves the seated peg where it is: all but a lost arm, and an abort."""
+    """Whether the peg stays seated after this error ended the pressing: yes for all but a lost arm and an abort."""
     if error.failure is Failure.SERVICE_LOST:
         return error.lost not in ("", "hardware")
     return error.failure in STAYS_IN
 
 
 def _seated_pose(run: Run, belief: PosePrior) -> tuple[PoseErrorEstimate, tuple[str, ...]]:
-    """T2: the seated peg's own pose, then better than the clearance by pressing against four walls of the bore.
+    """T2: the seated peg's own pose, refined to better than the clearance by presses against four walls of the bore.
 
-    With it what is to be warned of: a service that was lost after the peg was in.
+    The second value are warnings, such as a service that was lost after the peg was in.
     """
     outcome, reading = relax(run)
     seated = run.ports.ask(
@@ -116,7 +115,7 @@ def _seated_pose(run: Run, belief: PosePrior) -> tuple[PoseErrorEstimate, tuple[
     )
     found = seated
     if run.hole.known is not None:
-        return seated, ()  # it was known better than the clearance before: nothing is to be felt
+        return seated, ()  # the pose is already better known than the clearance: presses would add nothing
     ended, warnings = False, list[str]()
 
     def end(stopped: AssemblyFailed) -> None:
@@ -171,7 +170,7 @@ def _press_walls(run: Run) -> None:
 
 
 def _align(run: Run, pose_base_hole: Pose) -> None:
-    """The peg onto the hole's axis, at the depth where it is."""
+    """Move the peg onto the hole's axis at its present depth."""
     depth_m = float((pose_base_hole.inverse() @ run.motion.pose_base_peg).translation_m[2])
     run.motion.slide_to(pose_base_hole @ Pose.from_translation([0.0, 0.0, depth_m]), run.config.press_speed_m_s)
 

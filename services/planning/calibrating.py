@@ -1,4 +1,4 @@
-"""The force/torque sensor's calibration: drive poses, identify, tell the arm what hangs on it."""
+"""The force/torque sensor's calibration: drive poses, identify the payload, report it to the arm."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from services.planning.run import Run
 def calibrate(run: Run, dwell_s: float, temperature_c: float | None = None) -> FtCalibration:
     """Drive the calibration poses, dwell in each, identify bias and payload.
 
-    AssemblyFailed UNREACHABLE where there are none, or none that can be driven to, clear of the surroundings.
+    Raises AssemblyFailed UNREACHABLE if there are no such poses, or no collision-free path to them.
     """
     readings = []
     try:
@@ -46,7 +46,7 @@ def calibrate(run: Run, dwell_s: float, temperature_c: float | None = None) -> F
 
 
 def use_calibration(run: Run) -> None:
-    """Calibrate when the sensor never was; tell the arm what hangs on it."""
+    """Calibrate the sensor if it never was, and report its payload to the arm."""
     calibration = run.ports.ft_calibration()
     if calibration is None or not calibration.calibrated:
         run.tell(Phase.CALIBRATING, "the force/torque sensor was never calibrated: doing it now")
@@ -55,7 +55,7 @@ def use_calibration(run: Run) -> None:
 
 
 def report_payload(run: Run, calibration: FtCalibration) -> None:
-    """Tell the arm what hangs on its sensor; what it felt before counts no longer."""
+    """Report the payload to the arm; forces measured before that no longer count."""
     run.ports.ask(
         SET_PAYLOAD,
         SetPayload(

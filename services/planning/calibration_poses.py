@@ -21,7 +21,7 @@ from crosspih_common.collision import CollisionModel
 from crosspih_common.geometry.pose import Array
 from crosspih_common.geometry.wrench import skew
 
-SPARE_M = 0.02  # beyond the margin: a pose can be chosen freely, the way to it less so
+SPARE_M = 0.02  # extra distance of poses beyond the margin, so that paths to them are easier to find
 _ROUGH_CENTROID_M = np.array([0.0, 0.0, 0.03])
 
 
@@ -70,7 +70,7 @@ def choose_calibration_poses(
 
 
 def _clear_candidates(arm: ArmModel, start: Array, collisions: CollisionModel, count: int) -> tuple[list[Array], str]:
-    """The candidates that are clear, and what most of the others are too near to."""
+    """The collision-free candidates, and the obstacle that most of the others are too near to."""
     margin = np.deg2rad(2.0)
     # the joints before the wrist stay about where they are, the last turns half way round at most
     range_rad = np.array([*[0.6] * (arm.joints - 3), 9.0, 9.0, np.pi])
@@ -90,7 +90,7 @@ def _clear_candidates(arm: ArmModel, start: Array, collisions: CollisionModel, c
 
 
 def _information(rotation: Array) -> tuple[Array, Array]:
-    """What one pose tells of (weight vector, force bias) and of (centroid, moment bias), each (6, 6), scaled."""
+    """The information of one pose on (weight vector, force bias) and (centroid, moment bias), each (6, 6), scaled."""
     force = rotation.T @ np.array([0.0, 0.0, -1.0])
     rows = np.hstack([rotation.T, np.eye(3)])
     levers = np.hstack([-skew(force), np.eye(3)])
@@ -114,7 +114,7 @@ def _d_optimal(
             [
                 np.linalg.slogdet(total[0] + force)[1]
                 + np.linalg.slogdet(total[1] + moment)[1]
-                # A little against needless motion: it costs 0.1 of condition number and saves a quarter of the way.
+                # A small penalty on motion: it costs 0.1 of condition number and saves a quarter of the travel.
                 - 0.1 * float(np.max(np.abs(joints - start)))
                 for (force, moment), joints in zip(information, clear, strict=True)
             ]

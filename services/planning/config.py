@@ -27,7 +27,7 @@ class PlanningConfig(Section):
     extra_depth_m: float = Field(default=0.010, ge=0.0, description="beyond the wanted depth: vision's depth is vague")
     touch_speed_m_s: float = Field(default=0.01, gt=0.0, le=0.1)
     touch_creep_m_s: float = Field(default=0.001, gt=0.0, le=0.02)
-    # stiff cells are touched more slowly (gentle.py), so that no more is added to what stops a touch
+    # stiff cells are touched more slowly (gentle.py), so that the force rises no further after the threshold
     touch_adds_n: float = Field(default=18.0, gt=0.0, description="by the creep while it is observed, at the most")
     touch_reaction_n: float = Field(default=15.0, gt=0.0, description="before a touch hears of the force, at the most")
     touch_threshold_n: float = Field(default=5.0, gt=0.0)
@@ -53,7 +53,7 @@ class PlanningConfig(Section):
     paper_threshold_n: float = Field(default=15.0, gt=0.0)
     paper_attempts: int = Field(default=10, ge=1, le=100)
     service_patience_s: float = Field(default=20.0, gt=0.0, description="wall time a lost service has to come back")
-    # budgets, not watchdogs: a service that dies or hangs is noticed within a second by its link, and a slow
+    # generous limits, not watchdogs: the link shows within a second that a service died or hangs, and a slow
     # machine is no reason to take the peg out
     answer_deadline_s: float = Field(default=600.0, gt=0.0, description="wall time a service that lives may think")
     motion_deadline_s: float = Field(default=900.0, gt=0.0, description="wall time a motion may take")

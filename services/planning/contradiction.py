@@ -1,7 +1,7 @@
-"""Whether the pose that was felt and the pose that was seen can both be true. Pure.
+"""Whether the pose from touch and the pose from vision agree. Pure.
 
-Vision and touch know nothing of each other's errors: a camera or a sensor that is mounted otherwise than the cell's
-file says makes them contradict, and nothing else need go wrong.
+The errors of vision and touch are independent. So a camera or sensor whose mounting differs from the cell's file shows
+as a contradiction between them, even if everything else works.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ BOUND = float(chdtri(len(ACROSS), 1.0 - CONFIDENCE))  # the quantile of chi2
 
 
 def nearest_turn(off: Pose, symmetry_order: int) -> Pose:
-    """`off` turned about its own z axis by the turn that brings the section onto itself and leaves the least rotation.
+    """`off` rotated about its own z axis by the symmetry rotation of the section that leaves the smallest rotation.
 
-    symmetry_order: how many such turns there are in a circle (4 for a cross); 0 for a round peg, any turn.
+    symmetry_order: the number of symmetry rotations in a full turn (4 for a cross); 0 for a round peg, any rotation.
     """
     if symmetry_order == 0:
         # the least rotation whose axis has no part along z
@@ -57,7 +57,7 @@ def squared_distance(seen: Pose, seen_covariance: ArrayLike, found: Pose, found_
 
 def contradiction(seen: Pose, seen_covariance: ArrayLike, found: Pose, found_covariance: ArrayLike,
                   symmetry_order: int) -> str | None:  # fmt: skip
-    """A warning where less than one in a thousand sound assemblies would have seen and felt poses so far apart."""
+    """A warning if fewer than one in a thousand sound assemblies have poses from vision and touch this far apart."""
     squared, difference, sd = squared_distance(seen, seen_covariance, found, found_covariance, symmetry_order)
     if squared <= BOUND:
         return None

@@ -1,4 +1,4 @@
-"""What is counted over an assembly: its motions, and what they cost."""
+"""The counts of an assembly: its motions and their effort."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Effort:
     over_20_n_s: float = 0.0
 
     def add(self, outcome: MotionOutcome) -> None:
-        """One motion more."""
+        """Add a motion."""
         self.tip_path_m += outcome.tip_path_m
         self.moving_s += outcome.moving_s
         self.jerk_integral_m_s2 += outcome.jerk_integral_m_s2
@@ -48,7 +48,7 @@ class AssemblyCounts:
     effort: Effort = field(default_factory=Effort)
 
     def add(self, outcome: MotionOutcome) -> None:
-        """One motion more."""
+        """Add a motion."""
         self.effort.add(outcome)
         self.motion_s += outcome.duration_s
         self.peak_force_n = max(self.peak_force_n, outcome.peak_force_n)

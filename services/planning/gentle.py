@@ -1,9 +1,9 @@
-"""How fast to touch, press and push, so that what is felt stays small whatever the stiffness of arm and contact.
+"""Speeds for touching, pressing and pushing that keep the forces small for any stiffness of arm and contact.
 
-Where the peg meets something while the arm goes on at v, the force rises by k v each second, k the stiffness at the tip
-of arm and contact in series. So a touch is led by three times: how late a motion hears of a force (`REACTION_S`), how
-long it observes while it creeps, and how late a push that yields answers, beyond which its loop of force, speed and
-stiffness swings. The configured speeds are the fastest; a stiff cell gets slower ones.
+When the peg is in contact and the arm moves on at v, the force rises by k v each second, k the stiffness at the tip
+of arm and contact in series. So three times limit the speed of a touch: the delay until a motion reacts to a force
+(`REACTION_S`), the observation time while it creeps, and the delay of a yielding push, beyond which its loop of force,
+speed and stiffness oscillates. The configured speeds are the fastest; a stiff cell gets slower ones.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from crosspih_common.geometry import skew
 from crosspih_common.geometry.pose import Array
 from services.planning.config import PlanningConfig
 
-REACTION_S = 0.005  # sensor's filter and transport, and two cycles of the arm
-OBSERVE_S = 0.1  # of a guarded move's creep
-LOOP_PER_S = 250.0  # the most that a yielding push may answer with, k / D: it hears of a force some 4 ms later
+REACTION_S = 0.005  # delay of the sensor's filter and transport, and two cycles of the arm
+OBSERVE_S = 0.1  # observation time of a guarded move's creep
+LOOP_PER_S = 250.0  # upper limit of a yielding push's loop gain k / D: its force feedback is some 4 ms late
 WALLS = 2  # contacts that share a moment
 
 
@@ -54,7 +54,7 @@ class Gentle:
         return min(config.probe_speed_m_s, config.touch_reaction_n / (self.along_n_m * REACTION_S))
 
     def touch_speed_m_s(self, config: PlanningConfig, wanted_m_s: float) -> float:
-        """Into the hole, where walls at a slant are met: twice as fast as towards the face."""
+        """Into the hole, where the peg meets slanted walls: twice as fast as towards the face."""
         return min(wanted_m_s, 2.0 * config.touch_reaction_n / (self.along_n_m * REACTION_S))
 
     def creep_m_s(self, config: PlanningConfig) -> float:
@@ -70,9 +70,9 @@ class Gentle:
         return min(config.push_speed_m_s, LOOP_PER_S * force_n / self.along_n_m)
 
     def lateral_damping_n_s_m(self, usual: float) -> float:
-        """How much a push gives way to what it feels across."""
+        """The damping of a push across its direction, N s/m."""
         return max(usual, self.across_n_m / LOOP_PER_S)
 
     def rotational_damping_nm_s_rad(self, usual: float) -> float:
-        """How much a push gives way to a moment."""
+        """The rotational damping of a push, Nm s/rad."""
         return max(usual, self.turn_nm_rad / LOOP_PER_S)

@@ -1,4 +1,4 @@
-"""What an assembly knows of where the hole is, and by what."""
+"""What an assembly knows about the pose of the hole, and from which source."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ IN_RANGE_RAD = 0.5
 
 
 class HoleKnowledge:
-    """As vision saw it, as it was told with the request, and as it is believed now."""
+    """The hole's pose by vision, by the request, and by the present estimate."""
 
     def __init__(self, workcell: Workcell) -> None:
         self._drawn = workcell.hole_prior
@@ -21,12 +21,12 @@ class HoleKnowledge:
         self.vision_covariance: tuple[float, ...] = ()  # (36,) of it, as in HoleEstimate
         self.vision_refused = ""
         self.vision_warnings: tuple[str, ...] = ()
-        self.felt_for = False  # by force alone, though vision was asked
+        self.felt_for = False  # found by force alone, although vision was asked first
         self.believed: Pose | None = None
         self.known: PosePrior | None = None  # told with the request
 
     def is_plausible_hole_pose(self, pose_base_hole: Pose) -> bool:
-        """Whether the hole can be there at all; an estimate that says otherwise must not be driven to."""
+        """Whether the hole can be at this pose at all; the arm must not move to an implausible estimate."""
         off = self._drawn.pose_base_hole().inverse() @ pose_base_hole
         reach_m = IN_RANGE * self._drawn.half_ranges()[:3]
         near = bool(np.all(np.abs(off.translation_m) < reach_m))

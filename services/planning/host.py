@@ -1,4 +1,4 @@
-"""What an assembly over the bus, and a look at what a predecessor left, need of the service that they run in."""
+"""The interfaces of the planning service that an assembly, and the check after a crashed predecessor, use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.planning.pausing import Pause
 
 
 class AssemblyHost(Protocol):
-    """Of the service: its bus, what it heard last, what it publishes, and how it is told to end."""
+    """The service as an assembly sees it: its bus, latest messages, publishers, and the abort flag."""
 
     bus: Bus
     context: ServiceContext
@@ -32,7 +32,7 @@ class AssemblyHost(Protocol):
 
 
 class ArmHolder(AssemblyHost, Protocol):
-    """That, and who holds the arm."""
+    """An AssemblyHost that can also hold the arm."""
 
     has_held: bool
     lease_state: Latest[LeaseState]

@@ -1,4 +1,4 @@
-"""Out of the hole, and home: the peg leaves along its own axis, whatever happened before."""
+"""Withdrawing from the hole and moving home: the peg always leaves along its own axis."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.planning.run import Run
 
 AT_HOME_RAD = 0.02
 BACK_OFF_TRIES = 3  # a wedged peg may be stopped by the cell's caps on its way out
-NEAR_HOLE_M = 0.06  # from the axis of the nominal hole: half the cross, the hole's range, and some
+NEAR_HOLE_M = 0.06  # from the axis of the nominal hole: half the cross, the hole's range, and a margin
 
 
 def withdraw(run: Run, pose_base_hole: Pose, distance_m: float) -> float:
@@ -31,7 +31,7 @@ def withdraw(run: Run, pose_base_hole: Pose, distance_m: float) -> float:
 
 
 def home(run: Run) -> None:
-    """To the home position from wherever the last assembly left the arm; a peg in the hole is taken out first."""
+    """Move home from any pose in which the last assembly left the arm; a peg in the hole is taken out first."""
     home = np.asarray(run.workcell.home_joints_rad, dtype=float)
     if np.abs(run.motion.joints_rad - home).max() < AT_HOME_RAD:
         return
@@ -49,12 +49,12 @@ def home(run: Run) -> None:
 
 
 def back_off(run: Run) -> bool:
-    """Out of the hole along the peg's own axis and clear of the face; whether that was done."""
+    """Move out of the hole along the peg's own axis, clear of the face. True if that succeeded."""
     run.tell(Phase.BACKING_OFF, "taking the peg out")
-    # clear of where the hole is believed to be, and of where it is drawn, whichever is nearer
+    # clear of the estimated and of the nominal hole, whichever is nearer
     aims = [run.workcell.hole_prior.pose_base_hole(), *([] if run.hole.believed is None else [run.hole.believed])]
-    # A link that is lost leaves open what became of the command that went by it: the arm has stopped by itself, and
-    # each step here leads to a stated pose, so that it may be asked for once more.
+    # After a lost link the outcome of the last command is unknown. The arm has stopped by itself, and each step here
+    # leads to a stated pose, so it can safely be requested again.
     mended: dict[Failure | None, int] = {Failure.ARM_STOPPED: BACK_OFF_TRIES, Failure.SERVICE_LOST: 1}
     for _ in range(BACK_OFF_TRIES):
         try:

@@ -1,4 +1,4 @@
-"""Says by name which service is gone while an assembly runs. Naming is all: who gives up, and when, is in asking.py."""
+"""Reports which service is lost while an assembly runs. It only reports; asking.py decides when to give up."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ WAITING = 256
 class MissedServices:
     """Follows the liveliness tokens of all other services of the cell.
 
-    A token goes within a second also when its service only hangs; on a machine that is busy beyond reason it may do so
-    in error. So it ends nothing: a warning `service_lost` is published, and `service_back` once the token is back.
+    A token disappears within a second also when its service only hangs; on an overloaded machine this may happen by
+    mistake. So it ends nothing: it publishes a warning `service_lost`, and `service_back` once the token is back.
     """
 
     def __init__(self, context: ServiceContext) -> None:
@@ -26,7 +26,7 @@ class MissedServices:
         self._seen: set[str] = set()
         self._missing: set[str] = set()
         self._telling = False
-        # a callback of the transport must return at once, and publishing may not
+        # a callback of the transport must return at once, but publishing may block
         self._changes: Pump[tuple[str, bool]] = Pump(
             self._change, WAITING, name="planning:missed", on_error=lambda error: None
         )
@@ -37,7 +37,7 @@ class MissedServices:
         self._changes.offer((service, alive))
 
     def name(self, service: str, why: str) -> None:
-        """Say that it is gone, where that was not said yet."""
+        """Report a lost service, once."""
         with self._lock:
             if service in self._missing:
                 return
@@ -46,7 +46,7 @@ class MissedServices:
 
     @contextmanager
     def reported(self) -> Iterator[None]:
-        """For the length of a block losses are told; what goes outside of it may be meant to."""
+        """Report losses for the length of a block; outside of it a service may be stopped on purpose."""
         with self._lock:
             self._telling = True
             self._missing.clear()

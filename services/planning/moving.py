@@ -52,7 +52,7 @@ def knots_of(trajectory: JointTrajectory) -> FollowTrajectory:
 
 
 class PegMotion:
-    """Where arm and peg are, and how they get elsewhere.
+    """The pose of arm and peg, and their motions.
 
     Every move is counted; a move stopped by the cell's caps counts as an overload.
     """
@@ -90,8 +90,8 @@ class PegMotion:
     def follow(self, trajectory: JointTrajectory, *, working: bool = False) -> None:
         """Follow a joint trajectory to its end, its knots joined by straight joint moves or so dense as if.
 
-        AssemblyFailed UNREACHABLE where it would come too near to something, before anything moves; `working` lets the
-        peg come near the fixture (the rule is in `crosspih_common.collision.model`).
+        Raises AssemblyFailed UNREACHABLE before anything moves if it would come too near to something. `working` lets
+        the peg come near the fixture (the rule is in `crosspih_common.collision.model`).
         """
         violation = self.collisions.check_path(trajectory.positions_rad, working=working)
         if violation is not None:

@@ -1,4 +1,4 @@
-"""A pause of the running assembly: the arm finishes the motion under way, and holds until somebody says go on."""
+"""A pause of the running assembly: the arm finishes the motion under way, and waits for the resume command."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import threading
 import time
 from collections.abc import Callable
 
-LOOK_S = 0.2  # how long an end of the assembly may go unseen
+LOOK_S = 0.2  # period at which a pause checks whether the assembly has ended
 
 
 class Pause:
-    """Whether the next motion waits. Asked for by one thread, waited for by another."""
+    """Whether the next motion waits. One thread sets it, another one waits for it."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -24,7 +24,7 @@ class Pause:
             return changed
 
     def wait_to_go_on(self, ended: Callable[[], bool], tell: Callable[[str, str], None]) -> float:
-        """Return at once where nothing is paused, else when it goes on or has `ended`; the time waited, s."""
+        """Return at once if not paused, else after the resume or when it has `ended`. Returns the time waited, s."""
         with self._changed:
             if not self._paused:
                 return 0.0

@@ -1,4 +1,4 @@
-"""What the assembly needs of the world, so that it can be run without a bus."""
+"""The ports of the assembly to the outside, so that it can run without a bus."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ class Ports(Protocol):
     """Ask a service, tell people."""
 
     def look(self, dwell: Callable[[], MotionOutcome]) -> MotionOutcome:
-        """Have the arm hold still, and see that the cell's streams tell of it: before anything moves.
+        """Before any motion: let the arm dwell, and check that the cell's streams have samples of it.
 
-        Raises CommandRefused `cell_unfit` when they do not, and as `ask`.
+        Raises CommandRefused `cell_unfit` if they have none, and as `ask`.
         """
 
     def ask(self, command: Command[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """Ask and wait.
 
-        Raises CommandRefused when the service says no, AssemblyFailed(SERVICE_LOST) when it vanished and did not come
-        back in time, AssemblyFailed(ARM_STOPPED) when the arm let go of this holder, and AssemblyFailed(ABORTED) when
-        somebody ended the assembly.
+        Raises CommandRefused when the service refuses, AssemblyFailed(SERVICE_LOST) when it is lost and not back in
+        time, AssemblyFailed(ARM_STOPPED) when the arm released this holder, and AssemblyFailed(ABORTED) when somebody
+        aborted the assembly.
         """
 
     def ft_calibration(self) -> FtCalibration | None:
-        """The sensor's calibration as last published; None before any was heard of."""
+        """The sensor's calibration as last published; None before the first."""
 
     def publish_phase(self, phase: AssemblyPhase) -> None:
         """Publish a step."""
@@ -54,4 +54,4 @@ class Ports(Protocol):
         """Log an error of the program itself with its trace, and tell people."""
 
     def ignore_abort(self) -> None:
-        """From here on finish what was begun: the peg is being backed off."""
+        """From here on ignore aborts: the peg is being backed off."""

@@ -1,8 +1,8 @@
-"""What a planner that ended in the middle of an assembly has left behind, found by the one that is started after it.
+"""After a planner ended in the middle of an assembly, the next planner finds out the state of arm and peg.
 
-All that is known of it is on the bus: the arm says whose lease it lost, and, asked to hold still, where it stands and
-what it feels. Nothing is moved: the peg is taken out by whoever asks for it (`crosspih assemble` whose assembly that
-was, `crosspih withdraw`) or on the way home of the next assembly.
+The bus holds all that is known: the arm publishes whose lease it lost, and a dwell gives its pose and the wrench.
+Nothing is moved. The peg is taken out on request (by the `crosspih assemble` that had asked for that assembly, or by
+`crosspih withdraw`), or on the way home of the next assembly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from services.planning.run import Run
 
 ASSEMBLY = "assembly"  # how the purpose of such a lease begins
 HEAR_S = 10.0
-HELD_S = 10.0  # the arm lets go of a holder that is gone within this
+HELD_S = 10.0  # the arm releases a lost holder within this time
 LOOK_S = 0.05
 HELD = "held"
 STILL_IN_USE = frozenset([HELD, "busy"])
@@ -31,8 +31,8 @@ _POLL_S = 0.2
 
 
 def left_in_the_middle(state: LeaseState, planner: str) -> str:
-    """The purpose of the assembly that the lease was lost in, by the arm's first word to a planner that has just
-    started; empty when there is none."""
+    """The purpose of the lease that was lost during an assembly, by the arm's first lease state after this planner
+    started; empty if there was none."""
     for holder, purpose in ((state.lost_holder, state.lost_purpose), (state.holder, state.purpose)):
         if holder == planner and purpose.startswith(ASSEMBLY):
             return purpose
@@ -40,7 +40,7 @@ def left_in_the_middle(state: LeaseState, planner: str) -> str:
 
 
 class Predecessor:
-    """Looks once, beside what the planner is asked meanwhile, and tells `peg_found` or `arm_found`."""
+    """Checks once, in parallel to the planner's commands, and publishes `peg_found` or `arm_found`."""
 
     def __init__(self, shell: ArmHolder, config: PlanningConfig) -> None:
         self._shell, self._config = shell, config
@@ -72,7 +72,7 @@ class Predecessor:
                     run.motion.dwell(LOOK_S)
                 break
             except CommandRefused as refusal:
-                # until the arm has let go of the one that is gone, and its last motion has ended
+                # until the arm has released the lost holder, and its last motion has ended
                 if refusal.code not in STILL_IN_USE or time.monotonic() > until:
                     raise
             shell.closing.wait(_POLL_S)

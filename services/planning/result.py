@@ -1,4 +1,4 @@
-"""The result of an assembly, for whoever asked for it."""
+"""Makes the result message of an assembly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One assembly under way: what all strategies are handed."""
+"""The state of one assembly under way, which is passed to all strategies."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from services.planning.telling import PhaseTeller
 
 
 class Run:
-    """One assembly: where the peg is and how it moves (`motion`), where the hole is believed (`hole`), what was counted
-    (`counts`) and felt (`touches`, `presses`), and how a step is told (`tell`)."""
+    """One assembly: the peg's pose and motions (`motion`), the estimated hole (`hole`), the counts (`counts`), the
+    contacts (`touches`, `presses`), and the publisher of steps (`tell`)."""
 
     def __init__(self, workcell: Workcell, config: PlanningConfig, ports: Ports, assembly_id: str) -> None:
         self.workcell, self.config, self.ports = workcell, config, ports
