@@ -140,8 +140,8 @@ QUOTES: list[tuple[str, str, Callable[[], list[str]]]] = [
     (HOW_GOOD, r"without a touch; (\d+) and", lambda: _stuck(0)[:1]),
     (
         HOW_GOOD,
-        r"`: (\d+) of (\d+) sound picture pairs located, ([\d.]+) % of the truths",
-        lambda: [*row(VISION, "sound")[1::-1], row(VISION, "sound")[6]],
+        r"`: (\d+) of (\d+) sound picture pairs located, ([\d.]+) / [\d.]+ mm across the axis, ([\d.]+) % of the truths",
+        lambda: [*row(VISION, "sound")[1::-1], row(VISION, "sound")[3], row(VISION, "sound")[6]],
     ),
     (HOW_GOOD, r"region holds ([\d.]+), ([\d.]+) and ([\d.]+) %", lambda: _held("1", "2", "3")),
     (HOW_GOOD, r"tilts enter (\d) of 2, the spiral (\d),", lambda: ["2", compared(1, "spiral", 1)[0]]),
