@@ -140,7 +140,7 @@ QUOTES: list[tuple[str, str, Callable[[], list[str]]]] = [
     (HOW_GOOD, r"without a touch; (\d+) and", lambda: _stuck(0)[:1]),
     (
         HOW_GOOD,
-        r"`: (\d+) of (\d+) sound picture pairs located, ([\d.]+) / [\d.]+ mm across the axis, ([\d.]+) % of the truths",
+        r"`: (\d+) of (\d+) sound picture pairs located, ([\d.]+) / [\d.]+ mm[a-z ]+, ([\d.]+) % of the truths",
         lambda: [*row(VISION, "sound")[1::-1], row(VISION, "sound")[3], row(VISION, "sound")[6]],
     ),
     (HOW_GOOD, r"region holds ([\d.]+), ([\d.]+) and ([\d.]+) %", lambda: _held("1", "2", "3")),
