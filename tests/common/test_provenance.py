@@ -135,7 +135,7 @@ def test_kept_calibrations_are_worked_on_with_their_own_settings(tmp_path: Path)
 def test_a_day_is_gone_on_with_in_the_cell_that_it_was_begun_in(tmp_path: Path) -> None:
     console = Console(record=True, width=300)
     check_walk(tmp_path, console, hidden=1)
-    assert "does not say" in console.export_text()
+    assert "does not record" in console.export_text()
     note_walk(tmp_path, 1, 7)
     check_walk(tmp_path, console, hidden=1, seed=7)
     assert console.export_text() == ""
