@@ -11,44 +11,68 @@ from rich.console import Console
 from crosspih_common.config import CellFile
 from crosspih_common.errors import ConfigError
 from crosspih_common.messages import CameraCalibration
-from services.operator.calibrate.commands.by_pairs import FoundCameras, by_pairs
+from services.operator.bench.options import AsJson
+from services.operator.calibrate.commands.by_pairs import (
+    BoardOption,
+    FoundCameras,
+    FromOption,
+    HandOption,
+    PageOption,
+    PairsOption,
+    calibrate_by_pairs,
+)
 from services.operator.calibrate.folder import FOUND, Taken, read_yaml
-from services.operator.calibrate.pairs import Pairs
+from services.operator.calibrate.options import CellOption, RecordOption, ShareOption, SpeedOption
+from services.operator.calibrate.pairs import Pairs, WantedPairs
 from services.operator.calibrate.tables import values_table
 from services.operator.calibrate.taking import doubt_of
 from services.operator.locate.calibration_file import FileReading, read_calibration
 
 
-@by_pairs("hand-eye", usual=15, poses=True)
 def hand_eye(
-    pairs: Pairs,
-    file: CellFile,
+    pattern: BoardOption = None,
+    files: FromOption = None,
+    pairs: PairsOption = 15,
+    by_hand: HandOption = False,
     calibration: Annotated[
         Path | None, typer.Option(help="The cameras' file (`calibrate stereo`); left out: what the camera says.")
     ] = None,
     cameras: Annotated[Path | None, typer.Option(help="Where the camera message goes, with pose_base_camera.")] = None,
     out: Annotated[Path | None, typer.Option(help="Where the cell's file goes, with vision.camera_correction.")] = None,
-) -> FoundCameras:
+    cell: CellOption = None,
+    share: ShareOption = 0.3,
+    speed: SpeedOption = None,
+    page: PageOption = True,
+    record: RecordOption = False,
+    as_json: AsJson = False,
+) -> None:
     """Where the cameras stand in the arm's base: the arm shows them a ChArUco board on its flange."""
-    taken = pairs.taken
-    known = _cameras(taken, calibration, file)
-    jobs = pairs.jobs(known.left.gamma.value, with_joints=True)
-    if not jobs:
-        raise ConfigError(
-            "--from: no pair says how the arm stood; give a folder that `calibrate hand-eye` left, whose "
-            "taken.yaml has joints_rad for each pair, or a recording with arm/joint_state"
+
+    def find(shown_pairs: Pairs, file: CellFile) -> FoundCameras:
+        taken = shown_pairs.taken
+        known = _cameras(taken, calibration, file)
+        jobs = shown_pairs.jobs(known.left.gamma.value, with_joints=True)
+        if not jobs:
+            raise ConfigError(
+                "--from: no pair says how the arm stood; give a folder that `calibrate hand-eye` left, whose "
+                "taken.yaml has joints_rad for each pair, or a recording with arm/joint_state"
+            )
+        arm = file.workcell.arm()
+        flanges = [
+            arm.pose_base_flange(pair.joints_rad).matrix().tolist()
+            for pair in taken.pairs
+            if pair.joints_rad is not None
+        ]
+        result = shown_pairs.ask(
+            "hand_eye", jobs, flanges=flanges, calibration=known.model_dump(mode="json"), doubt=_doubt(calibration)
         )
-    arm = file.workcell.arm()
-    flanges = [
-        arm.pose_base_flange(pair.joints_rad).matrix().tolist() for pair in taken.pairs if pair.joints_rad is not None
-    ]
-    result = pairs.ask(
-        "hand_eye", jobs, flanges=flanges, calibration=known.model_dump(mode="json"), doubt=_doubt(calibration)
-    )
-    result["settings"] = {"vision": {"camera_correction": result["correction"]}}
-    message = {**known.model_dump(mode="json"), "pose_base_camera": result["pose_base_camera"]}
-    message = {name: value for name, value in message.items() if name not in ("stamp_ns", "seq", "frame")}
-    return FoundCameras(result, message, lambda shown: _show(shown, result), cameras, out)
+        result["settings"] = {"vision": {"camera_correction": result["correction"]}}
+        message = {**known.model_dump(mode="json"), "pose_base_camera": result["pose_base_camera"]}
+        message = {name: value for name, value in message.items() if name not in ("stamp_ns", "seq", "frame")}
+        return FoundCameras(result, message, lambda shown: _show(shown, result), cameras, out)
+
+    wanted = WantedPairs(pattern, files, pairs, by_hand, poses=True, share=share, speed=speed, page=page, record=record)
+    calibrate_by_pairs("hand-eye", wanted, cell, as_json, find)
 
 
 def _cameras(taken: Taken, calibration: Path | None, file: CellFile) -> CameraCalibration:
